@@ -1,0 +1,29 @@
+"""What can go wrong for a user, as one tree of exceptions.
+
+Every message names the file, topic or camera, what was expected, what came and what to do about it.
+The command line and the nodes print the message alone; a traceback means a defect of ours.
+"""
+
+
+class BodycamError(Exception):
+    """Base of all errors that a user can mend."""
+
+
+class SettingsError(BodycamError):
+    """A setting is unknown, of the wrong type or out of its range."""
+
+
+class CalibrationError(BodycamError):
+    """A camera's intrinsics are missing, malformed or of an unsupported model."""
+
+
+class RecordingError(BodycamError):
+    """A bag, video or image file cannot be read, or lacks what a stage needs."""
+
+
+class MapError(BodycamError):
+    """A reference map cannot be built, loaded or used."""
+
+
+class BodyError(BodycamError):
+    """A body description is malformed or does not fit the recording."""

@@ -1,0 +1,37 @@
+"""What the registrar says about one image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class LandmarkMatches:
+    """The landmarks of the reference map that one camera sees at one instant.
+
+    Attributes:
+        camera: the camera's name.
+        stamp_ns: mid-exposure of the middle row [ns].
+        previous_stamp_ns: stamp of the frame that ``current_R_previous`` starts from; 0 if there is none.
+        track_ids: (N,) uint32, the tracks that carry a landmark.
+        landmark_ids: (N,) uint32, their landmarks in the map.
+        pixels: (N, 2) float32, where the image shows them.
+        points_world: (N, 3) float32, where the map has them [m].
+        world_T_camera: (4, 4) pose from absolute registration (A 4.1), or None when the camera is lost.
+        pose_covariance: (6, 6), rotation [rad] then translation [m], both in camera axes.
+        current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
+        rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
+    """
+
+    camera: str
+    stamp_ns: int
+    previous_stamp_ns: int
+    track_ids: NDArray[np.uint32]
+    landmark_ids: NDArray[np.uint32]
+    pixels: NDArray[np.float32]
+    points_world: NDArray[np.float32]
+    world_T_camera: NDArray[np.float64] | None
+    pose_covariance: NDArray[np.float64]
+    current_R_previous: NDArray[np.float64]
+    rotation_inliers: int

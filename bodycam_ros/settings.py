@@ -1,0 +1,97 @@
+"""Settings of a stage: frozen dataclasses whose fields carry unit, range and reason.
+
+One name serves YAML file, ROS parameter and command-line flag alike: the group and the field
+joined by a dot, such as ``tracker.max_tracks``.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from bodycam_ros.errors import SettingsError
+
+S = TypeVar("S")
+
+
+@dataclass(frozen=True)
+class SettingDescription:
+    """One setting as a person reads it: in ``--help``, in ``ros2 param describe``, in an error."""
+
+    name: str
+    type: type
+    default: Any
+    unit: str
+    low: float | None
+    high: float | None
+    reason: str
+
+    def text(self) -> str:
+        """Reason, unit and range in one line."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        limits = "" if self.low is None else f" ({self.low:g} to {self.high:g})"
+        return f"{self.reason}{unit}{limits}"
+
+
+def setting(default: Any, *, unit: str = "", limits: tuple[float, float] | None = None, reason: str) -> Any:
+    """A dataclass field that knows its unit, its inclusive limits and why it has its default."""
+    return field(default=default, metadata={"unit": unit, "limits": limits, "reason": reason})
+
+
+def describe(settings_type: type) -> Iterator[SettingDescription]:
+    """Yield the settings of a settings dataclass in order of declaration."""
+    for f in fields(settings_type):
+        if f.default is MISSING:
+            raise TypeError(f"{settings_type.__name__}.{f.name} has no default")
+        low, high = f.metadata["limits"] or (None, None)
+        yield SettingDescription(f.name, type(f.default), f.default, f.metadata["unit"], low, high, f.metadata["reason"])
+
+
+def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], source: str) -> S:
+    """Build settings from plain values, checked against type and range.
+
+    Args:
+        settings_type: a frozen dataclass whose fields were made by ``setting``.
+        values: field name -> value; fields that are absent keep their default.
+        source: where the values come from, for messages ("config.yaml: tracker").
+
+    Raises:
+        SettingsError: unknown name, wrong type, or value outside the range.
+    """
+    known = {s.name: s for s in describe(settings_type)}
+    checked = {}
+    for name, value in values.items():
+        if name not in known:
+            raise SettingsError(f"{source}: there is no setting '{name}'; known are {', '.join(sorted(known))}")
+        checked[name] = _checked(known[name], value, source)
+    return settings_type(**checked)
+
+
+def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
+    """Read a ROS parameter file (``/**: ros__parameters:``) into group -> setting -> value.
+
+    Raises:
+        SettingsError: the file is missing, not YAML, or not in the form of a ROS parameter file.
+    """
+    try:
+        document = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SettingsError(f"{path}: cannot be read as YAML: {error}") from error
+    try:
+        groups = document["/**"]["ros__parameters"]
+        return {group: dict(values) for group, values in groups.items() if isinstance(values, dict)}
+    except (TypeError, KeyError, AttributeError) as error:
+        raise SettingsError(f"{path}: expected a ROS parameter file with '/**: ros__parameters:' on top") from error
+
+
+def _checked(description: SettingDescription, value: Any, source: str) -> Any:
+    wanted = description.type
+    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not wanted:
+        raise SettingsError(f"{source}: {description.name} must be {wanted.__name__}, not {value!r}; {description.text()}")
+    if description.low is not None and description.high is not None and not description.low <= value <= description.high:
+        raise SettingsError(f"{source}: {description.name} = {value!r} is out of range; {description.text()}")
+    return value

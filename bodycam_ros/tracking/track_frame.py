@@ -1,0 +1,40 @@
+"""What the tracker says about one image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class TrackFrame:
+    """The feature tracks of one camera at one instant.
+
+    A track keeps its id from birth to end. Descriptors are rare: only a track that needs a name carries
+    one, and only in the frame in which it was described.
+
+    Attributes:
+        camera: the camera's name, which is its topic prefix.
+        stamp_ns: mid-exposure of the middle row [ns].
+        previous_stamp_ns: stamp of the frame that ``current_R_previous`` starts from; 0 if there is none.
+        track_ids: (N,) uint32.
+        pixels: (N, 2) float32, pixel centres at integers.
+        described: (M,) uint32, rows of ``track_ids`` that carry a descriptor in this frame.
+        descriptors: (M, 128) uint8 RootSIFT.
+        scales: (M,) float32, SIFT scale (sigma) of the described tracks [px].
+        keyframe: whether new features were looked for in this frame.
+        current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
+        rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
+    """
+
+    camera: str
+    stamp_ns: int
+    previous_stamp_ns: int
+    track_ids: NDArray[np.uint32]
+    pixels: NDArray[np.float32]
+    described: NDArray[np.uint32]
+    descriptors: NDArray[np.uint8]
+    scales: NDArray[np.float32]
+    keyframe: bool
+    current_R_previous: NDArray[np.float64]
+    rotation_inliers: int
