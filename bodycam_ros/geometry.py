@@ -1,0 +1,172 @@
+"""Rigid transforms, rotations and their averages, as plain NumPy arrays.
+
+``a_T_b`` is a (4, 4) matrix that maps coordinates in frame b to frame a. Tangent vectors are gtsam's: rotation [rad]
+first, then translation, in the moving frame: ``a_T_b @ exp_se3(xi)``. Functions marked (...) work on any leading shape.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+_SMALL_ANGLE = 1e-4  # [rad] below it, two terms of a series are exact to rounding
+_DEGENERATE = 1e-9  # spread of points across their longest axis, relative to that axis, that counts as none
+_MEDIAN_ITERATIONS = 100
+_MEDIAN_STEP = 1e-9  # [rad] and [m] a median that moves less has converged
+
+
+def rigid(R: NDArray[np.floating], t: NDArray[np.floating]) -> Array:
+    """Transform (..., 4, 4) of a rotation (..., 3, 3) and a translation (..., 3)."""
+    T = np.zeros((*np.broadcast_shapes(R.shape[:-2], t.shape[:-1]), 4, 4))
+    T[..., :3, :3] = R
+    T[..., :3, 3] = t
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def inverse(T: Array) -> Array:
+    """Inverse (..., 4, 4) of rigid transforms."""
+    R_transposed = np.swapaxes(T[..., :3, :3], -1, -2)
+    return rigid(R_transposed, -(R_transposed @ T[..., :3, 3:])[..., 0])
+
+
+def transform_points(a_T_b: Array, points_b: NDArray[np.floating]) -> Array:
+    """Points (..., N, 3) in frame a of points (..., N, 3) in frame b."""
+    points_a: Array = points_b @ np.swapaxes(a_T_b[..., :3, :3], -1, -2) + a_T_b[..., None, :3, 3]
+    return points_a
+
+
+def hat(v: Array) -> Array:
+    """Matrix (..., 3, 3) whose product with x is the cross product of v (..., 3) and x."""
+    V = np.zeros((*v.shape, 3))
+    V[..., 0, 1], V[..., 0, 2], V[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    V[..., 1, 0], V[..., 2, 0], V[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return V
+
+
+def exp_so3(w: Array) -> Array:
+    """Rotation (..., 3, 3) of a rotation vector (..., 3) [rad]."""
+    return _reshaped(Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix(), (*w.shape, 3))
+
+
+def log_so3(R: Array) -> Array:
+    """Rotation vector (..., 3) [rad], at most pi long, of a rotation (..., 3, 3)."""
+    return _reshaped(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec(), R.shape[:-1])
+
+
+def exp_se3(xi: Array) -> Array:
+    """Transform (..., 4, 4) of a tangent vector (..., 6); gtsam's ``Pose3.Expmap``."""
+    w = xi[..., :3]
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    small = angle < _SMALL_ANGLE
+    safe = np.where(small, 1.0, angle)
+    W = hat(w)
+    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    V = np.eye(3) + first * W + second * (W @ W)
+    return rigid(exp_so3(w), (V @ xi[..., 3:, None])[..., 0])
+
+
+def log_se3(T: Array) -> Array:
+    """Tangent vector (..., 6) of a transform (..., 4, 4); gtsam's ``Pose3.Logmap``."""
+    w = log_so3(T[..., :3, :3])
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    small = angle < _SMALL_ANGLE
+    half = np.where(small, 1.0, angle) / 2.0
+    W = hat(w)
+    second = np.where(small, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - half / np.tan(half)) / (4.0 * half**2))
+    V_inverse = np.eye(3) - 0.5 * W + second * (W @ W)
+    return np.concatenate([w, (V_inverse @ T[..., :3, 3:])[..., 0]], axis=-1)
+
+
+def adjoint(T: Array) -> Array:
+    """Ad (..., 6, 6) with ``T @ exp_se3(xi) == exp_se3(Ad @ xi) @ T``; gtsam's ``Pose3.AdjointMap``."""
+    R = T[..., :3, :3]
+    Ad = np.zeros((*T.shape[:-2], 6, 6))
+    Ad[..., :3, :3] = Ad[..., 3:, 3:] = R
+    Ad[..., 3:, :3] = hat(T[..., :3, 3]) @ R
+    return Ad
+
+
+def nearest_rotation(M: NDArray[np.floating]) -> Array:
+    """Rotation (..., 3, 3) closest to a matrix (..., 3, 3) in the Frobenius norm."""
+    U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
+    # A reflection is undone along the axis of the smallest singular value, where it costs least.
+    U[..., :, 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]
+    R: Array = U @ Vt
+    return R
+
+
+def quaternion_xyzw(R: Array) -> Array:
+    """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
+    return _reshaped(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(canonical=True), (*R.shape[:-2], 4))
+
+
+def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:
+    """Rotation (..., 3, 3) of a quaternion (..., 4), x y z w, of any length but zero.
+
+    Raises:
+        ValueError: a quaternion of length zero.
+    """
+    return _reshaped(Rotation.from_quat(q.reshape(-1, 4)).as_matrix(), (*q.shape[:-1], 3, 3))
+
+
+def umeyama(source: NDArray[np.floating], target: NDArray[np.floating], with_scale: bool) -> tuple[float, Array, Array]:
+    """Scale s, rotation R (3, 3) and translation t (3,) that minimise the sum of |target - (s R source + t)|^2.
+
+    Umeyama 1991, "Least-squares estimation of transformation parameters between two point patterns".
+
+    Args:
+        source: (N, 3) points.
+        target: (N, 3) the same points in the other frame.
+        with_scale: estimate s too; else it is 1.
+
+    Raises:
+        ValueError: fewer than three points, or all on one line: the rotation is not determined.
+    """
+    if source.shape != target.shape or source.ndim != 2 or len(source) < 3:
+        raise ValueError(f"alignment needs two equal lists of 3 points or more, not {source.shape} and {target.shape}")
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    source_centred, target_centred = source - source_mean, target - target_mean
+    U, spread, Vt = np.linalg.svd(target_centred.T @ source_centred / len(source))
+    if not spread[1] > _DEGENERATE * spread[0]:
+        raise ValueError("alignment needs points that do not all lie on one line")
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U * signs) @ Vt
+    scale = float(spread @ signs / np.mean(np.sum(source_centred**2, axis=1))) if with_scale else 1.0
+    return scale, R, target_mean - scale * R @ source_mean
+
+
+def robust_average_pose(poses: Array) -> Array:
+    """Average (4, 4) of poses (N, 4, 4) that outliers hardly move: the function f_a of A eq. 6.
+
+    Minimises the sum of angles, and separately the sum of distances, to all poses (Weiszfeld's iteration; on
+    rotations as in Hartley, Aftab and Trumpf 2011, "L1 rotation averaging using the Weiszfeld algorithm").
+
+    Raises:
+        ValueError: there are no poses.
+    """
+    if len(poses) == 0:
+        raise ValueError("the average of no poses is not defined")
+    t = np.median(poses[:, :3, 3], axis=0)
+    R = nearest_rotation(poses[:, :3, :3].mean(axis=0))
+    for _ in range(_MEDIAN_ITERATIONS):
+        rotation_step = _median_step(log_so3(R.T @ poses[:, :3, :3]))
+        translation_step = _median_step(poses[:, :3, 3] - t)
+        R = R @ exp_so3(rotation_step)
+        t = t + translation_step
+        if max(np.linalg.norm(rotation_step), np.linalg.norm(translation_step)) < _MEDIAN_STEP:
+            break
+    return rigid(nearest_rotation(R), t)
+
+
+def _median_step(offsets: Array) -> Array:
+    """One step of Weiszfeld's iteration: the mean of offsets (N, 3), each weighted by one over its length."""
+    weights = 1.0 / np.maximum(np.linalg.norm(offsets, axis=1), _MEDIAN_STEP)
+    step: Array = weights @ offsets / weights.sum()
+    return step
+
+
+def _reshaped(values: NDArray[np.floating], shape: tuple[int, ...]) -> Array:
+    return np.asarray(values, dtype=np.float64).reshape(shape)

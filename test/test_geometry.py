@@ -1,0 +1,160 @@
+"""Geometry against gtsam and SciPy."""
+
+import gtsam
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from bodycam_ros import geometry
+
+TANGENTS = [
+    np.zeros(6),
+    np.array([1e-9, -2e-9, 1e-9, 0.3, 0.2, -0.1]),
+    np.array([3e-5, 6e-5, -7e-5, 0.3, 0.2, -0.1]),  # angle just below and above the switch to the series
+    np.array([4e-5, 7e-5, -7e-5, 0.3, 0.2, -0.1]),
+    np.array([0.4, -0.7, 0.2, 1.0, -2.0, 3.0]),
+    np.array([0.0, 0.0, np.pi - 1e-6, 1.0, -2.0, 3.0]),
+]
+
+
+@pytest.fixture
+def poses() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return geometry.rigid(Rotation.random(20, random_state=2).as_matrix(), rng.normal(size=(20, 3)))
+
+
+@pytest.mark.parametrize("xi", TANGENTS)
+def test_exponential_and_logarithm_are_gtsams(xi: np.ndarray) -> None:
+    T = geometry.exp_se3(xi)
+    np.testing.assert_allclose(T, gtsam.Pose3.Expmap(xi).matrix(), atol=1e-9)
+    np.testing.assert_allclose(T, expm(_wedge(xi)), atol=1e-12)
+    np.testing.assert_allclose(geometry.log_se3(T), xi, atol=1e-8)
+    np.testing.assert_allclose(geometry.exp_so3(xi[:3]), T[:3, :3], atol=0)
+    np.testing.assert_allclose(geometry.log_so3(T[:3, :3]), xi[:3], atol=1e-8)
+
+
+def test_half_turn_has_a_logarithm() -> None:
+    T = geometry.rigid(np.diag([1.0, -1.0, -1.0]), np.array([1.0, 2.0, 3.0]))
+    xi = geometry.log_se3(T)
+    np.testing.assert_allclose(np.abs(xi[:3]), [np.pi, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(geometry.exp_se3(xi), T, atol=1e-12)
+
+
+def test_adjoint_is_gtsams(poses: np.ndarray) -> None:
+    expected = [gtsam.Pose3(T).AdjointMap() for T in poses]
+    np.testing.assert_allclose(geometry.adjoint(poses), expected, atol=1e-12)
+    xi = TANGENTS[4]
+    moved = geometry.exp_se3(geometry.adjoint(poses[0]) @ xi) @ poses[0]
+    np.testing.assert_allclose(moved, poses[0] @ geometry.exp_se3(xi), atol=1e-12)
+
+
+def test_batches_equal_single_calls(poses: np.ndarray) -> None:
+    xi = geometry.log_se3(poses)
+    for function, values in [
+        (geometry.inverse, poses),
+        (geometry.adjoint, poses),
+        (geometry.log_se3, poses),
+        (geometry.exp_se3, xi),
+        (geometry.hat, xi[:, :3]),
+    ]:
+        np.testing.assert_allclose(function(values), [function(v) for v in values], atol=1e-14)
+
+
+def test_inverse_and_points(poses: np.ndarray) -> None:
+    np.testing.assert_allclose(poses @ geometry.inverse(poses), np.tile(np.eye(4), (20, 1, 1)), atol=1e-12)
+    points = np.random.default_rng(3).normal(size=(7, 3))
+    expected = [gtsam.Pose3(poses[0]).transformFrom(p) for p in points]
+    np.testing.assert_allclose(geometry.transform_points(poses[0], points), expected, atol=1e-12)
+    np.testing.assert_allclose(geometry.transform_points(poses, points)[0], expected, atol=1e-12)
+
+
+def test_hat_is_the_cross_product() -> None:
+    a, b = np.array([1.0, 2.0, 3.0]), np.array([-2.0, 0.5, 4.0])
+    np.testing.assert_allclose(geometry.hat(a) @ b, np.cross(a, b))
+
+
+def test_quaternions_are_scipys_with_positive_w(poses: np.ndarray) -> None:
+    R = poses[:, :3, :3]
+    q = geometry.quaternion_xyzw(R)
+    assert np.all(q[:, 3] >= 0)
+    np.testing.assert_allclose(Rotation.from_quat(q).as_matrix(), R, atol=1e-12)
+    np.testing.assert_allclose(geometry.rotation_from_xyzw(-3.0 * q), R, atol=1e-12)
+    with pytest.raises(ValueError):
+        geometry.rotation_from_xyzw(np.zeros(4))
+
+
+def test_nearest_rotation_undoes_noise_and_reflection(poses: np.ndarray) -> None:
+    R = poses[:, :3, :3]
+    noisy = geometry.nearest_rotation(2.0 * R + 1e-3)
+    np.testing.assert_allclose(noisy @ np.swapaxes(noisy, 1, 2), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(noisy, R, atol=2e-3)
+    np.testing.assert_allclose(np.linalg.det(geometry.nearest_rotation(np.diag([3.0, 2.0, -1.0]))), 1.0)
+    np.testing.assert_allclose(geometry.nearest_rotation(np.diag([3.0, 2.0, -1.0])), np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("with_scale", [True, False])
+def test_umeyama_recovers_the_alignment(poses: np.ndarray, with_scale: bool) -> None:
+    source = np.random.default_rng(4).normal(size=(30, 3))
+    scale = 2.5 if with_scale else 1.0
+    target = scale * geometry.transform_points(poses[0], source)
+    found_scale, R, t = geometry.umeyama(source, target, with_scale)
+    assert found_scale == pytest.approx(scale, abs=1e-12)
+    np.testing.assert_allclose(R, poses[0, :3, :3], atol=1e-12)
+    np.testing.assert_allclose(t, scale * poses[0, :3, 3], atol=1e-12)
+
+
+def test_umeyama_is_the_least_squares_optimum_for_mirrored_and_flat_points() -> None:
+    source = np.random.default_rng(5).normal(size=(30, 3))
+    _, R, _ = geometry.umeyama(source, source * [1, 1, -1], with_scale=False)
+    expected, _ = Rotation.align_vectors((source - source.mean(0)) * [1, 1, -1], source - source.mean(0))
+    np.testing.assert_allclose(R, expected.as_matrix(), atol=1e-7)
+    flat = source * [1, 1, 0]
+    turn = Rotation.from_rotvec([0.3, 0.4, 0.5]).as_matrix()
+    np.testing.assert_allclose(geometry.umeyama(flat, flat @ turn.T, with_scale=True)[1], turn, atol=1e-12)
+
+
+def test_umeyama_refuses_what_it_cannot_align() -> None:
+    line = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
+    for source in (line, np.ones((4, 3)), np.eye(3)[:2]):
+        with pytest.raises(ValueError):
+            geometry.umeyama(source, source, with_scale=True)
+
+
+def test_average_of_equal_poses_is_that_pose(poses: np.ndarray) -> None:
+    np.testing.assert_allclose(geometry.robust_average_pose(poses[:1]), poses[0], atol=1e-9)
+    np.testing.assert_allclose(geometry.robust_average_pose(np.repeat(poses[:1], 5, axis=0)), poses[0], atol=1e-9)
+    with pytest.raises(ValueError):
+        geometry.robust_average_pose(poses[:0])
+
+
+def test_average_withstands_outliers(poses: np.ndarray) -> None:
+    rng = np.random.default_rng(6)
+    good = poses[0] @ geometry.exp_se3(rng.normal(scale=0.01, size=(140, 6)))
+    outliers = geometry.rigid(Rotation.random(60, random_state=7).as_matrix(), rng.normal(scale=5.0, size=(60, 3)))
+    error = geometry.log_se3(
+        geometry.inverse(poses[0]) @ geometry.robust_average_pose(np.concatenate([good, outliers]))
+    )
+    assert np.linalg.norm(error[:3]) < 0.01
+    assert np.linalg.norm(error[3:]) < 0.01
+
+
+def test_average_minimises_the_sum_of_distances(poses: np.ndarray) -> None:
+    spread = poses[0] @ geometry.exp_se3(0.3 * geometry.log_se3(poses))
+    average = geometry.robust_average_pose(spread)
+
+    def cost(T: np.ndarray) -> tuple[float, float]:
+        angles = np.linalg.norm(geometry.log_so3(T[:3, :3].T @ spread[:, :3, :3]), axis=1)
+        return angles.sum(), np.linalg.norm(T[:3, 3] - spread[:, :3, 3], axis=1).sum()
+
+    best = cost(average)
+    for step in np.concatenate([np.eye(6), -np.eye(6)]) * 1e-3:
+        moved = cost(average @ geometry.exp_se3(step))
+        assert moved[0] >= best[0] - 1e-9 and moved[1] >= best[1] - 1e-9
+
+
+def _wedge(xi: np.ndarray) -> np.ndarray:
+    M = np.zeros((4, 4))
+    M[:3, :3] = geometry.hat(xi[:3])
+    M[:3, 3] = xi[3:]
+    return M
