@@ -1,0 +1,57 @@
+"""How to make a message, whichever library the message belongs to."""
+
+import array
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Message = Any
+"""A message of rclpy or of rosbags. The two share attribute names and nothing else."""
+
+
+@dataclass(frozen=True)
+class MessageFactory:
+    """Makes messages of one library.
+
+    Attributes:
+        message_class: "sensor_msgs/msg/JointState" -> class whose constructor takes every field by name.
+        sequence: flat NumPy array -> what that class stores in a field of dynamic length.
+    """
+
+    message_class: Callable[[str], Callable[..., Message]]
+    sequence: Callable[[NDArray[Any]], Any]
+
+    def __call__(self, type_name: str, **fields: Any) -> Message:
+        """Make a message; NumPy arrays among the fields must be of the field's dtype and flat."""
+        return self.message_class(type_name)(**fields)
+
+
+def array_sequence(values: NDArray[Any]) -> "array.array[Any]":
+    """The array that rclpy stores without a look at the elements: 50 times faster than assigning the NumPy array.
+
+    Args:
+        values: flat, of a numeric dtype.
+    """
+    sequence: array.array[Any] = array.array(values.dtype.char)
+    if values.size:
+        sequence.frombytes(np.ascontiguousarray(values).data.cast("B"))
+    return sequence
+
+
+def flat(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    """The values row by row as one contiguous array of the dtype."""
+    return np.ascontiguousarray(values, dtype=dtype).reshape(-1)
+
+
+def numbers(field: Any, dtype: type[np.generic], *shape: int) -> NDArray[Any]:
+    """An array field (array.array, ndarray or list) as an array of the dtype and shape.
+
+    Raises:
+        ValueError: the field does not hold the number of values that the shape wants.
+    """
+    if isinstance(field, (array.array, bytes, bytearray, memoryview)):
+        return np.frombuffer(field, dtype=dtype).reshape(shape) if len(field) else np.zeros(0, dtype).reshape(shape)
+    return np.asarray(field, dtype=dtype).reshape(shape)

@@ -1,0 +1,55 @@
+"""What a camera driver publishes: images and intrinsics."""
+
+import cv2
+import numpy as np
+
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.factory import Message, numbers
+from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.recording.camera_image import CameraImage
+
+_CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
+_TO_GREY = {"bgr8": cv2.COLOR_BGR2GRAY, "rgb8": cv2.COLOR_RGB2GRAY}
+
+
+def compressed_image(message: Message, camera: str) -> CameraImage:
+    """Camera image of a sensor_msgs/CompressedImage, still encoded."""
+    return CameraImage(camera, stamp_ns(message.header.stamp), bytes(message.data))
+
+
+def raw_image(message: Message, camera: str) -> CameraImage:
+    """Camera image of a sensor_msgs/Image in mono8, bgr8 or rgb8.
+
+    Raises:
+        RecordingError: another encoding, or fewer bytes than the image's size wants.
+    """
+    if message.encoding not in _CHANNELS:
+        raise RecordingError(
+            f"camera {camera}: image encoding '{message.encoding}' is not supported; expected {', '.join(_CHANNELS)}"
+        )
+    channels = _CHANNELS[message.encoding]
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    if step < width * channels or len(message.data) < height * step or height * width == 0:
+        raise RecordingError(
+            f"camera {camera}: an image of {width}x{height} {message.encoding} with rows of {step} bytes cannot have "
+            f"{len(message.data)} bytes"
+        )
+    rows = numbers(message.data, np.uint8, len(message.data))[: height * step].reshape(height, step)
+    pixels = rows[:, : width * channels]
+    if channels == 3:
+        grey = cv2.cvtColor(pixels.reshape(height, width, 3), _TO_GREY[message.encoding])
+    else:
+        grey = np.ascontiguousarray(pixels)
+    return CameraImage(camera, stamp_ns(message.header.stamp), np.asarray(grey, dtype=np.uint8))
+
+
+def camera_model(message: Message, camera: str) -> CameraModel:
+    """Camera model of a sensor_msgs/CameraInfo.
+
+    Raises:
+        CalibrationError: malformed intrinsics or an unknown distortion model.
+    """
+    return camera_from_info(
+        camera, int(message.width), int(message.height), message.distortion_model, list(message.d), list(message.k)
+    )

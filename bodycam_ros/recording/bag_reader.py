@@ -1,0 +1,141 @@
+"""The cameras of a recording: their intrinsics, and their images in time order."""
+
+import logging
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import CalibrationError, RecordingError
+from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.camera_image import CameraImage
+
+logger = logging.getLogger(__name__)
+
+_IMAGE_TOPICS = {
+    "/image_raw/compressed": ("sensor_msgs/msg/CompressedImage", compressed_image),
+    "/image_raw": ("sensor_msgs/msg/Image", raw_image),
+}
+"""End of an image topic -> its type and its converter; where a camera has both, the first is read."""
+
+_INFO_TOPIC, _INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
+
+
+@contextmanager
+def open_recording(path: Path) -> Iterator["Recording"]:
+    """Open a ros2 bag folder or an .mcap file that holds cameras.
+
+    Opening takes some 50 ms and loads no image: worker processes open the recording themselves, each for its camera.
+
+    Raises:
+        RecordingError: nothing there, not a bag, damaged, of another system than ROS 2, or without a camera.
+    """
+    with BagFile(path) as bag:
+        yield Recording(bag)
+
+
+class Recording:
+    """Images and intrinsics by camera.
+
+    A camera is a pair of topics ``/<camera>/image_raw/compressed`` (or ``/<camera>/image_raw``) and
+    ``/<camera>/camera_info``.
+
+    Attributes:
+        path: where the recording is.
+        cameras: names in alphabetical order.
+        dropped: camera -> images that the last iteration left out because their stamp did not increase.
+    """
+
+    def __init__(self, bag: BagFile) -> None:
+        self.path = bag.path
+        self.dropped: Counter[str] = Counter()
+        self._bag = bag
+        self._image_topic = _image_topics(bag.topics)
+        self.cameras = tuple(sorted(self._image_topic))
+        if not self.cameras:
+            there = ", ".join(f"{topic} ({kind})" for topic, kind in bag.topics.items()) or "none at all"
+            raise RecordingError(
+                f"{bag.path}: no camera; expected topics /<camera>/image_raw/compressed or /<camera>/image_raw, "
+                f"there are: {there}"
+            )
+
+    @property
+    def start_ns(self) -> int:
+        """When the first message was recorded [ns]."""
+        return self._bag.start_ns
+
+    @property
+    def duration_s(self) -> float:
+        """From the first recorded message to the last [s]."""
+        return self._bag.duration_s
+
+    def image_count(self, camera: str) -> int:
+        """Images of a camera, those with bad stamps included."""
+        return self._bag.message_count(self._topic_of(camera))
+
+    def camera_model(self, camera: str) -> CameraModel:
+        """The camera's intrinsics, from its first CameraInfo.
+
+        Raises:
+            CalibrationError: there is none, it is malformed, or its distortion model is unknown.
+        """
+        self._topic_of(camera)
+        topic = f"/{camera}{_INFO_TOPIC}"
+        if self._bag.topics.get(topic, _INFO_TYPE) != _INFO_TYPE:
+            raise CalibrationError(
+                f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {_INFO_TYPE}"
+            )
+        for _, _, message in self._bag.messages([topic]):
+            return camera_model(message, camera)
+        raise CalibrationError(
+            f"camera {camera}: {self.path} has no message on {topic}; record it along with the images"
+        )
+
+    def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
+        """Yield the images of some cameras (all by default) in the order in which they were recorded.
+
+        Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
+        the first of them warned about.
+        """
+        wanted = self.cameras if cameras is None else cameras
+        source = {self._topic_of(camera): camera for camera in wanted}
+        latest: dict[str, int] = {}
+        for camera in wanted:
+            self.dropped[camera] = 0
+        for topic, _, message in self._bag.messages(source):
+            camera = source[topic]
+            convert = _IMAGE_TOPICS[topic.removeprefix(f"/{camera}")][1]
+            image = convert(message, camera)
+            if image.stamp_ns <= latest.get(camera, -1):
+                self._drop(image, latest[camera])
+                continue
+            latest[camera] = image.stamp_ns
+            yield image
+
+    def _drop(self, image: CameraImage, latest_ns: int) -> None:
+        self.dropped[image.camera] += 1
+        if self.dropped[image.camera] == 1:
+            logger.warning(
+                "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out",
+                image.camera,
+                image.stamp_ns,
+                latest_ns,
+            )
+
+    def _topic_of(self, camera: str) -> str:
+        if camera not in self._image_topic:
+            raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
+        return self._image_topic[camera]
+
+
+def _image_topics(topics: dict[str, str]) -> dict[str, str]:
+    """Camera -> the topic to read its images from."""
+    found: dict[str, str] = {}
+    for suffix, (wanted_type, _) in _IMAGE_TOPICS.items():
+        for topic, message_type in topics.items():
+            camera = topic.removeprefix("/").removesuffix(suffix)
+            if topic.endswith(suffix) and message_type == wanted_type and camera:
+                found.setdefault(camera, topic)
+    return found

@@ -1,0 +1,42 @@
+"""One image of one camera, decoded only where it is looked at."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RecordingError
+
+
+@dataclass(frozen=True)
+class CameraImage:
+    """An image as it came.
+
+    Attributes:
+        camera: the camera's name.
+        stamp_ns: mid-exposure of the middle row [ns].
+        content: the file's bytes (JPEG or PNG), or the grey pixels (H, W) uint8 of a raw image.
+    """
+
+    camera: str
+    stamp_ns: int
+    content: bytes | NDArray[np.uint8]
+
+
+def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
+    """Grey pixels (H, W) uint8.
+
+    Raises:
+        RecordingError: the bytes are no image that OpenCV can decode.
+    """
+    if isinstance(image.content, np.ndarray):
+        return image.content
+    encoded = np.frombuffer(image.content, dtype=np.uint8)
+    grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
+    if grey is None:
+        raise RecordingError(
+            f"camera {image.camera}: the image of stamp {image.stamp_ns} ns ({len(image.content)} bytes) "
+            "cannot be decoded; expected JPEG or PNG"
+        )
+    return np.asarray(grey, dtype=np.uint8)
