@@ -24,7 +24,6 @@ setup(
     install_requires=[
         "gtsam>=4.3",
         "matplotlib>=3.6",
-        "mcap>=1.2",
         "numpy>=1.26",
         "opencv-python-headless>=4.6",
         "pycolmap>=4",

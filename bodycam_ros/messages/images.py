@@ -50,6 +50,6 @@ def camera_model(message: Message, camera: str) -> CameraModel:
     Raises:
         CalibrationError: malformed intrinsics or an unknown distortion model.
     """
-    return camera_from_info(
-        camera, int(message.width), int(message.height), message.distortion_model, list(message.d), list(message.k)
-    )
+    d = numbers(message.d, np.float64, len(message.d)).tolist()
+    k = numbers(message.k, np.float64, len(message.k)).tolist()
+    return camera_from_info(camera, int(message.width), int(message.height), message.distortion_model, d, k)

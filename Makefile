@@ -1,0 +1,61 @@
+# One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
+#   make demo    replay the sample recording (needs no ROS)
+#   make test    all tests, the live graph on ROS 2's wheels included
+#   make lint    ruff and mypy
+#   make bench   milliseconds per frame of every stage
+#   make clean   remove what the others made
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+DEMO := out/demo
+
+# .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
+unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
+export PYTHONNOUSERSITE := 1
+
+.PHONY: demo test lint bench clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/runtime.stamp
+	$(BIN)/bodycam replay bags/sample --map bags/map --body bags/body.yaml -o $(DEMO) --force
+
+test: $(VENV)/ros.stamp $(VENV)/test.stamp
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/test.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/runtime.stamp
+	$(BIN)/bodycam bench bags/sample --map bags/map --body bags/body.yaml
+
+clean:
+	rm -rf $(VENV) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+
+# A stamp says that the step before it is done for the present state of the files it depends on.
+$(VENV)/python.stamp:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
+		{ echo "bodycam_ros needs Python 3.11 to 3.13, not $$($(PYTHON) --version 2>&1); choose one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo "$(PYTHON) cannot make virtual environments; install them: sudo apt install python3-venv" >&2; exit 1; }
+	rm -rf $(VENV)
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt setup.py
+	$(PIP_INSTALL) -r requirements.txt
+	$(PIP_INSTALL) --no-build-isolation --no-deps -e .
+	@touch $@
+
+$(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt
+	$(PIP_INSTALL) -r requirements-test.txt
+	@touch $@
+
+$(VENV)/ros.stamp: $(VENV)/runtime.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
+	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
+	$(PIP_INSTALL) -r requirements-ros.txt
+	VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs
+	@touch $@
