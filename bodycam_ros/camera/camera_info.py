@@ -1,0 +1,144 @@
+"""Cameras from sensor_msgs/CameraInfo and from the YAML file that ROS calibration tools write for it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bodycam_ros.camera.equidistant import EquidistantCamera
+from bodycam_ros.camera.fov import FovCamera
+from bodycam_ros.camera.model import CameraModel
+from bodycam_ros.camera.plumb_bob import PlumbBobCamera
+from bodycam_ros.camera.rational_polynomial import RationalPolynomialCamera
+from bodycam_ros.errors import CalibrationError
+
+_MODELS: dict[str, type[CameraModel]] = {
+    model.distortion_model: model for model in (PlumbBobCamera, RationalPolynomialCamera, EquidistantCamera, FovCamera)
+}
+# Lengths of d beside the model's own: what a shorter list leaves out is zero, what a longer one adds must be zero
+# (OpenCV's thin prism and tilted sensor).
+_OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
+_K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+
+
+def camera_from_info(
+    name: str,
+    width: int,
+    height: int,
+    distortion_model: str,
+    d: Sequence[float],
+    k: Sequence[float],
+) -> CameraModel:
+    """Camera of the fields of a sensor_msgs/CameraInfo.
+
+    Args:
+        name: the camera, for messages.
+        width, height: image size [px].
+        distortion_model: plumb_bob, rational_polynomial, equidistant or fov.
+        d: distortion coefficients in the model's order; none with plumb_bob means no distortion.
+        k: 3x3 intrinsic matrix by rows [px].
+
+    Raises:
+        CalibrationError: a field is missing, malformed or of an unsupported model.
+    """
+    model = _MODELS.get(distortion_model)
+    if model is None:
+        raise _error(name, f"distortion model '{distortion_model}' is unknown; known are {', '.join(sorted(_MODELS))}")
+    if not (width > 0 and height > 0):
+        raise _error(name, f"the image size must be positive, not {width} x {height}")
+    fx, fy, cx, cy = _intrinsics(name, _numbers(name, "k", k))
+    return model(name, int(width), int(height), fx, fy, cx, cy, _distortion(name, model, _numbers(name, "d", d)))
+
+
+def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
+    """Camera of a ROS camera_info YAML file.
+
+    Args:
+        path: the file, as camera_calibration and image_proc write it.
+        name: the camera; else ``camera_name`` of the file; else the file's name.
+
+    Raises:
+        CalibrationError: the file is missing, not YAML, lacks a field, or ``camera_from_info`` refuses it.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise CalibrationError(f"{path}: cannot be read as camera_info YAML: {error}") from error
+    if not isinstance(document, Mapping):
+        raise CalibrationError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
+    try:
+        return camera_from_info(
+            name or str(document.get("camera_name") or Path(path).stem),
+            _size(document, "image_width"),
+            _size(document, "image_height"),
+            str(_field(document, "distortion_model")),
+            _data(document, "distortion_coefficients"),
+            _data(document, "camera_matrix"),
+        )
+    except CalibrationError as error:
+        raise CalibrationError(f"{path}: {error}") from error
+
+
+def _intrinsics(name: str, k: tuple[float, ...]) -> tuple[float, float, float, float]:
+    if len(k) != 9:
+        raise _error(name, f"k must have 9 entries {_K_FORM}, not {len(k)}")
+    if not any(k):
+        raise _error(name, "k is all zero: this camera is not calibrated; calibrate it and publish its camera_info")
+    fx, skew, cx, zero_a, fy, cy, zero_b, zero_c, one = k
+    if fx <= 0.0 or fy <= 0.0:
+        raise _error(name, f"the focal lengths must be positive, not fx = {fx:g} and fy = {fy:g}")
+    if skew != 0.0:
+        raise _error(name, f"k has the skew {skew:g}; only cameras without skew are supported: calibrate without it")
+    if (zero_a, zero_b, zero_c, one) != (0.0, 0.0, 0.0, 1.0):
+        raise _error(name, f"k must have the form {_K_FORM}, not {list(k)}")
+    return fx, fy, cx, cy
+
+
+def _distortion(name: str, model: type[CameraModel], d: tuple[float, ...]) -> tuple[float, ...]:
+    count = len(model.coefficients)
+    lengths = sorted({count, *_OTHER_LENGTHS.get(model.distortion_model, ())})
+    if len(d) not in lengths:
+        expected = " or ".join(str(length) for length in lengths)
+        order = ", ".join(model.coefficients)
+        raise _error(name, f"{model.distortion_model} needs {expected} coefficients d ({order}), not {len(d)}")
+    if any(d[count:]):
+        raise _error(name, f"thin prism and tilt coefficients are not supported: d[{count}:] must be zero")
+    if model is FovCamera and not 0.0 <= d[0] < math.pi:
+        raise _error(name, f"omega of the fov model must be from 0 to below pi [rad], not {d[0]:g}")
+    return (*d[:count], *[0.0] * (count - len(d)))
+
+
+def _numbers(name: str, field: str, values: Sequence[float]) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError) as error:
+        raise _error(name, f"{field} must be a list of numbers, not {values!r}") from error
+    if not all(math.isfinite(number) for number in numbers):
+        raise _error(name, f"{field} must be finite, not {list(numbers)}: calibrate the camera again")
+    return numbers
+
+
+def _field(document: Mapping[str, Any], field: str) -> Any:
+    if field not in document:
+        raise CalibrationError(f"the field '{field}' is missing")
+    return document[field]
+
+
+def _size(document: Mapping[str, Any], field: str) -> int:
+    value = _field(document, field)
+    if type(value) is not int:
+        raise CalibrationError(f"'{field}' must be a whole number of pixels, not {value!r}")
+    return value
+
+
+def _data(document: Mapping[str, Any], field: str) -> Any:
+    matrix = _field(document, field)
+    if not isinstance(matrix, Mapping) or "data" not in matrix:
+        raise CalibrationError(f"'{field}' must have rows, cols and data, not {matrix!r}")
+    return matrix["data"]
+
+
+def _error(name: str, message: str) -> CalibrationError:
+    return CalibrationError(f"camera '{name}': {message}")

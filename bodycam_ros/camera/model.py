@@ -1,0 +1,145 @@
+"""What every camera model offers, and the checks that all of them share.
+
+The camera frame is ROS' optical frame: x right, y down, z along the optical axis. Pixels are OpenCV's: the centre of
+the top left pixel is (0, 0). A model distorts a point to coordinates in units of the focal length; this class turns
+those to pixels and keeps what lies outside the model's valid cone from passing as a measurement.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NEAREST = 1e-9  # [m] a point closer to the projection centre has no direction
+EDGE = 1e-9  # [rad] rounding allowed at the edge of the valid cone, so that what was unprojected projects again
+FARTHEST = 1e100  # [m] beyond it squares overflow
+_SAMPLES = 1000
+_REFINEMENTS = 4  # each divides the bracket by _SAMPLES
+
+
+class CameraModel(ABC):
+    """A calibrated camera with a central lens.
+
+    Attributes:
+        name: the camera, for messages and topics.
+        width, height: image size [px].
+        fx, fy, cx, cy: focal lengths and principal point [px].
+        distortion: the coefficients, in the order of sensor_msgs/CameraInfo.
+        max_angle: half the opening of the valid cone about the optical axis [rad].
+    """
+
+    distortion_model: ClassVar[str]
+    coefficients: ClassVar[tuple[str, ...]]
+
+    max_angle: float
+
+    def __init__(
+        self,
+        name: str,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        distortion: tuple[float, ...],
+    ) -> None:
+        self.name = name
+        self.width = width
+        self.height = height
+        self.fx = fx
+        self.fy = fy
+        self.cx = cx
+        self.cy = cy
+        self.distortion = distortion
+        self._focal_lengths = np.array([[fx], [fy]])
+
+    def project(self, points_camera: NDArray[np.floating]) -> tuple[Array, Mask]:
+        """Pixels (N, 2) of points (N, 3) [m] in the camera frame, and which of them are valid (N,).
+
+        A point outside the valid cone is a row of NaN. A valid pixel may lie outside the image: see ``in_image``.
+        """
+        x, y, z = _columns(points_camera, 3)
+        with np.errstate(all="ignore"):
+            x_distorted, y_distorted, valid = self._distort(x, y, z)
+        return self._pixels(x_distorted, y_distorted, valid), valid
+
+    def project_with_jacobian(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
+        """Pixels (N, 2), their derivatives (N, 2, 3) [px/m] by the points (N, 3), and validity (N,).
+
+        Rows of pixels and derivatives outside the valid cone are NaN.
+        """
+        x, y, z = _columns(points_camera, 3)
+        jacobian = np.empty((len(x), 2, 3))
+        with np.errstate(all="ignore"):
+            x_distorted, y_distorted, valid = self._distort_with_jacobian(x, y, z, jacobian)
+            jacobian *= self._focal_lengths
+        return self._pixels(x_distorted, y_distorted, valid), _blanked(jacobian, valid), valid
+
+    def unproject(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
+        """Unit bearings (N, 3) in the camera frame of pixels (N, 2), and which of them are valid (N,).
+
+        A pixel that no point of the valid cone projects to is a row of NaN.
+        """
+        u, v = _columns(pixels, 2)
+        with np.errstate(all="ignore"):
+            bearings, valid = self._undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
+        return _blanked(bearings, valid), valid
+
+    def in_image(self, pixels: NDArray[np.floating]) -> Mask:
+        """Which pixels (N, 2) the sensor covers, to the outer borders of its outermost pixels; NaN is outside."""
+        u, v = _columns(pixels, 2)
+        inside: Mask = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
+        return inside
+
+    @abstractmethod
+    def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
+        """Distorted coordinates [focal lengths] of points, and which are finite and inside the valid cone."""
+
+    @abstractmethod
+    def _distort_with_jacobian(self, x: Array, y: Array, z: Array, jacobian: Array) -> tuple[Array, Array, Mask]:
+        """As ``_distort``; fills the derivatives (N, 2, 3) of the distorted coordinates by the points."""
+
+    @abstractmethod
+    def _undistort(self, x_distorted: Array, y_distorted: Array) -> tuple[Array, Mask]:
+        """Unit bearings (N, 3) of distorted coordinates, and which are in the image of the valid cone."""
+
+    def _pixels(self, x_distorted: Array, y_distorted: Array, valid: Mask) -> Array:
+        pixels = np.empty((len(x_distorted), 2))
+        pixels[:, 0] = self.fx * x_distorted + self.cx
+        pixels[:, 1] = self.fy * y_distorted + self.cy
+        return _blanked(pixels, valid)
+
+
+def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> float:
+    """Largest angle [rad], at most ``limit``, such that it and all smaller ones are regular.
+
+    Args:
+        is_regular: for sorted angles (N,), where the distortion still grows outwards and can be inverted.
+        limit: the widest angle to try [rad].
+    """
+    low, high = 0.0, limit
+    for _ in range(_REFINEMENTS):
+        angles = np.linspace(low, high, _SAMPLES)
+        regular = is_regular(angles)
+        if regular.all():
+            return high
+        first = max(int(np.argmin(regular)), 1)
+        low, high = float(angles[first - 1]), float(angles[first])
+    return low
+
+
+def _columns(values: NDArray[np.floating], count: int) -> Array:
+    """Rows (N, count) as ``count`` contiguous float64 arrays, whatever singleton axes OpenCV put between."""
+    return np.array(np.asarray(values).reshape(-1, count).T, dtype=np.float64, order="C")
+
+
+def _blanked(values: Array, valid: Mask) -> Array:
+    if not valid.all():
+        values[~valid] = np.nan
+    return values
