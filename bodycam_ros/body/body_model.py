@@ -1,0 +1,177 @@
+"""The body: segments, the joints between them, and the cameras strapped to them.
+
+Segments form a tree from the root; a joint whose child already hangs on another joint closes a loop (a foot on a
+pedal). The file format is described in ``body_file``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMount:
+    """Where a camera is strapped to.
+
+    Attributes:
+        segment: the segment that carries it.
+        segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
+    """
+
+    segment: str
+    segment_T_camera: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """Segments, joints and camera mounts.
+
+    Frames of segments (DESIGN 3): the origin is the joint to the parent, x forward, y left, z up in the N-pose.
+
+    Attributes:
+        name: of the body.
+        root: the segment that hangs on no other.
+        segments: (S) names; every (S, 4, 4) array of poses is in this order.
+        joints: in the order of the file, tree and loops alike.
+        mounts: camera -> where it is strapped to.
+        report: figures of whoever made the body; kept, never used.
+
+    Raises:
+        BodyError: the parts do not make one body.
+    """
+
+    name: str
+    root: str
+    segments: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    mounts: Mapping[str, CameraMount]
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_unique("segment", self.segments)
+        _check_unique("joint", [joint.name for joint in self.joints])
+        if self.root not in self.segments:
+            raise BodyError(f"root {self.root} is not among the segments {', '.join(self.segments)}")
+        for joint in self.joints:
+            for role, segment in (("parent", joint.parent), ("child", joint.child)):
+                if segment not in self.segments:
+                    raise BodyError(f"joint {joint.name}: {role} {segment} is not among the segments")
+        for camera, mount in self.mounts.items():
+            if mount.segment not in self.segments:
+                raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")
+            if not np.isfinite(mount.segment_T_camera).all():
+                raise BodyError(f"camera {camera}: its place on segment {mount.segment} is not finite")
+        self._check_one_tree()
+
+    @classmethod
+    def from_yaml(cls, path: Path | str) -> "BodyModel":
+        """Read a body file; see ``body_file``.
+
+        Raises:
+            BodyError: the file is missing, not YAML, or describes no body.
+        """
+        from bodycam_ros.body.body_file import read_body
+
+        return read_body(Path(path))
+
+    def to_yaml(self, path: Path | str) -> None:
+        """Write a body file, whole or not at all; see ``body_file``.
+
+        Raises:
+            BodyError: the file cannot be written.
+        """
+        from bodycam_ros.body.body_file import write_body
+
+        write_body(self, Path(path))
+
+    @cached_property
+    def segment_index(self) -> dict[str, int]:
+        """Segment -> its row in ``segments``."""
+        return {segment: index for index, segment in enumerate(self.segments)}
+
+    @cached_property
+    def tree_joints(self) -> tuple[Joint, ...]:
+        """(J) joints that hang each segment on its parent, parents first, else in the order of the file."""
+        return tuple(self._tree_from_root())
+
+    @cached_property
+    def loop_joints(self) -> tuple[Joint, ...]:
+        """Joints that close a loop; the solver obeys them, the URDF cannot show them."""
+        return tuple(joint for joint in self.joints if joint not in self.tree_joints)
+
+    def joint_to_parent(self, segment: str) -> Joint | None:
+        """The joint that hangs a segment on its parent; None for the root."""
+        return next((joint for joint in self.tree_joints if joint.child == segment), None)
+
+    def cameras_on(self, segment: str) -> tuple[str, ...]:
+        """Names of the cameras on a segment."""
+        return tuple(camera for camera, mount in self.mounts.items() if mount.segment == segment)
+
+    def forward_kinematics(self, world_T_root: Array, joint_rotations: Array) -> Array:
+        """Poses world_T_segment (..., S, 4, 4) of all segments, in the order of ``segments`` (A eq. 3-4).
+
+        Args:
+            world_T_root: (..., 4, 4) pose of the root segment [m].
+            joint_rotations: (..., J, 3, 3) parent_joint_R_child_joint, in the order of ``tree_joints``.
+        """
+        world_T_segment = np.empty((*joint_rotations.shape[:-3], len(self.segments), 4, 4))
+        world_T_segment[..., self.segment_index[self.root], :, :] = world_T_root
+        turn = np.zeros((*joint_rotations.shape[:-3], 4, 4))
+        turn[..., 3, 3] = 1.0
+        for index, joint in enumerate(self.tree_joints):
+            turn[..., :3, :3] = joint_rotations[..., index, :, :]
+            world_T_parent = world_T_segment[..., self.segment_index[joint.parent], :, :]
+            world_T_child = world_T_parent @ joint.parent_T_joint @ turn @ joint.joint_T_child
+            world_T_segment[..., self.segment_index[joint.child], :, :] = world_T_child
+        return world_T_segment
+
+    def joint_rotations(self, world_T_segment: Array) -> Array:
+        """Joint rotations (..., J, 3, 3), in the order of ``tree_joints``, of poses (..., S, 4, 4).
+
+        What the joint's type forbids is dropped, so ``forward_kinematics`` closes every gap of the tree.
+        """
+        rotations = np.empty((*world_T_segment.shape[:-3], len(self.tree_joints), 3, 3))
+        for index, joint in enumerate(self.tree_joints):
+            world_R_parent = world_T_segment[..., self.segment_index[joint.parent], :3, :3]
+            world_R_child = world_T_segment[..., self.segment_index[joint.child], :3, :3]
+            parent_R_child = np.swapaxes(world_R_parent, -1, -2) @ world_R_child
+            rotations[..., index, :, :] = joint.permitted_rotation(joint.joint_rotation(parent_R_child))
+        return rotations
+
+    def _tree_from_root(self) -> list[Joint]:
+        """Of the joints to one child the first in the file carries it, the others close loops."""
+        carrier: dict[str, Joint] = {}
+        for joint in self.joints:
+            if joint.child != self.root:
+                carrier.setdefault(joint.child, joint)
+        reached, tree = {self.root}, []
+        pending = list(carrier.values())
+        while ready := [joint for joint in pending if joint.parent in reached]:
+            joint = ready[0]
+            pending.remove(joint)
+            reached.add(joint.child)
+            tree.append(joint)
+        return tree
+
+    def _check_one_tree(self) -> None:
+        hung = {self.root, *(joint.child for joint in self.tree_joints)}
+        loose = [segment for segment in self.segments if segment not in hung]
+        if loose:
+            raise BodyError(
+                f"segments {', '.join(loose)} do not hang on root {self.root}: a body has one root; each other segment "
+                "must be the child of a joint from a segment nearer to the root"
+            )
+
+
+def _check_unique(what: str, names: tuple[str, ...] | list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BodyError(f"{what} {', '.join(twice)} is listed twice; names must differ")

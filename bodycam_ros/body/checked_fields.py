@@ -1,0 +1,66 @@
+"""Values of a body file, checked one by one; ``where`` begins the message: "joint spine: axis"."""
+
+from typing import Any
+
+import numpy as np
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+
+_QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
+
+
+def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> None:
+    """Refuse what is no table, lacks a needed key or has a key that nobody reads.
+
+    Raises:
+        BodyError: so it is.
+    """
+    if not isinstance(entry, dict):
+        raise BodyError(f"{where}: expected a table with {', '.join(sorted(needed))}, not {entry!r}")
+    if missing := needed - set(entry):
+        raise BodyError(f"{where}: lacks {', '.join(sorted(missing))}")
+    if unknown := set(map(str, entry)) - needed - optional:
+        known = ", ".join(sorted(needed | optional))
+        raise BodyError(f"{where}: has unknown {', '.join(sorted(unknown))}; known are {known}")
+
+
+def name_of(value: Any, where: str) -> str:
+    """Return a name.
+
+    Raises:
+        BodyError: it is not text.
+    """
+    if not isinstance(value, str) or not value:
+        raise BodyError(f"{where} must be a name, not {value!r}; put a number that is meant as a name in quotes")
+    return value
+
+
+def numbers_of(value: Any, count: int, where: str) -> Array:
+    """Return finite numbers (count).
+
+    Raises:
+        BodyError: not that many finite numbers.
+    """
+    try:
+        # PyYAML reads 1e-4 as text.
+        numbers = np.array([float(v) for v in value if not isinstance(v, bool)])
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
+        raise BodyError(f"{where} must be a list of {count} finite numbers, not {value!r}")
+    return numbers
+
+
+def pose_of(entry: dict[str, Any], origin_key: str, quaternion_key: str, where: str) -> Array:
+    """Return the pose (4, 4) of an origin [m] and a quaternion x y z w; absent ones are zero and the identity.
+
+    Raises:
+        BodyError: not finite numbers, or not a unit quaternion.
+    """
+    origin = numbers_of(entry.get(origin_key, [0.0, 0.0, 0.0]), 3, f"{where}: {origin_key}")
+    quaternion = numbers_of(entry.get(quaternion_key, [0.0, 0.0, 0.0, 1.0]), 4, f"{where}: {quaternion_key}")
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > _QUATERNION_TOLERANCE:
+        raise BodyError(f"{where}: {quaternion_key} must be a unit quaternion x y z w, but its length is {length:.4g}")
+    return rigid(rotation_from_xyzw(quaternion), origin)

@@ -1,0 +1,195 @@
+"""A joint: where it sits on two segments, and what it lets them do as one 6-vector of sigmas (DESIGN 4.2).
+
+A joint has a frame on each of its two segments. Ball, hinge and weld differ only in which of the six sigmas between
+those frames are loose, so the solver needs no code of its own for any of them: ``measured_relative_pose`` and
+``information`` are the two arguments of a ``BetweenFactorPose3``.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, adjoint, exp_so3, inverse
+
+JointType = Literal["ball", "hinge", "weld"]
+
+LOOSE_RAD = 10.0  # [rad] three turns: no opinion on a free rotation, yet the information matrix stays invertible
+TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, softer than rounding
+TIGHT_M = 5e-5  # [m] leaves gaps of some micrometres (DESIGN 4.2)
+LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
+
+_LOOSE_ROTATIONS: dict[str, int] = {"ball": 3, "hinge": 1, "weld": 0}
+
+
+def default_sigmas(joint_type: JointType) -> tuple[float, ...]:
+    """Sigmas (6) of a joint type: the rotations that it leaves free, the ones that it holds, the translation."""
+    loose = _LOOSE_ROTATIONS[joint_type]
+    return (LOOSE_RAD,) * loose + (TIGHT_RAD,) * (3 - loose) + (TIGHT_M,) * 3
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint between two segments.
+
+    Its *joint rotation* is ``parent_joint_R_child_joint``, the rotation between its frames on the two segments:
+    anything for a ball, about the axis for a hinge, the identity for a weld.
+
+    Attributes:
+        name: unique in a body.
+        parent: the segment nearer to the root.
+        child: the other segment.
+        type: "ball", "hinge" or "weld".
+        parent_T_joint: (4, 4) the joint's frame on the parent segment [m].
+        child_T_joint: (4, 4) the joint's frame on the child segment [m]. The identity where the child's origin is
+            the joint to its parent, as DESIGN 3 wants it for every joint of the tree.
+        axis: (3,) unit vector in the joint's frame; of a hinge only.
+        angle_axes: intrinsic order of the three joint angles of a ball; the middle one is the child's long axis.
+        sigmas: (6) rotation [rad], then translation [m], in the joint's frame; a hinge's rotations are about its
+            axis first, then across it. None: those of the type.
+        limits: (low, high) [rad] per joint angle, or None if unknown.
+
+    Raises:
+        BodyError: a value that makes no joint.
+    """
+
+    name: str
+    parent: str
+    child: str
+    type: JointType
+    parent_T_joint: Array
+    child_T_joint: Array = field(default_factory=lambda: np.eye(4))
+    axis: Array = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    angle_axes: str = LONG_AXIS_Z
+    sigmas: tuple[float, ...] | None = None
+    limits: tuple[tuple[float, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        where = f"joint {self.name}"
+        if self.type not in get_args(JointType):
+            raise BodyError(f"{where}: type must be ball, hinge or weld, not {self.type!r}")
+        if self.parent == self.child:
+            raise BodyError(f"{where}: joins segment {self.parent} to itself; parent and child must differ")
+        if sorted(self.angle_axes) != ["x", "y", "z"]:
+            raise BodyError(f"{where}: angle_axes must hold x, y and z once each, such as yzx, not {self.angle_axes!r}")
+        if not np.isfinite([self.parent_T_joint, self.child_T_joint]).all():
+            raise BodyError(f"{where}: its place on a segment is not finite")
+        length = float(np.linalg.norm(self.axis))
+        if not np.isfinite(length) or length == 0.0:
+            raise BodyError(f"{where}: axis must be a direction, not {list(self.axis)}")
+        object.__setattr__(self, "axis", self.axis / length)
+        sigmas = default_sigmas(self.type) if self.sigmas is None else self.sigmas
+        if len(sigmas) != 6 or not all(np.isfinite(s) and s > 0 for s in sigmas):
+            raise BodyError(f"{where}: sigmas must be 6 positive numbers, rotation [rad] then translation [m]")
+        object.__setattr__(self, "sigmas", tuple(sigmas))
+        if self.limits is not None:
+            if len(self.limits) != len(self.angle_names):
+                raise BodyError(f"{where}: limits must be {len(self.angle_names)} pairs, not {len(self.limits)}")
+            if not all(low < high for low, high in self.limits):
+                raise BodyError(f"{where}: each of the limits must be a pair of numbers, low before high")
+
+    @cached_property
+    def angle_names(self) -> tuple[str, ...]:
+        """Names of its joint angles: three of a ball, one of a hinge, none of a weld."""
+        if self.type == "ball":
+            return tuple(f"{self.name}_{axis}" for axis in self.angle_axes)
+        return (self.name,) if self.type == "hinge" else ()
+
+    @cached_property
+    def joint_T_child(self) -> Array:
+        """(4, 4) inverse of ``child_T_joint``."""
+        return inverse(self.child_T_joint)
+
+    @cached_property
+    def square_root_information(self) -> Array:
+        """(6, 6) matrix A with ``A.T @ A == information``; it need not be triangular.
+
+        A tangent of the child segment, carried to the joint's frame, along the hinge's axis, in units of sigma.
+        """
+        joint_xi_child = adjoint(self.joint_T_child)
+        along_axis = np.eye(6)
+        along_axis[:3, :3] = self._axes_across_the_hinge()
+        A: Array = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ joint_xi_child
+        return A
+
+    @cached_property
+    def information(self) -> Array:
+        """(6, 6) Ad' diag(1 / sigma^2) Ad with Ad = Ad(child_T_joint^-1) (DESIGN 4.2), of the joint's residual.
+
+        The residual is ``log_se3(inverse(measured) @ parent_T_child)``, a tangent of the child segment: rotation first,
+        gtsam's ``BetweenFactorPose3``.
+        """
+        information: Array = self.square_root_information.T @ self.square_root_information
+        return information
+
+    def measured_relative_pose(self, parent_T_child: Array) -> Array:
+        """The pose (..., 4, 4) of the child in the parent that closes the joint and keeps its present rotation.
+
+        measured = parent_T_joint R child_T_joint^-1, where R is the part of the present joint rotation that the type
+        permits (DESIGN 4.2). Its residual against ``parent_T_child`` holds the gap and the forbidden rotation only.
+
+        Args:
+            parent_T_child: (..., 4, 4) present estimate; its rotation must be orthonormal.
+        """
+        if self.type == "weld":
+            return np.broadcast_to(self._welded_pose, parent_T_child.shape).copy()
+        measured = np.zeros_like(parent_T_child)
+        if self.type == "ball":
+            parent_R_child = parent_T_child[..., :3, :3]
+        else:
+            rotation = self.permitted_rotation(self.joint_rotation(parent_T_child[..., :3, :3]))
+            parent_R_child = self.parent_T_joint[:3, :3] @ rotation @ self.joint_T_child[:3, :3]
+        measured[..., :3, :3] = parent_R_child
+        measured[..., :3, 3] = self.parent_T_joint[:3, 3] - parent_R_child @ self.child_T_joint[:3, 3]
+        measured[..., 3, 3] = 1.0
+        return measured
+
+    def joint_rotation(self, parent_R_child: Array) -> Array:
+        """Joint rotation (..., 3, 3) of a rotation of the child segment in the parent segment (..., 3, 3)."""
+        R: Array = self.parent_T_joint[:3, :3].T @ parent_R_child @ self.child_T_joint[:3, :3]
+        return R
+
+    def permitted_rotation(self, joint_rotation: Array) -> Array:
+        """The part (..., 3, 3) of a joint rotation (..., 3, 3) that the type permits."""
+        if self.type == "ball":
+            return joint_rotation
+        if self.type == "hinge":
+            return self.hinge_rotation(hinge_angle(joint_rotation, self.axis))
+        return np.broadcast_to(np.eye(3), joint_rotation.shape).copy()
+
+    def hinge_rotation(self, angle: NDArray[np.floating]) -> Array:
+        """Joint rotation (..., 3, 3) of a hinge's angle (...) [rad]."""
+        return exp_so3(np.asarray(angle, dtype=np.float64)[..., None] * self.axis)
+
+    @cached_property
+    def _welded_pose(self) -> Array:
+        pose: Array = self.parent_T_joint @ self.joint_T_child
+        return pose
+
+    def _axes_across_the_hinge(self) -> Array:
+        """(3, 3) rows: the hinge's axis and two directions across it; the joint's own axes for other types."""
+        if self.type != "hinge":
+            return np.eye(3)
+        across = np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))])
+        across /= np.linalg.norm(across)
+        return np.stack([self.axis, across, np.cross(self.axis, across)])
+
+
+def hinge_angle(rotation: Array, axis: Array) -> Array:
+    """Angle (...) [rad], in -pi to pi, of the part of rotations (..., 3, 3) about unit axes (..., 3).
+
+    It minimises the Frobenius distance to the rotation, which is the twist of the swing-twist decomposition of its
+    quaternion (Dobrowolski 2015, "Swing-twist decomposition in Clifford algebra"), and stays defined at half a turn.
+    """
+    sine = (
+        axis[..., 0] * (rotation[..., 2, 1] - rotation[..., 1, 2])
+        + axis[..., 1] * (rotation[..., 0, 2] - rotation[..., 2, 0])
+        + axis[..., 2] * (rotation[..., 1, 0] - rotation[..., 0, 1])
+    )
+    trace = np.trace(rotation, axis1=-2, axis2=-1)
+    cosine = trace - np.einsum("...i,...ij,...j->...", axis, rotation, axis)
+    angle: Array = np.arctan2(sine, cosine)
+    return angle
