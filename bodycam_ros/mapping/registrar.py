@@ -1,0 +1,180 @@
+"""Absolute registration of one body camera against the reference map (A 4.1).
+
+A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is
+lost. From then on the track carries its landmark until it ends, so that descriptors are rare. Relative
+registration and growth of the map (A 4.1, second part) belong between ``_name_tracks`` and ``_fit``: they would
+add landmarks that the tracks without a name triangulate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.mapping.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.mapping.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.mapping.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.settings import setting
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+
+@dataclass(frozen=True)
+class RegistrarSettings:
+    """When a camera counts as registered, and when a track loses its landmark."""
+
+    min_inliers: int = setting(
+        12, limits=(4, 500), reason="fewer landmarks in agreement are no registration (the paper asks 50 of images with twice as many pixels)"
+    )
+    max_strikes: int = setting(2, unit="frames", limits=(1, 30), reason="a track whose landmark disagrees on this many frames in a row loses it")
+    max_predicted_frames: int = setting(
+        15, unit="frames", limits=(0, 300), reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched"
+    )
+
+
+class Registrar:
+    """Registers the frames of one camera, in order of time.
+
+    Args:
+        camera: its model.
+        reference_map: the map; may be shared by the registrars of all cameras.
+        settings, matching, absolute_pose, pose_fit: settings of the registrar and of its steps.
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        reference_map: ReferenceMap,
+        settings: RegistrarSettings | None = None,
+        matching: MatchingSettings | None = None,
+        absolute_pose: AbsolutePoseSettings | None = None,
+        pose_fit: PoseFitSettings | None = None,
+    ) -> None:
+        self.camera = camera
+        self.map = reference_map
+        self.settings = settings or RegistrarSettings()
+        self._matching = matching or MatchingSettings()
+        self._absolute_pose = absolute_pose or AbsolutePoseSettings()
+        self._pose_fit = pose_fit or PoseFitSettings()
+        self._carried_ids = np.zeros(0, np.uint32)
+        self._carried_landmarks = np.zeros(0, np.int64)
+        self._strikes = np.zeros(0, np.int64)
+        self._world_T_camera: NDArray[np.float64] | None = None
+        self._previous_T_camera = np.eye(4)
+        self._frames_predicted = 0
+
+    def register(self, frame: TrackFrame) -> LandmarkMatches:
+        """Find the camera's pose and the landmarks that its tracks show."""
+        rows = self._carry(frame)
+        predicted = self._predict(frame)
+        fit = self._fit(frame, rows, predicted)
+        if len(frame.described):
+            rows = self._name_tracks(frame, rows, fit, predicted)
+            fit = self._fit(frame, rows, fit.world_T_camera if fit else predicted) or self._find(frame, rows)
+        rows = self._strike_out(rows, fit)
+        self._remember(frame, rows, fit, predicted)
+        return self._matches(frame, rows, fit)
+
+    def _carry(self, frame: TrackFrame) -> NDArray[np.int64]:
+        """Rows of the frame's tracks that carry a landmark from before; ended tracks take theirs along."""
+        positions = np.searchsorted(frame.track_ids, self._carried_ids)
+        alive = positions < len(frame.track_ids)
+        alive[alive] = frame.track_ids[positions[alive]] == self._carried_ids[alive]
+        self._carried_ids = self._carried_ids[alive]
+        self._carried_landmarks = self._carried_landmarks[alive]
+        self._strikes = self._strikes[alive]
+        return np.asarray(positions[alive], np.int64)
+
+    def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
+        """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
+        if self._world_T_camera is None:
+            return None
+        previous_T_camera = self._previous_T_camera
+        if frame.rotation_inliers:
+            previous_T_camera = rigid(frame.current_R_previous.T, previous_T_camera[:3, 3])
+        return self._world_T_camera @ previous_T_camera
+
+    def _fit(self, frame: TrackFrame, rows: NDArray[np.int64], start: NDArray[np.float64] | None) -> PoseFit | None:
+        """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
+        if start is None or len(rows) < self.settings.min_inliers:
+            return None
+        points_world = self.map.points_world[self._carried_landmarks]
+        fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit)
+        return fit if fit.inliers.sum() >= self.settings.min_inliers else None
+
+    def _name_tracks(
+        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
+    ) -> NDArray[np.int64]:
+        """Match the described tracks to landmarks; return the rows of all tracks that carry one now."""
+        described = frame.described.astype(np.int64)
+        pixels = frame.pixels[described]
+        if fit is not None or predicted is not None:
+            pose, radius_px = (fit.world_T_camera, self._matching.radius_px) if fit else (predicted, self._matching.lost_radius_px)
+            assert pose is not None
+            taken = self._carried_landmarks if fit else np.zeros(0, np.int64)
+            named, landmarks = match_near_prediction(
+                self.map, self.camera, pose, pixels, frame.descriptors, frame.scales, radius_px, taken, self._matching
+            )
+        else:
+            named, landmarks = match_everywhere(self.map, frame.descriptors, self._matching)
+        rows = np.concatenate([rows, described[named]])
+        order = np.argsort(rows, kind="stable")
+        self._carried_ids = frame.track_ids[rows[order]]
+        self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
+        # A fresh match has to prove itself at once; an old one may fail for a moment.
+        fresh = np.full(len(landmarks), self.settings.max_strikes - 1)
+        self._strikes = np.concatenate([self._strikes, fresh])[order]
+        return np.asarray(rows[order])
+
+    def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> PoseFit | None:
+        """Pose without a prediction: PnP within RANSAC (A 4.1, absolute camera registration)."""
+        if len(rows) < self.settings.min_inliers:
+            return None
+        points_world = self.map.points_world[self._carried_landmarks]
+        found = find_pose(self.camera, points_world, frame.pixels[rows], self._absolute_pose)
+        return None if found is None else self._fit(frame, rows, found)
+
+    def _strike_out(self, rows: NDArray[np.int64], fit: PoseFit | None) -> NDArray[np.int64]:
+        """Take the landmark from tracks that keep disagreeing; without a pose, from all: a lost camera starts afresh."""
+        if fit is None:
+            keep = np.zeros(len(rows), bool) if self._frames_predicted >= self.settings.max_predicted_frames else np.ones(len(rows), bool)
+        else:
+            self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
+            keep = self._strikes < self.settings.max_strikes
+        self._carried_ids = self._carried_ids[keep]
+        self._carried_landmarks = self._carried_landmarks[keep]
+        self._strikes = self._strikes[keep]
+        return rows[keep]
+
+    def _remember(
+        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
+    ) -> None:
+        if fit is not None:
+            if self._world_T_camera is not None and self._frames_predicted == 0:
+                self._previous_T_camera = inverse(self._world_T_camera) @ fit.world_T_camera
+            else:
+                self._previous_T_camera = np.eye(4)
+            self._world_T_camera = fit.world_T_camera
+            self._frames_predicted = 0
+            return
+        self._frames_predicted += 1
+        self._world_T_camera = predicted if self._frames_predicted <= self.settings.max_predicted_frames else None
+
+    def _matches(self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None) -> LandmarkMatches:
+        covariance = np.full((6, 6), np.nan) if fit is None else np.linalg.inv(fit.information)
+        return LandmarkMatches(
+            camera=frame.camera,
+            stamp_ns=frame.stamp_ns,
+            previous_stamp_ns=frame.previous_stamp_ns,
+            track_ids=frame.track_ids[rows],
+            landmark_ids=self.map.landmark_ids[self._carried_landmarks],
+            pixels=frame.pixels[rows],
+            points_world=self.map.points_world[self._carried_landmarks].astype(np.float32),
+            world_T_camera=None if fit is None else fit.world_T_camera,
+            pose_covariance=covariance,
+            current_R_previous=frame.current_R_previous,
+            rotation_inliers=frame.rotation_inliers,
+        )

@@ -1,0 +1,97 @@
+"""The window of poses that is still being solved: gtsam's incremental fixed-lag smoother, and a plain check of it.
+
+``IncrementalBackEnd`` re-eliminates only what a new frame touches (iSAM2, Kaess et al. 2012) and marginalises what
+leaves the window. ``BatchBackEnd`` solves the whole window anew by Levenberg-Marquardt, as seed A does (A 4.3); it
+is slower and serves to check the other.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+Key = int
+
+
+class BackEnd(Protocol):
+    """What the smoother needs of a solver."""
+
+    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+        """Add one instant's factors and the start values (4, 4) of its poses; drop what is older than the lag."""
+
+    def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
+        """Estimates (K, 4, 4) of poses within the window."""
+
+    def covariance(self, key: Key) -> NDArray[np.float64]:
+        """Marginal covariance (6, 6), rotation then translation in the pose's own axes."""
+
+
+class IncrementalBackEnd:
+    """iSAM2 over a sliding window.
+
+    Args:
+        lag_s: length of the window [s].
+        extra_updates: further Gauss-Newton steps after the one that adds a frame.
+        relinearize_threshold: change of a pose [rad, m] beyond which its factors are linearised anew.
+    """
+
+    def __init__(self, lag_s: float, extra_updates: int, relinearize_threshold: float) -> None:
+        parameters = gtsam.ISAM2Params()
+        parameters.setRelinearizeThreshold(relinearize_threshold)
+        parameters.relinearizeSkip = 1
+        # The lag smoother removes factors as they leave; their slots are used again, or memory would grow with time.
+        parameters.findUnusedFactorSlots = True
+        self._smoother = gtsam.IncrementalFixedLagSmoother(lag_s, parameters)
+        self._extra_updates = extra_updates
+
+    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+        """Add one instant's factors and poses."""
+        self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
+        for _ in range(self._extra_updates):
+            self._smoother.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
+
+    def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
+        """Estimates (K, 4, 4)."""
+        return np.stack([self._smoother.calculateEstimatePose3(key).matrix() for key in keys])
+
+    def covariance(self, key: Key) -> NDArray[np.float64]:
+        """Marginal covariance (6, 6)."""
+        return np.asarray(self._smoother.marginalCovariance(key))
+
+
+class BatchBackEnd:
+    """Levenberg-Marquardt over a sliding window.
+
+    Args:
+        lag_s: length of the window [s].
+    """
+
+    def __init__(self, lag_s: float) -> None:
+        self._smoother = gtsam.BatchFixedLagSmoother(lag_s, gtsam.LevenbergMarquardtParams())
+        self._values = gtsam.Values()
+
+    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+        """Add one instant's factors and poses."""
+        self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
+        self._values = self._smoother.calculateEstimate()
+
+    def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
+        """Estimates (K, 4, 4)."""
+        return np.stack([self._values.atPose3(key).matrix() for key in keys])
+
+    def covariance(self, key: Key) -> NDArray[np.float64]:
+        """Marginal covariance (6, 6)."""
+        return np.asarray(gtsam.Marginals(self._smoother.getFactors(), self._values).marginalCovariance(key))
+
+
+def _values(poses: Mapping[Key, NDArray[np.float64]]) -> gtsam.Values:
+    values = gtsam.Values()
+    for key, pose in poses.items():
+        values.insert(key, gtsam.Pose3(pose))
+    return values
+
+
+def _stamps(poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> dict[Key, float]:
+    return dict.fromkeys(poses, stamp_s)

@@ -1,0 +1,104 @@
+"""What one camera says about the segment that carries it, as a pose with its information (DESIGN 4.2).
+
+A registered camera gives an absolute pose (A eq. 8, first term). A camera that sees too few landmarks to be
+registered alone still gives what they say, linearised at the body's prediction. A blind one gives its rotation
+since the frame before (A eq. 2 and the second term of eq. 8).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import CameraMount
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import adjoint, inverse, rigid
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.mapping.pose_fit import PoseFitSettings, fit_pose
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class EvidenceSettings:
+    """How far a camera is trusted."""
+
+    mount_rotation_sigma: float = setting(
+        0.001, unit="rad", limits=(0.0, 0.1), reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation"
+    )
+    mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
+    blind_rotation_sigma: float = setting(
+        0.01, unit="rad", limits=(0.0005, 0.5), reason="of the rotation between frames; parallax of near things biases it by some tenths of a degree"
+    )
+    min_weak_landmarks: int = setting(4, limits=(3, 50), reason="an unregistered camera with fewer landmarks in agreement says nothing")
+
+
+@dataclass(frozen=True)
+class SegmentPose:
+    """An absolute measurement of a segment: world_T_segment (4, 4) and its covariance (6, 6) in segment axes."""
+
+    segment: str
+    world_T_segment: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SegmentTurn:
+    """A measurement of a segment's rotation since the frame before: previous_R_segment (3, 3) and its sigma [rad]."""
+
+    segment: str
+    previous_R_segment: NDArray[np.float64]
+    sigma: float
+
+
+def absolute_evidence(matches: LandmarkMatches, mount: CameraMount, settings: EvidenceSettings) -> SegmentPose | None:
+    """What a registered camera says about its segment; None from an unregistered one."""
+    if matches.world_T_camera is None:
+        return None
+    return _on_segment(mount, matches.world_T_camera, matches.pose_covariance, settings)
+
+
+def weak_evidence(
+    matches: LandmarkMatches,
+    camera: CameraModel,
+    mount: CameraMount,
+    predicted_world_T_segment: NDArray[np.float64],
+    pose_fit: PoseFitSettings,
+    settings: EvidenceSettings,
+) -> SegmentPose | None:
+    """What the few landmarks of an unregistered camera say, looked at from where the body should be."""
+    if len(matches.track_ids) < settings.min_weak_landmarks:
+        return None
+    start = predicted_world_T_segment @ mount.segment_T_camera
+    fit = fit_pose(camera, matches.points_world, matches.pixels, start, pose_fit)
+    if fit.inliers.sum() < settings.min_weak_landmarks:
+        return None
+    # Directions that the few landmarks leave open must stay open: a vague prior makes the information invertible.
+    vague = np.diag(np.repeat([1.0, 1.0], 3))
+    return _on_segment(mount, fit.world_T_camera, np.linalg.inv(fit.information + vague), settings)
+
+
+def rotation_evidence(matches: LandmarkMatches, mount: CameraMount, settings: EvidenceSettings) -> SegmentTurn | None:
+    """How a camera's segment turned since the frame before, or None if its tracks do not tell."""
+    if matches.rotation_inliers == 0:
+        return None
+    segment_R_camera = mount.segment_T_camera[:3, :3]
+    previous_R_segment = segment_R_camera @ matches.current_R_previous.T @ segment_R_camera.T
+    return SegmentTurn(mount.segment, previous_R_segment, settings.blind_rotation_sigma)
+
+
+def _on_segment(
+    mount: CameraMount, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64], settings: EvidenceSettings
+) -> SegmentPose:
+    floor = np.repeat([settings.mount_rotation_sigma, settings.mount_translation_sigma], 3) ** 2
+    # A change of the camera's pose, seen in the segment's axes.
+    segment_xi_camera = adjoint(mount.segment_T_camera)
+    return SegmentPose(
+        mount.segment,
+        world_T_camera @ inverse(mount.segment_T_camera),
+        segment_xi_camera @ (covariance + np.diag(floor)) @ segment_xi_camera.T,
+    )
+
+
+def turned(world_T_segment_before: NDArray[np.float64], turn: SegmentTurn, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The predicted pose (4, 4) with its rotation replaced by the measured one."""
+    return rigid(world_T_segment_before[:3, :3] @ turn.previous_R_segment, predicted[:3, 3])
