@@ -1,0 +1,88 @@
+"""Joint angles: the rotations of a body's joints as one vector of continuous angles, and back.
+
+A ball joint is three angles whose middle axis is the child's long axis (DESIGN 3), named ``<joint>_<axis>`` in the
+order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld is none.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.euler_angles import EulerOrder, nearest_turn
+from bodycam_ros.body.joint import hinge_angle
+from bodycam_ros.geometry import Array
+
+
+class JointAngles:
+    """Where each joint's angles stand in the vector of all (A) angles of a body."""
+
+    def __init__(self, body: BodyModel) -> None:
+        self.body = body
+        self.names: tuple[str, ...] = tuple(name for joint in body.tree_joints for name in joint.angle_names)
+        self._balls = [row for row, joint in enumerate(body.tree_joints) if joint.type == "ball"]
+        self._hinges = [row for row, joint in enumerate(body.tree_joints) if joint.type == "hinge"]
+        column_of = {name: column for column, name in enumerate(self.names)}
+        columns = [[column_of[name] for name in joint.angle_names] for joint in body.tree_joints]
+        self._ball_columns = np.array([columns[row] for row in self._balls], dtype=int).reshape(-1, 3)
+        self._hinge_columns = np.array([columns[row][0] for row in self._hinges], dtype=int)
+        self._hinge_axes = np.array([body.tree_joints[row].axis for row in self._hinges]).reshape(-1, 3)
+        self._order = EulerOrder(tuple(body.tree_joints[row].angle_axes for row in self._balls))
+
+    def rotations(self, angles: NDArray[np.floating]) -> Array:
+        """Joint rotations (..., J, 3, 3), in the order of ``BodyModel.tree_joints``, of angles (..., A) [rad]."""
+        rotations = np.empty((*angles.shape[:-1], len(self.body.tree_joints), 3, 3))
+        rotations[...] = np.eye(3)
+        rotations[..., self._balls, :, :] = self._order.compose(angles[..., self._ball_columns])
+        for row, column in zip(self._hinges, self._hinge_columns, strict=True):
+            rotations[..., row, :, :] = self.body.tree_joints[row].hinge_rotation(angles[..., column])
+        return rotations
+
+    def angles(self, joint_rotations: Array, previous: Array) -> Array:
+        """Angles (A) [rad] of joint rotations (J, 3, 3), nearest to the previous angles (A) [rad]."""
+        angles = np.empty(len(self.names))
+        balls = self._order.decompose(joint_rotations[self._balls], previous[self._ball_columns])
+        angles[self._ball_columns] = balls
+        hinges = hinge_angle(joint_rotations[self._hinges], self._hinge_axes)
+        angles[self._hinge_columns] = nearest_turn(hinges, previous[self._hinge_columns])
+        return angles
+
+
+class JointAngleTracker:
+    """Follows the joint angles of a moving body, continuous over time: no jump by a turn or between Euler triples.
+
+    Attributes:
+        names: (A) of the angles, in the order of all that this class returns.
+    """
+
+    def __init__(self, body: BodyModel) -> None:
+        self._body = body
+        self._joint_angles = JointAngles(body)
+        self.names = self._joint_angles.names
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next angles are those nearest to the N-pose."""
+        self._previous = np.zeros(len(self.names))
+
+    def angles(self, world_T_segment: Array) -> Array:
+        """Angles (A) [rad] of the segments' poses (S, 4, 4), the next instant after the last call's."""
+        rotations = self._body.joint_rotations(world_T_segment)
+        self._previous = self._joint_angles.angles(rotations, self._previous)
+        return self._previous.copy()
+
+
+def joint_velocities(stamps_ns: NDArray[np.int64], angles: Array) -> Array:
+    """Velocities (T, A) [rad/s] of continuous angles (T, A) [rad]: central differences, one-sided at the ends.
+
+    One instant alone has velocity zero; two give both the difference between them, which is how a live stream is fed.
+
+    Args:
+        stamps_ns: (T) strictly increasing [ns].
+        angles: (T, A).
+    """
+    if len(angles) < 2:
+        return np.zeros_like(angles)
+    # Differences of whole nanoseconds first: a float holds the present time to 0.2 microseconds only.
+    seconds = (np.asarray(stamps_ns, dtype=np.int64) - stamps_ns[0]) * 1e-9
+    velocities: Array = np.gradient(angles, seconds, axis=0)
+    return velocities

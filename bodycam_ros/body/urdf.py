@@ -1,0 +1,179 @@
+"""The body as URDF: for robot_state_publisher, RViz and every tool that reads robots.
+
+Links are named as the segments and start at the joint to their parent; the zero pose is the N-pose. A ball joint is
+three revolute joints through two links without mass or shape (DESIGN 3). Cameras are fixed links
+``<cam>_optical_frame``, so their TF comes for free. Joints that close loops are left out: URDF knows trees only.
+"""
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+
+UNKNOWN_LIMITS = (-2.0 * np.pi, 2.0 * np.pi)  # [rad] of a ball's angle: URDF wants some; a swung arm passes pi
+
+_AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+_NO_LIMIT = "1000"  # of effort [N m] and velocity [rad/s], which URDF wants too: nobody is that strong or quick
+_DECIMALS = 12  # below any reader's rounding
+_BONE_RADIUS_M = 0.025
+_JOINT_RADIUS_M = 0.04
+_CAMERA_SIZE_M = np.array([0.06, 0.04, 0.02])  # an action camera: wide, high, deep
+_COLOURS = {"bone": (0.85, 0.82, 0.75, 1.0), "joint": (0.25, 0.45, 0.7, 1.0), "camera": (0.15, 0.15, 0.15, 1.0)}
+
+
+def optical_frame(camera: str) -> str:
+    """Frame id of a camera's optical frame."""
+    return f"{camera}_optical_frame"
+
+
+def urdf_text(body: BodyModel) -> str:
+    """The body as a URDF document; its movable joints are named and ordered as ``JointAngles.names``.
+
+    Raises:
+        BodyError: the body's names clash with each other in URDF.
+    """
+    robot = ET.Element("robot", name=body.name)
+    for name, rgba in _COLOURS.items():
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_numbers(np.array(rgba)))
+    for segment in body.segments:
+        _add_segment(robot, body, segment)
+    for joint in body.tree_joints:
+        _add_joint(robot, joint)
+    for camera, mount in body.mounts.items():
+        _add_visual(_add_link(robot, optical_frame(camera)), "box", "camera", np.eye(4), size=_numbers(_CAMERA_SIZE_M))
+        _add_fixed(robot, f"{camera}_mount", mount.segment, optical_frame(camera), mount.segment_T_camera)
+    _check_names(robot)
+    ET.indent(robot)
+    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add_joint(robot: ET.Element, joint: Joint) -> None:
+    """The joint's chain from parent to child: three revolute joints, one, or a fixed one."""
+    aligned = np.array_equal(joint.child_T_joint, np.eye(4))
+    last_link = joint.child if aligned else f"{joint.name}_joint_frame"
+    axes = [_AXES[axis] for axis in joint.angle_axes] if joint.type == "ball" else [joint.axis]
+    links = [joint.parent, *(f"{name}_link" for name in joint.angle_names[:-1]), last_link]
+    origin = joint.parent_T_joint
+    for index, name in enumerate(joint.angle_names):
+        limits = None if joint.limits is None else joint.limits[index]
+        _add_revolute(
+            robot, name, (links[index], links[index + 1]), origin, axes[index], limits or _default_limits(joint)
+        )
+        origin = np.eye(4)
+    if joint.type == "weld":
+        _add_fixed(robot, joint.name, joint.parent, last_link, origin)
+    for link in links[1:]:
+        if link != joint.child:
+            _add_link(robot, link)
+    if not aligned:
+        _add_fixed(robot, f"{joint.name}_to_{joint.child}", last_link, joint.child, joint.joint_T_child)
+
+
+def _default_limits(joint: Joint) -> tuple[float, float] | None:
+    """A hinge of unknown limits may be a crank, which turns for ever."""
+    return UNKNOWN_LIMITS if joint.type == "ball" else None
+
+
+def _add_revolute(
+    robot: ET.Element, name: str, links: tuple[str, str], origin: Array, axis: Array, limits: tuple[float, float] | None
+) -> None:
+    element = _add_connection(robot, name, "continuous" if limits is None else "revolute", links, origin)
+    ET.SubElement(element, "axis", xyz=_numbers(axis))
+    bounds = (
+        {} if limits is None else {"lower": _numbers(np.array(limits[:1])), "upper": _numbers(np.array(limits[1:]))}
+    )
+    ET.SubElement(element, "limit", {**bounds, "effort": _NO_LIMIT, "velocity": _NO_LIMIT})
+
+
+def _add_fixed(robot: ET.Element, name: str, parent: str, child: str, parent_T_child: Array) -> None:
+    _add_connection(robot, name, "fixed", (parent, child), parent_T_child)
+
+
+def _add_connection(
+    robot: ET.Element, name: str, joint_type: str, links: tuple[str, str], parent_T_child: Array
+) -> ET.Element:
+    element = ET.SubElement(robot, "joint", name=name, type=joint_type)
+    _add_origin(element, parent_T_child)
+    ET.SubElement(element, "parent", link=links[0])
+    ET.SubElement(element, "child", link=links[1])
+    return element
+
+
+def _add_segment(robot: ET.Element, body: BodyModel, segment: str) -> None:
+    """A ball at the joint, and a bone from there to each joint that hangs on the segment, or else to its tip."""
+    link = _add_link(robot, segment)
+    _add_visual(link, "sphere", "joint", np.eye(4), radius=str(_JOINT_RADIUS_M))
+    ends = [joint.parent_T_joint[:3, 3] for joint in body.tree_joints if joint.parent == segment]
+    for end in ends or [_tip(body, segment)]:
+        length = float(np.linalg.norm(end))
+        if length > _BONE_RADIUS_M:
+            size = {"radius": str(_BONE_RADIUS_M), "length": _numbers(np.array([length]))}
+            _add_visual(link, "cylinder", "bone", _halfway_along(end), **size)
+
+
+def _tip(body: BodyModel, segment: str) -> Array:
+    """(3,) where a segment without further joints is drawn to: along its long axis, as far as its cameras reach."""
+    joint = body.joint_to_parent(segment)
+    cameras = [body.mounts[camera].segment_T_camera[:3, 3] for camera in body.cameras_on(segment)]
+    if joint is None or not cameras:
+        return np.zeros(3)
+    long_axis = _AXES[joint.angle_axes[1]]
+    reach = max((float(position @ long_axis) for position in cameras), key=abs)
+    tip: Array = reach * long_axis
+    return tip
+
+
+def _halfway_along(end: Array) -> Array:
+    """(4, 4) pose whose origin is halfway to a point (3,) and whose z axis points to it: a URDF cylinder's."""
+    yaw, pitch = np.arctan2(end[1], end[0]), np.arctan2(np.hypot(end[0], end[1]), end[2])
+    c, s = np.cos(yaw), np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
+        [[np.cos(pitch), 0.0, np.sin(pitch)], [0.0, 1.0, 0.0], [-np.sin(pitch), 0.0, np.cos(pitch)]]
+    )
+    pose[:3, 3] = end / 2.0
+    return pose
+
+
+def _add_link(robot: ET.Element, name: str) -> ET.Element:
+    return ET.SubElement(robot, "link", name=name)
+
+
+def _add_visual(link: ET.Element, shape: str, colour: str, link_T_shape: Array, **size: str) -> None:
+    visual = ET.SubElement(link, "visual")
+    _add_origin(visual, link_T_shape)
+    ET.SubElement(ET.SubElement(visual, "geometry"), shape, size)
+    ET.SubElement(visual, "material", name=colour)
+
+
+def _add_origin(element: ET.Element, pose: Array) -> None:
+    ET.SubElement(element, "origin", xyz=_numbers(pose[:3, 3]), rpy=_numbers(_roll_pitch_yaw(pose[:3, :3])))
+
+
+def _roll_pitch_yaw(R: Array) -> Array:
+    """(3,) angles [rad] of R = R_z(yaw) R_y(pitch) R_x(roll), exact at the singularity too: roll follows from yaw."""
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return np.array([roll, pitch, yaw])
+
+
+def _numbers(values: NDArray[np.floating]) -> str:
+    # Adding zero turns -0.0 into 0.0.
+    return " ".join(repr(round(float(value), _DECIMALS) + 0.0) for value in values)
+
+
+def _check_names(robot: ET.Element) -> None:
+    for kind in ("link", "joint"):
+        names = Counter(element.attrib["name"] for element in robot.iterfind(kind))
+        if twice := sorted(name for name, count in names.items() if count > 1):
+            raise BodyError(
+                f"two {kind}s of the URDF would be named {', '.join(twice)}; rename the segment, joint or camera"
+            )
