@@ -68,8 +68,9 @@ class AngularCamera(CameraModel):
         jacobian[:, 0, 0] = gain + bend * xx
         jacobian[:, 1, 1] = gain + bend * yy
         jacobian[:, 0, 1] = jacobian[:, 1, 0] = bend * x * y
-        jacobian[:, 0, 2] = slope * -x
-        jacobian[:, 1, 2] = slope * -y
+        np.negative(slope, out=slope)
+        jacobian[:, 0, 2] = slope * x
+        jacobian[:, 1, 2] = slope * y
         return gain * x, gain * y, self._in_cone(angle, squared_distance)
 
     def _undistort(self, x_distorted: Array, y_distorted: Array) -> tuple[Array, Mask]:

@@ -67,7 +67,9 @@ class CameraModel(ABC):
         x, y, z = _columns(points_camera, 3)
         with np.errstate(all="ignore"):
             x_distorted, y_distorted, valid = self._distort(x, y, z)
-        return self._pixels(x_distorted, y_distorted, valid), valid
+        pixels = self._pixels(x_distorted, y_distorted)
+        _blank_invalid(valid, pixels)
+        return pixels, valid
 
     def project_with_jacobian(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
         """Pixels (N, 2), their derivatives (N, 2, 3) [px/m] by the points (N, 3), and validity (N,).
@@ -78,8 +80,10 @@ class CameraModel(ABC):
         jacobian = np.empty((len(x), 2, 3))
         with np.errstate(all="ignore"):
             x_distorted, y_distorted, valid = self._distort_with_jacobian(x, y, z, jacobian)
-            jacobian *= self._focal_lengths
-        return self._pixels(x_distorted, y_distorted, valid), _blanked(jacobian, valid), valid
+        pixels = self._pixels(x_distorted, y_distorted)
+        jacobian *= self._focal_lengths
+        _blank_invalid(valid, pixels, jacobian)
+        return pixels, jacobian, valid
 
     def unproject(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
         """Unit bearings (N, 3) in the camera frame of pixels (N, 2), and which of them are valid (N,).
@@ -89,7 +93,8 @@ class CameraModel(ABC):
         u, v = _columns(pixels, 2)
         with np.errstate(all="ignore"):
             bearings, valid = self._undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
-        return _blanked(bearings, valid), valid
+        _blank_invalid(valid, bearings)
+        return bearings, valid
 
     def in_image(self, pixels: NDArray[np.floating]) -> Mask:
         """Which pixels (N, 2) the sensor covers, to the outer borders of its outermost pixels; NaN is outside."""
@@ -109,11 +114,11 @@ class CameraModel(ABC):
     def _undistort(self, x_distorted: Array, y_distorted: Array) -> tuple[Array, Mask]:
         """Unit bearings (N, 3) of distorted coordinates, and which are in the image of the valid cone."""
 
-    def _pixels(self, x_distorted: Array, y_distorted: Array, valid: Mask) -> Array:
+    def _pixels(self, x_distorted: Array, y_distorted: Array) -> Array:
         pixels = np.empty((len(x_distorted), 2))
         pixels[:, 0] = self.fx * x_distorted + self.cx
         pixels[:, 1] = self.fy * y_distorted + self.cy
-        return _blanked(pixels, valid)
+        return pixels
 
 
 def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> float:
@@ -139,7 +144,7 @@ def _columns(values: NDArray[np.floating], count: int) -> Array:
     return np.array(np.asarray(values).reshape(-1, count).T, dtype=np.float64, order="C")
 
 
-def _blanked(values: Array, valid: Mask) -> Array:
+def _blank_invalid(valid: Mask, *values: Array) -> None:
     if not valid.all():
-        values[~valid] = np.nan
-    return values
+        for array in values:
+            array[~valid] = np.nan

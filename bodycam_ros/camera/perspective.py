@@ -1,8 +1,8 @@
 """Lenses described in the perspective image: radial and tangential distortion of (x/z, y/z).
 
 Brown 1966, in OpenCV's form: with r^2 = x^2 + y^2 in the image plane at z = 1,
-    x_d = gain(r^2) x + 2 p1 x y + p2 (r^2 + 2 x^2)
-    y_d = gain(r^2) y + p1 (r^2 + 2 y^2) + 2 p2 x y
+    x_d = gain(r^2) x + 2 p1 x y + p2 (r^2 + 2 x^2) = (gain(r^2) + tilt) x + p2 r^2
+    y_d = gain(r^2) y + p1 (r^2 + 2 y^2) + 2 p2 x y = (gain(r^2) + tilt) y + p1 r^2,  tilt = 2 (p1 y + p2 x)
 The valid cone ends short of 90 degrees, or where the distortion can no longer be inverted: a pole of the gain, or a
 vanishing determinant of its derivative in any direction about the axis.
 """
@@ -53,11 +53,8 @@ class PerspectiveCamera(CameraModel):
     def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
         px, py = x / z, y / z
         r2 = px * px + py * py
-        gain = self._gain(r2)
-        twice_xy = 2.0 * px * py
-        x_distorted = gain * px + self._p1 * twice_xy + self._p2 * (r2 + 2.0 * px * px)
-        y_distorted = gain * py + self._p2 * twice_xy + self._p1 * (r2 + 2.0 * py * py)
-        return x_distorted, y_distorted, self._in_cone(r2, z)
+        gain = self._gain(r2) + 2.0 * self._p1 * py + 2.0 * self._p2 * px
+        return gain * px + self._p2 * r2, gain * py + self._p1 * r2, self._in_cone(r2, z)
 
     def _distort_with_jacobian(self, x: Array, y: Array, z: Array, jacobian: Array) -> tuple[Array, Array, Mask]:
         px, py = x / z, y / z
@@ -92,18 +89,18 @@ class PerspectiveCamera(CameraModel):
 
     def _distort_plane(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Distorted coordinates, and their derivatives: x_d by x, x_d by y (the same as y_d by x), y_d by y."""
-        xx, yy, xy = x * x, y * y, x * y
-        r2 = xx + yy
-        gain, slope = self._gain_and_slope(r2)
-        slope = 2.0 * slope
         p1, p2 = self._p1, self._p2
-        p1_x, p1_y, p2_x, p2_y = p1 * x, p1 * y, p2 * x, p2 * y
+        r2 = x * x + y * y
+        gain, slope = self._gain_and_slope(r2)
+        slope *= 2.0
+        slope_x = slope * x
+        gain += 2.0 * p1 * y + 2.0 * p2 * x
         return (
-            gain * x + 2.0 * p1 * xy + p2 * (r2 + 2.0 * xx),
-            gain * y + 2.0 * p2 * xy + p1 * (r2 + 2.0 * yy),
-            gain + slope * xx + 2.0 * p1_y + 6.0 * p2_x,
-            slope * xy + 2.0 * (p1_x + p2_y),
-            gain + slope * yy + 6.0 * p1_y + 2.0 * p2_x,
+            gain * x + p2 * r2,
+            gain * y + p1 * r2,
+            gain + (slope_x + 4.0 * p2) * x,
+            slope_x * y + 2.0 * p1 * x + 2.0 * p2 * y,
+            gain + (slope * y + 4.0 * p1) * y,
         )
 
     def _undistorted_radius(self, radius: Array) -> Array:

@@ -1,0 +1,62 @@
+"""equidistant against OpenCV's fisheye module and COLMAP, and beyond where they end."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+
+from bodycam_ros.camera import CameraModel, colmap_model
+
+Make = Callable[..., CameraModel]
+Cone = Callable[..., np.ndarray]
+
+LENSES = [([0.03, -0.012, 0.004, -6e-4], 212.0), ([-0.04, 0.006, -0.002, 1e-4], 300.0), ([0, 0, 0, 0], 212.0)]
+
+
+@pytest.mark.parametrize(("d", "f"), LENSES)
+def test_is_opencvs_and_colmaps_to_the_edge_of_170_degrees(make: Make, cone: Cone, d: list[float], f: float) -> None:
+    camera = make("equidistant", d, f)
+    points = cone(np.linspace(0.0, np.radians(85.0), 300))
+    pixels, valid = camera.project(points)
+    assert valid.all()
+    K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    opencv, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, np.array(d, dtype=float))
+    np.testing.assert_allclose(pixels, opencv.reshape(-1, 2), atol=1e-6)
+    name, params = colmap_model(camera)
+    colmap = pycolmap.Camera(model=name, width=640, height=480, params=params)
+    np.testing.assert_allclose(pixels, colmap.img_from_cam(points) - 0.5, atol=1e-6)
+
+    bearings, seen = camera.unproject(pixels)
+    assert seen.all()
+    plane = bearings[:, :2] / bearings[:, 2:]
+    scale = 1.0 + np.sum(plane**2, axis=1, keepdims=True)  # the image plane stretches with 1 / cos^2
+    np.testing.assert_allclose(plane / scale, colmap.cam_from_img(pixels + 0.5) / scale, atol=1e-6 / f)
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-14)
+    opencv = cv2.fisheye.undistortPoints(pixels[:, None], K, np.array(d, dtype=float), criteria=stop)
+    np.testing.assert_allclose(plane / scale, opencv.reshape(-1, 2) / scale, atol=1e-6 / f)
+
+
+def test_cone_ends_where_the_radius_stops_growing(make: Make) -> None:
+    camera = make("equidistant", [-0.2, 0, 0, 0], 200.0)
+    edge = np.sqrt(1 / 0.6)
+    assert camera.max_angle == pytest.approx(edge, abs=1e-9)
+    largest = edge * 2 / 3
+    _, valid = camera.unproject([camera.cx, camera.cy] + np.outer([1 - 1e-9, 1 + 1e-6, 2], [0, largest * camera.fy]))
+    np.testing.assert_array_equal(valid, [True, False, False])
+
+
+def test_sees_behind_only_as_far_as_the_image_reaches(make: Make) -> None:
+    camera = make("equidistant", [0, 0, 0, 0], 150.0)
+    corners = np.array([[-0.5, -0.5], [639.5, -0.5], [-0.5, 479.5], [639.5, 479.5]])
+    corner = np.linalg.norm((corners - [camera.cx, camera.cy]) / [camera.fx, camera.fy], axis=1).max()
+    assert np.radians(120.0) < corner < np.radians(180.0)
+    assert camera.max_angle == pytest.approx(corner, abs=1e-9)
+    angles = np.radians([100.0, 120.0, 160.0])
+    pixels, valid = camera.project(np.column_stack([np.zeros(3), np.sin(angles), np.cos(angles)]))
+    np.testing.assert_array_equal(valid, [True, True, False])
+    np.testing.assert_allclose(pixels[:2, 1], camera.cy + camera.fy * angles[:2], atol=1e-9)
+
+    narrow = make("equidistant", [0, 0, 0, 0], 400.0)
+    assert narrow.max_angle == pytest.approx(np.pi / 2)
