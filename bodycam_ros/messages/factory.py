@@ -17,16 +17,24 @@ class MessageFactory:
     """Makes messages of one library.
 
     Attributes:
-        message_class: "sensor_msgs/msg/JointState" -> class whose constructor takes every field by name.
-        sequence: flat NumPy array -> what that class stores in a field of dynamic length.
+        message_class: "sensor_msgs/msg/JointState" -> what makes such a message from fields by name; fields left out
+            have the message's defaults.
+        sequence: flat NumPy array -> what the library stores in a numeric field of dynamic length.
+        byte: number -> what it stores in a field of type byte.
     """
 
     message_class: Callable[[str], Callable[..., Message]]
     sequence: Callable[[NDArray[Any]], Any]
+    byte: Callable[[int], Any]
 
     def __call__(self, type_name: str, **fields: Any) -> Message:
         """Make a message; NumPy arrays among the fields must be of the field's dtype and flat."""
         return self.message_class(type_name)(**fields)
+
+
+def live_messages(message_class: Callable[[str], Callable[..., Message]]) -> MessageFactory:
+    """Makes messages of rclpy, given their classes by type name: only the nodes may import those."""
+    return MessageFactory(message_class, sequence=array_sequence, byte=lambda value: bytes([value]))
 
 
 def array_sequence(values: NDArray[Any]) -> "array.array[Any]":

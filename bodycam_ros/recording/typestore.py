@@ -6,11 +6,17 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from bodycam_ros.messages.factory import MessageFactory
+from bodycam_ros.messages.factory import Message, MessageFactory
+
+_IDENTITY_W = ("geometry_msgs/msg/Quaternion", "w", 1.0)
+"""The one default value in the standard messages that is not zero; rosbags' definitions have lost it."""
+
+_ZERO_OF_BASE: dict[str, Any] = {"string": "", "wstring": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_DTYPE_OF_BASE = {"byte": "uint8", "char": "uint8"}
 
 
 @cache
@@ -26,13 +32,33 @@ def recording_typestore() -> Typestore:
 
 @cache
 def recorded_messages() -> MessageFactory:
-    """Makes messages that a recording stores."""
-    types = recording_typestore().types
+    """Makes messages that a recording stores; fields left out are zero or empty, as in rclpy."""
+    return MessageFactory(_message_class, sequence=lambda values: values, byte=lambda value: value)
 
-    def message_class(type_name: str) -> Callable[..., Any]:
-        return types[type_name]
 
-    def sequence(values: NDArray[Any]) -> NDArray[np.generic]:
-        return values
+@cache
+def _message_class(type_name: str) -> Callable[..., Message]:
+    cls = recording_typestore().types[type_name]
+    # Shared among messages, which nobody changes once they are made.
+    zero = {name: _zero(field) for name, field in recording_typestore().fielddefs[type_name][1]}
+    if type_name == _IDENTITY_W[0]:
+        zero[_IDENTITY_W[1]] = _IDENTITY_W[2]
 
-    return MessageFactory(message_class, sequence)
+    def message(**fields: Any) -> Message:
+        return cls(**(zero | fields))
+
+    return message
+
+
+def _zero(field: Any) -> Any:
+    """Zero of a field as rosbags describes it: (kind of node, what it holds)."""
+    kind, content = field
+    if kind == Nodetype.BASE:
+        return _ZERO_OF_BASE.get(content[0], 0)
+    if kind == Nodetype.NAME:
+        return _message_class(content)()
+    element, length = content
+    if element[0] == Nodetype.NAME or element[1][0] in ("string", "wstring"):
+        return [_zero(element) for _ in range(length)]
+    base = element[1][0]
+    return np.zeros(length, dtype=_DTYPE_OF_BASE.get(base, base))

@@ -1,0 +1,124 @@
+"""What the solver publishes about the body: joints, root, transforms, a skeleton to look at."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.messages.factory import Message, MessageFactory, flat
+from bodycam_ros.messages.header import MAP_FRAME, header_message
+from bodycam_ros.messages.pose import (
+    point_message,
+    pose_with_covariance_message,
+    transform_message,
+    vector_message,
+)
+from bodycam_ros.solving.body_state import BodyState
+
+_LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
+_BONE_WIDTH_M = 0.02
+_JOINT_DIAMETER_M = 0.05
+_MEASURED_COLOUR = (0.1, 0.6, 1.0)
+_PREDICTED_COLOUR = (1.0, 0.5, 0.1)
+
+
+def joint_state_message(
+    make: MessageFactory,
+    stamp_ns: int,
+    names: Sequence[str],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+) -> Message:
+    """sensor_msgs/JointState of J joints.
+
+    Args:
+        names: J names, always in the same order.
+        positions: (J,) continuous angles [rad].
+        velocities: (J,) [rad/s].
+    """
+    return make(
+        "sensor_msgs/msg/JointState",
+        header=header_message(make, stamp_ns, ""),
+        name=list(names),
+        position=make.sequence(flat(positions, np.float64)),
+        velocity=make.sequence(flat(velocities, np.float64)),
+    )
+
+
+def joint_rotations_message(
+    make: MessageFactory, stamp_ns: int, names: Sequence[str], parent_T_child: NDArray[np.float64]
+) -> Message:
+    """sensor_msgs/MultiDOFJointState: poses (J, 4, 4) of child segments in their parents, without singularity."""
+    return make(
+        "sensor_msgs/msg/MultiDOFJointState",
+        header=header_message(make, stamp_ns, ""),
+        joint_names=list(names),
+        transforms=[transform_message(make, a_T_b) for a_T_b in parent_T_child],
+    )
+
+
+def odometry_message(make: MessageFactory, state: BodyState, root_velocity: NDArray[np.float64]) -> Message:
+    """nav_msgs/Odometry of the root segment in the map.
+
+    Args:
+        root_velocity: (6,) angular [rad/s] then linear [m/s], both in the root's axes.
+    """
+    twist = make(
+        "geometry_msgs/msg/Twist",
+        angular=vector_message(make, root_velocity[:3]),
+        linear=vector_message(make, root_velocity[3:]),
+    )
+    return make(
+        "nav_msgs/msg/Odometry",
+        header=header_message(make, state.stamp_ns, MAP_FRAME),
+        child_frame_id=state.segments[0],
+        pose=pose_with_covariance_message(make, state.world_T_segment[0], state.root_covariance),
+        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
+    )
+
+
+def transforms_message(
+    make: MessageFactory, stamp_ns: int, transforms: Sequence[tuple[str, str, NDArray[np.float64]]]
+) -> Message:
+    """tf2_msgs/TFMessage of (parent frame, child frame, parent_T_child (4, 4))."""
+    stamped = [
+        make(
+            "geometry_msgs/msg/TransformStamped",
+            header=header_message(make, stamp_ns, parent),
+            child_frame_id=child,
+            transform=transform_message(make, parent_T_child),
+        )
+        for parent, child, parent_T_child in transforms
+    ]
+    return make("tf2_msgs/msg/TFMessage", transforms=stamped)
+
+
+def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int, int]]) -> Message:
+    """visualization_msgs/MarkerArray: a ball at each segment's origin, a line along each bone.
+
+    The colour says whether cameras or the motion model alone placed the body.
+
+    Args:
+        bones: pairs of rows of ``state.segments`` whose origins a line joins.
+    """
+    points = [point_message(make, world_T_segment[:3, 3]) for world_T_segment in state.world_T_segment]
+    lines = [points[row] for bone in bones for row in bone]
+    red, green, blue = _PREDICTED_COLOUR if state.predicted else _MEASURED_COLOUR
+    header = header_message(make, state.stamp_ns, MAP_FRAME)
+    colour = make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
+    markers = [
+        make(
+            "visualization_msgs/msg/Marker",
+            header=header,
+            ns="skeleton",
+            id=number,
+            type=kind,
+            scale=vector_message(make, np.full(3, size)),
+            color=colour,
+            points=where,
+        )
+        for number, (kind, size, where) in enumerate(
+            [(_LINE_LIST, _BONE_WIDTH_M, lines), (_SPHERE_LIST, _JOINT_DIAMETER_M, points)]
+        )
+    ]
+    return make("visualization_msgs/msg/MarkerArray", markers=markers)

@@ -1,0 +1,119 @@
+"""Writes a recording as a ros2 bag folder that appears whole or not at all."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.recording.typestore import recording_typestore
+
+LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
+"""Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
+
+_FOREVER = QosTime(9223372036, 854775807)
+_PLAIN_DEPTH = 10
+
+
+class RecordingWriter:
+    """Messages into a bag that is being written; ``write_recording`` makes one."""
+
+    def __init__(self, path: Path, writer: Writer) -> None:
+        self._path = path
+        self._writer = writer
+        self._connections: dict[str, Connection] = {}
+
+    def write(self, topic: str, stamp_ns: int, message: Message) -> None:
+        """Append a message made by ``recorded_messages()``, at its time of recording [ns].
+
+        Raises:
+            RecordingError: the disk is full, or gone.
+        """
+        typestore = recording_typestore()
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(
+                topic, message.__msgtype__, typestore=typestore, offered_qos_profiles=[_quality(topic)]
+            )
+        serialized = typestore.serialize_cdr(message, message.__msgtype__)
+        with _failure_named(self._path):
+            self._writer.write(self._connections[topic], stamp_ns, serialized)
+
+
+@contextmanager
+def write_recording(path: Path, force: bool = False) -> Iterator[RecordingWriter]:
+    """Write a ros2 bag folder (MCAP). It takes its name once complete; an error or Ctrl-C leaves nothing behind.
+
+    Args:
+        path: the folder to be.
+        force: replace a bag folder that is there already.
+
+    Raises:
+        RecordingError: the path exists and ``force`` is off, or it is no bag folder, or it cannot be written.
+    """
+    _check_free(path, force)
+    with _failure_named(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        writer = Writer(scratch / path.name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        with _failure_named(path):
+            writer.open()
+        try:
+            yield RecordingWriter(path, writer)
+        except BaseException:
+            writer.abort()
+            raise
+        with _failure_named(path):
+            writer.close()
+            _check_free(path, force)
+            if path.exists():
+                path.rename(scratch / "replaced")
+            (scratch / path.name).rename(path)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
+def _failure_named(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _check_free(path: Path, force: bool) -> None:
+    if not path.exists():
+        return
+    if not force:
+        raise RecordingError(f"{path}: exists already; choose another name, or replace it with --force")
+    if not (path / "metadata.yaml").exists():
+        raise RecordingError(f"{path}: is not a ros2 bag folder, so it is not replaced; choose another name")
+
+
+def _quality(topic: str) -> Qos:
+    """What the publisher of a topic offers."""
+    latched = topic in LATCHED_TOPICS
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else _PLAIN_DEPTH,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=_FOREVER,
+        lifespan=_FOREVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )

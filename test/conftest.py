@@ -1,0 +1,29 @@
+"""Fixtures that several tests share."""
+
+from pathlib import Path
+
+import pytest
+from tiny_bag import write_tiny_bag
+
+REPOSITORY = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def sample() -> Path:
+    """The sample that the repository carries: recording, map and body."""
+    return REPOSITORY / "bags"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Recordings with ground truth, which lie beside the repository where it is developed."""
+    path = REPOSITORY.parent / "shared" / "recordings"
+    if not path.is_dir():
+        pytest.skip("the recordings with ground truth (../shared/recordings) are not on this machine")
+    return path
+
+
+@pytest.fixture
+def tiny_bag(tmp_path: Path) -> Path:
+    """A bag of two cameras, ``left`` and ``right``, with four frames each."""
+    return write_tiny_bag(tmp_path / "tiny")

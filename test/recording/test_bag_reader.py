@@ -1,0 +1,221 @@
+"""Cameras, intrinsics and images of a bag; damaged and foreign bags."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as McapWriter
+from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
+
+from bodycam_ros.errors import CalibrationError, RecordingError
+from bodycam_ros.messages.header import header_message
+from bodycam_ros.messages.status import text_message
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
+from bodycam_ros.recording.camera_image import CameraImage, decode_grey
+from bodycam_ros.recording.typestore import recorded_messages
+
+
+def test_folder_and_file_give_the_same_images(tiny_bag: Path) -> None:
+    with open_recording(tiny_bag) as folder, open_recording(tiny_bag / "tiny.mcap") as file:
+        assert folder.cameras == file.cameras == ("left", "right")
+        assert folder.image_count("left") == 4
+        assert folder.duration_s == pytest.approx(3 * FRAME_NS * 1e-9)
+        assert list(folder.images()) == list(file.images())
+
+
+def test_images_come_in_order_of_time_and_decode(tiny_bag: Path) -> None:
+    with open_recording(tiny_bag) as recording:
+        images = list(recording.images())
+    assert [i.stamp_ns for i in images] == sorted(i.stamp_ns for i in images)
+    assert {i.camera for i in images} == {"left", "right"}
+    grey = decode_grey(images[-1])
+    assert grey.shape == (HEIGHT, WIDTH) and grey.dtype == np.uint8
+    assert abs(float(grey.mean()) - 40) < 1
+
+
+def test_one_camera_alone(tiny_bag: Path) -> None:
+    with open_recording(tiny_bag) as recording:
+        assert [i.stamp_ns for i in recording.images(["right"])] == [START_NS + k * FRAME_NS for k in range(4)]
+        with pytest.raises(RecordingError, match="no camera 'knee'; there are left, right"):
+            list(recording.images(["knee"]))
+
+
+def test_intrinsics_come_from_the_first_camera_info(tiny_bag: Path) -> None:
+    with open_recording(tiny_bag) as recording:
+        model = recording.camera_model("left")
+    assert (model.name, model.width, model.height, model.distortion_model) == ("left", WIDTH, HEIGHT, "equidistant")
+    assert (model.fx, model.cx) == (30.0, 31.5)
+
+
+def test_camera_without_info_is_named(tmp_path: Path) -> None:
+    with (
+        open_recording(write_tiny_bag(tmp_path / "bag", infos=("left",))) as recording,
+        pytest.raises(CalibrationError, match="camera right: .* no message on /right/camera_info"),
+    ):
+        recording.camera_model("right")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"distortion_model": "scaramuzza"},
+        {"k": np.array([np.nan, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0])},
+        {"k": np.zeros(9)},
+        {"width": 0},
+    ],
+)
+def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, object]) -> None:
+    def alter(writer: RecordingWriter) -> None:
+        write_camera_info(writer, "right", START_NS, **change)
+
+    bag = write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)
+    with open_recording(bag) as recording, pytest.raises(CalibrationError, match="right"):
+        recording.camera_model("right")
+
+
+def test_stamps_that_do_not_increase_are_dropped_counted_and_warned_of_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def alter(writer: RecordingWriter) -> None:
+        last = START_NS + 3 * FRAME_NS
+        write_jpeg(writer, "left", last + 1, last, 50)  # a duplicate
+        write_jpeg(writer, "left", last + 2, START_NS, 60)  # a jump back
+        write_jpeg(writer, "left", last + 3, last + FRAME_NS, 70)
+
+    with (
+        caplog.at_level(logging.WARNING),
+        open_recording(write_tiny_bag(tmp_path / "bag", alter=alter)) as recording,
+    ):
+        for _ in range(2):
+            stamps = [i.stamp_ns for i in recording.images(["left"])]
+            assert stamps == [START_NS + k * FRAME_NS for k in range(5)]
+            assert recording.dropped == {"left": 2}
+    assert [r.getMessage() for r in caplog.records] == 2 * [caplog.records[0].getMessage()]
+    assert "camera left" in caplog.text
+
+
+@pytest.mark.parametrize(("encoding", "channels"), [("mono8", 1), ("bgr8", 3), ("rgb8", 3)])
+def test_raw_images_with_padded_rows(tmp_path: Path, encoding: str, channels: int) -> None:
+    red = {"mono8": [77], "bgr8": [0, 0, 255], "rgb8": [255, 0, 0]}[encoding]
+    rows = np.full((HEIGHT, WIDTH * channels + 5), 200, np.uint8)
+    rows[:, :-5] = red * WIDTH
+    with write_recording(tmp_path / "bag") as writer:
+        write_raw(writer, encoding, rows)
+    with open_recording(tmp_path / "bag") as recording:
+        (image,) = recording.images()
+    expected = 77 if encoding == "mono8" else 76  # 0.299 * 255
+    np.testing.assert_array_equal(decode_grey(image), np.full((HEIGHT, WIDTH), expected))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "rows", "complaint"),
+    [("bayer_rggb8", HEIGHT, "encoding 'bayer_rggb8'"), ("bgr8", HEIGHT, "cannot have"), ("mono8", 3, "cannot have")],
+)
+def test_raw_images_that_we_cannot_read(tmp_path: Path, encoding: str, rows: int, complaint: str) -> None:
+    with write_recording(tmp_path / "bag") as writer:
+        write_raw(writer, encoding, np.zeros((rows, WIDTH), np.uint8))
+    with (
+        open_recording(tmp_path / "bag") as recording,
+        pytest.raises(RecordingError, match=f"camera cam: .*{complaint}"),
+    ):
+        list(recording.images())
+
+
+def write_raw(writer: RecordingWriter, encoding: str, rows: np.ndarray) -> None:
+    make = recorded_messages()
+    image = make(
+        "sensor_msgs/msg/Image",
+        header=header_message(make, START_NS, "cam"),
+        height=HEIGHT,
+        width=WIDTH,
+        encoding=encoding,
+        step=rows.shape[1],
+        data=rows.reshape(-1),
+    )
+    writer.write("/cam/image_raw", START_NS, image)
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early"])
+def test_undecodable_image_is_an_error_that_names_it(content: bytes) -> None:
+    with pytest.raises(RecordingError, match="camera head: the image of stamp 5 ns"):
+        decode_grey(CameraImage("head", 5, content))
+
+
+def test_bag_without_cameras_lists_what_is_there(tmp_path: Path) -> None:
+    with write_recording(tmp_path / "bag") as writer:
+        writer.write("/chatter", START_NS, text_message(recorded_messages(), "hello"))
+    with (
+        pytest.raises(RecordingError, match=r"no camera; .*/chatter \(std_msgs/msg/String\)"),
+        open_recording(tmp_path / "bag"),
+    ):
+        pass
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(RecordingError) as caught, open_recording(path) as recording:
+        for _ in recording.images():
+            pass
+    assert str(path) in str(caught.value)
+    return str(caught.value)
+
+
+def test_what_is_no_bag(tmp_path: Path) -> None:
+    assert "does not exist" in refused(tmp_path / "nothing")
+    assert "neither metadata.yaml nor" in refused(tmp_path)
+    (tmp_path / "film.mp4").write_bytes(b"film")
+    assert "is not a bag" in refused(tmp_path / "film.mp4")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    assert "is empty" in refused(tmp_path / "empty.mcap")
+    (tmp_path / "text.mcap").write_bytes(b"hello, I am not MCAP at all" * 10)
+    assert "is not an MCAP file" in refused(tmp_path / "text.mcap")
+
+
+def test_folder_without_metadata_points_to_its_file(tiny_bag: Path) -> None:
+    (tiny_bag / "metadata.yaml").unlink()
+    assert "no metadata.yaml; give the file itself (tiny.mcap)" in refused(tiny_bag)
+
+
+@pytest.mark.parametrize("text", ["", ": [", "rosbag2_bagfile_information: {version: 99}", "[1, 2]"])
+def test_folder_with_broken_metadata(tiny_bag: Path, text: str) -> None:
+    (tiny_bag / "metadata.yaml").write_text(text)
+    refused(tiny_bag)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95, 0.999])
+def test_truncated_bag_says_that_it_is_cut_off(tiny_bag: Path, share: float) -> None:
+    file = tiny_bag / "tiny.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    assert "is cut off" in refused(file)
+    assert "tiny.mcap is cut off" in refused(tiny_bag)
+
+
+def test_damage_in_the_middle_is_an_error_not_a_traceback(tiny_bag: Path) -> None:
+    file = tiny_bag / "tiny.mcap"
+    content = bytearray(file.read_bytes())
+    content[200 : len(content) // 2] = b"\xff" * (len(content) // 2 - 200)
+    file.write_bytes(content)
+    refused(file)
+
+
+def test_mcap_of_another_system_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "foxglove.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="", library="another")
+        schema = writer.register_schema("foxglove.CompressedImage", "protobuf", b"")
+        channel = writer.register_channel("/cam/image_raw/compressed", "protobuf", schema)
+        writer.add_message(channel, log_time=1, publish_time=1, data=b"\x0a\x00")
+        writer.finish()
+    assert "not from ROS 2: its profile is ''" in refused(path)
+
+
+def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
+    with open_recording(shared / "dev_walk" / "bag") as recording:
+        assert len(recording.cameras) == 16
+        assert {recording.camera_model(c).distortion_model for c in recording.cameras} == {"equidistant"}
+        images = list(recording.images(["head"]))
+    assert len(images) == 180
+    assert decode_grey(images[0]).shape == (480, 640)

@@ -1,0 +1,111 @@
+"""A written bag is read by another library, and appears whole or not at all."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from tiny_bag import START_NS
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.body import joint_state_message
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.status import text_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+
+
+def joints(stamp_ns: int) -> Message:
+    return joint_state_message(
+        recorded_messages(), stamp_ns, ["knee", "hip"], np.array([0.5, -0.25]), np.array([1.0, 2.0])
+    )
+
+
+def write(path: Path, force: bool = False) -> None:
+    with write_recording(path, force) as writer:
+        writer.write("/robot_description", START_NS, text_message(recorded_messages(), "<robot/>"))
+        for frame in range(3):
+            writer.write("/joint_states", START_NS + frame, joints(START_NS + frame))
+
+
+def left_behind(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_any_reader_of_ros_bags_reads_it(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    with AnyReader([tmp_path / "out"]) as bag:
+        states = [bag.deserialize(raw, c.msgtype) for c, _, raw in bag.messages() if c.topic == "/joint_states"]
+    assert [s.header.stamp.nanosec for s in states] == [0, 1, 2]
+    assert states[0].name == ["knee", "hip"]
+    np.testing.assert_array_equal(states[0].position, [0.5, -0.25])
+
+
+def test_mcap_library_reads_it(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    with (tmp_path / "out" / "out.mcap").open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary is not None and summary.statistics is not None
+    assert summary.statistics.message_count == 4
+    assert {c.topic for c in summary.channels.values()} == {"/robot_description", "/joint_states"}
+
+
+def test_latched_topics_say_so_in_the_metadata(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    information = yaml.safe_load((tmp_path / "out" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    quality = {
+        t["topic_metadata"]["name"]: t["topic_metadata"]["offered_qos_profiles"][0]
+        for t in information["topics_with_message_count"]
+    }
+    assert quality["/robot_description"]["durability"] == "transient_local"
+    assert quality["/joint_states"]["durability"] == "volatile"
+    assert quality["/joint_states"]["reliability"] == "reliable"
+
+
+@pytest.mark.parametrize("interruption", [RuntimeError, KeyboardInterrupt])
+def test_an_interrupted_recording_leaves_nothing(tmp_path: Path, interruption: type[BaseException]) -> None:
+    with pytest.raises(interruption), write_recording(tmp_path / "out") as writer:
+        writer.write("/joint_states", START_NS, joints(START_NS))
+        raise interruption
+    assert left_behind(tmp_path) == []
+
+
+def test_an_interrupted_replacement_keeps_the_old_bag(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    before = (tmp_path / "out" / "out.mcap").read_bytes()
+    with pytest.raises(RuntimeError), write_recording(tmp_path / "out", force=True) as writer:
+        writer.write("/joint_states", START_NS, joints(START_NS))
+        raise RuntimeError
+    assert (tmp_path / "out" / "out.mcap").read_bytes() == before
+    assert left_behind(tmp_path) == ["out"]
+
+
+def test_existing_bag_is_replaced_only_when_forced(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    with pytest.raises(RecordingError, match="exists already"):
+        write(tmp_path / "out")
+    write(tmp_path / "out", force=True)
+    assert left_behind(tmp_path) == ["out"]
+
+
+def test_folder_that_is_no_bag_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "thesis.txt").write_text("ten years of work")
+    with pytest.raises(RecordingError, match="not a ros2 bag folder"):
+        write(tmp_path / "precious", force=True)
+    assert (tmp_path / "precious" / "thesis.txt").exists()
+
+
+def test_unwritable_place_is_an_error_that_names_it(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match=r"file.out: cannot be written"):
+        write(tmp_path / "file" / "out")
+    assert left_behind(tmp_path) == ["file"]
+
+
+def test_two_recordings_of_the_same_messages_are_identical(tmp_path: Path) -> None:
+    write(tmp_path / "a" / "out")
+    write(tmp_path / "b" / "out")
+    assert (tmp_path / "a" / "out" / "out.mcap").read_bytes() == (tmp_path / "b" / "out" / "out.mcap").read_bytes()

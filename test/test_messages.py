@@ -1,0 +1,308 @@
+"""Converters, each with messages of both libraries: rosbags, and rclpy where it is installed."""
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bodycam_ros import geometry
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.messages.body import (
+    joint_rotations_message,
+    joint_state_message,
+    odometry_message,
+    skeleton_message,
+    transforms_message,
+)
+from bodycam_ros.messages.factory import Message, MessageFactory
+from bodycam_ros.messages.header import stamp_ns, time_message
+from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.messages.map_points import map_points_message
+from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
+from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message, text_message
+from bodycam_ros.messages.tracks import (
+    camera_pose_message,
+    landmark_matches,
+    landmarks_message,
+    track_frame,
+    tracks_message,
+)
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+STAMP_NS = 1_700_000_000_123_456_789
+
+Send = Callable[[Message], Message]
+"""A message's way over the wire: serialized and deserialized."""
+
+
+def send_recorded(message: Message) -> Message:
+    typestore = recording_typestore()
+    return typestore.deserialize_cdr(typestore.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
+
+
+def send_live(message: Message) -> Message:
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    return deserialize_message(serialize_message(message), type(message))
+
+
+@pytest.fixture(params=["rosbags", "rclpy"])
+def library(request: pytest.FixtureRequest) -> tuple[MessageFactory, Send]:
+    if request.param == "rosbags":
+        return recorded_messages(), send_recorded
+    pytest.importorskip("rclpy", reason="rclpy is not installed")
+    pytest.importorskip("bodycam_msgs", reason="bodycam_msgs is not built")
+    from bodycam_ros.nodes.message_classes import node_messages
+
+    return node_messages(), send_live
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(4)
+
+
+def random_pose(rng: np.random.Generator) -> NDArray[np.float64]:
+    return geometry.exp_se3(rng.normal(size=6))
+
+
+def random_covariance(rng: np.random.Generator) -> NDArray[np.float64]:
+    root = rng.normal(size=(6, 6))
+    return root @ root.T
+
+
+def random_tracks(rng: np.random.Generator, count: int, described: int) -> TrackFrame:
+    return TrackFrame(
+        camera="head",
+        stamp_ns=STAMP_NS,
+        previous_stamp_ns=STAMP_NS - 33_333_333,
+        track_ids=rng.integers(0, 2**32, count, dtype=np.uint32),
+        pixels=rng.uniform(0, 640, (count, 2)).astype(np.float32),
+        described=rng.permutation(count)[:described].astype(np.uint32),
+        descriptors=rng.integers(0, 256, (described, 128), dtype=np.uint8),
+        scales=rng.uniform(1, 20, described).astype(np.float32),
+        keyframe=described > 0,
+        current_R_previous=random_pose(rng)[:3, :3],
+        rotation_inliers=count // 2,
+    )
+
+
+def random_matches(rng: np.random.Generator, count: int, registered: bool) -> LandmarkMatches:
+    return LandmarkMatches(
+        camera="head",
+        stamp_ns=STAMP_NS,
+        previous_stamp_ns=0,
+        track_ids=rng.integers(0, 2**32, count, dtype=np.uint32),
+        landmark_ids=rng.integers(0, 2**32, count, dtype=np.uint32),
+        pixels=rng.uniform(0, 640, (count, 2)).astype(np.float32),
+        points_world=rng.normal(size=(count, 3)).astype(np.float32),
+        world_T_camera=random_pose(rng) if registered else None,
+        pose_covariance=random_covariance(rng),
+        current_R_previous=random_pose(rng)[:3, :3],
+        rotation_inliers=7,
+    )
+
+
+def assert_same(came: Any, sent: Any) -> None:
+    for f in fields(sent):
+        a, b = getattr(came, f.name), getattr(sent, f.name)
+        if isinstance(b, np.ndarray):
+            assert a.dtype == b.dtype and a.shape == b.shape, f.name
+            # Rotations travel as quaternions, covariances in other axes: equal to rounding.
+            np.testing.assert_allclose(a, b, atol=1e-13 if b.dtype == np.float64 else 0, rtol=0, err_msg=f.name)
+        else:
+            assert a == b, f.name
+
+
+@pytest.mark.parametrize(("count", "described"), [(300, 40), (3, 0), (0, 0)])
+def test_tracks_survive_the_wire(
+    library: tuple[MessageFactory, Send], rng: np.random.Generator, count: int, described: int
+) -> None:
+    make, send = library
+    sent = random_tracks(rng, count, described)
+    message = send(tracks_message(make, sent))
+    assert message.header.frame_id == "head_optical_frame"
+    assert_same(track_frame(message, "head"), sent)
+
+
+@pytest.mark.parametrize(("count", "registered"), [(120, True), (5, False), (0, False)])
+def test_landmarks_survive_the_wire(
+    library: tuple[MessageFactory, Send], rng: np.random.Generator, count: int, registered: bool
+) -> None:
+    make, send = library
+    sent = random_matches(rng, count, registered)
+    assert_same(landmark_matches(send(landmarks_message(make, sent)), "head"), sent)
+
+
+def test_arrays_that_are_no_contiguous_rows_are_written_row_by_row(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    tracks = random_tracks(np.random.default_rng(0), 6, 0)
+    column_major = TrackFrame(**(vars(tracks) | {"pixels": np.asfortranarray(tracks.pixels)}))
+    assert_same(track_frame(send(tracks_message(make, column_major)), "head"), tracks)
+
+
+def test_lengths_that_disagree_are_refused(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
+    make, send = library
+    message = send(tracks_message(make, random_tracks(rng, 8, 2)))
+    message.pixels = message.pixels[:-1]
+    with pytest.raises(ValueError):
+        track_frame(message, "head")
+
+
+def test_stamp_to_the_nanosecond(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    assert stamp_ns(send(time_message(make, STAMP_NS))) == STAMP_NS
+
+
+def test_unset_rotation_is_the_identity() -> None:
+    np.testing.assert_array_equal(rotation_from_message(recorded_messages()("geometry_msgs/msg/Quaternion")), np.eye(3))
+    zero = recorded_messages()("geometry_msgs/msg/Quaternion", w=0.0)
+    np.testing.assert_array_equal(rotation_from_message(zero), np.eye(3))
+
+
+def test_covariance_is_that_of_positions_and_fixed_axis_rotations(rng: np.random.Generator) -> None:
+    """Perturb a pose at random in body axes; measure the spread of position and of rotation about the world's axes."""
+    world_T_body, covariance = random_pose(rng), 1e-8 * random_covariance(rng)
+    samples = rng.multivariate_normal(np.zeros(6), covariance, 200_000)
+    moved = world_T_body @ geometry.exp_se3(samples)
+    positions = moved[:, :3, 3] - world_T_body[:3, 3]
+    rotations = geometry.log_so3(moved[:, :3, :3] @ world_T_body[:3, :3].T)
+    measured = np.cov(np.hstack([positions, rotations]).T)
+    np.testing.assert_allclose(ros_covariance(world_T_body, covariance), measured, atol=0.02 * np.abs(measured).max())
+    back = body_covariance(world_T_body, ros_covariance(world_T_body, covariance))
+    np.testing.assert_allclose(back, covariance, rtol=1e-12, atol=1e-20)
+
+
+def test_camera_pose_carries_ros_covariance(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
+    make, send = library
+    matches = random_matches(rng, 4, registered=True)
+    assert matches.world_T_camera is not None
+    message = send(camera_pose_message(make, matches))
+    assert message.header.frame_id == "map"
+    position = message.pose.pose.position
+    np.testing.assert_allclose([position.x, position.y, position.z], matches.world_T_camera[:3, 3])
+    sent = np.reshape(message.pose.covariance, (6, 6))
+    np.testing.assert_allclose(sent, ros_covariance(matches.world_T_camera, matches.pose_covariance))
+    assert camera_pose_message(make, random_matches(rng, 4, registered=False)) is None
+
+
+def test_compressed_image_keeps_its_bytes(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    content = np.arange(256, dtype=np.uint8)
+    message = make(
+        "sensor_msgs/msg/CompressedImage",
+        header=make("std_msgs/msg/Header", stamp=time_message(make, STAMP_NS)),
+        format="jpeg",
+        data=make.sequence(content),
+    )
+    image = compressed_image(send(message), "head")
+    assert (image.camera, image.stamp_ns, image.content) == ("head", STAMP_NS, content.tobytes())
+
+
+def test_raw_image_becomes_grey(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
+    make, send = library
+    grey = rng.integers(0, 256, (12, 20), dtype=np.uint8)
+    for encoding, pixels in (("mono8", grey), ("rgb8", np.repeat(grey[..., None], 3, axis=2))):
+        data = make.sequence(np.ascontiguousarray(pixels).reshape(-1))
+        step = pixels.nbytes // 12
+        image = make("sensor_msgs/msg/Image", height=12, width=20, encoding=encoding, step=step, data=data)
+        np.testing.assert_array_equal(raw_image(send(image), "head").content, grey)
+
+
+def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    message = make(
+        "sensor_msgs/msg/CameraInfo",
+        width=640,
+        height=480,
+        distortion_model="plumb_bob",
+        d=make.sequence(np.array([0.1, -0.2, 0.001, 0.002, 0.03])),
+        k=np.array([500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0]),
+    )
+    model = camera_model(send(message), "head")
+    assert (model.name, model.fx, model.fy, model.cx, model.cy) == ("head", 500.0, 501.0, 320.0, 240.0)
+    np.testing.assert_allclose(model.distortion[:5], [0.1, -0.2, 0.001, 0.002, 0.03])
+
+
+@pytest.fixture
+def body(rng: np.random.Generator) -> BodyState:
+    poses = np.stack([random_pose(rng) for _ in range(3)])
+    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, random_covariance(rng), 5, predicted=False)
+
+
+def test_joint_states(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    message = send(joint_state_message(make, STAMP_NS, ["knee", "hip"], np.array([0.5, 9.0]), np.array([1.0, -2.0])))
+    assert stamp_ns(message.header.stamp) == STAMP_NS
+    assert message.name == ["knee", "hip"]
+    assert (list(message.position), list(message.velocity), list(message.effort)) == ([0.5, 9.0], [1.0, -2.0], [])
+
+
+def test_odometry(library: tuple[MessageFactory, Send], body: BodyState) -> None:
+    make, send = library
+    message = send(odometry_message(make, body, np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
+    assert (message.header.frame_id, message.child_frame_id) == ("map", "pelvis")
+    np.testing.assert_allclose(
+        np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.root_covariance)
+    )
+    assert (message.twist.twist.angular.z, message.twist.twist.linear.x) == (3.0, 4.0)
+
+
+def test_joint_rotations_and_transforms(library: tuple[MessageFactory, Send], body: BodyState) -> None:
+    make, send = library
+    joints = send(joint_rotations_message(make, STAMP_NS, ["waist", "neck"], body.world_T_segment[1:]))
+    assert joints.joint_names == ["waist", "neck"]
+    frames = send(transforms_message(make, STAMP_NS, [("map", "pelvis", body.world_T_segment[0])]))
+    (stamped,) = frames.transforms
+    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "pelvis")
+    for message, pose in (
+        (joints.transforms[1], body.world_T_segment[2]),
+        (stamped.transform, body.world_T_segment[0]),
+    ):
+        np.testing.assert_allclose(rotation_from_message(message.rotation), pose[:3, :3], atol=1e-14)
+        translation = message.translation
+        np.testing.assert_allclose([translation.x, translation.y, translation.z], pose[:3, 3])
+
+
+def test_skeleton_draws_each_bone_and_joint(library: tuple[MessageFactory, Send], body: BodyState) -> None:
+    make, send = library
+    bones, balls = send(skeleton_message(make, body, [(0, 1), (1, 2)])).markers
+    assert (len(bones.points), len(balls.points)) == (4, 3)
+    assert (bones.id, balls.id) == (0, 1)
+    np.testing.assert_allclose([bones.points[3].x, bones.points[3].z], body.world_T_segment[2, [0, 2], 3])
+    assert (balls.pose.orientation.w, balls.color.a) == (1.0, 1.0)
+
+
+def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    points = np.array([[1.0, 2.0, 3.0], [-4.0, 5.5, 6.25]])
+    colours = np.array([[255, 128, 0], [1, 2, 3]], np.uint8)
+    message = send(map_points_message(make, STAMP_NS, points, colours))
+    assert [f.name for f in message.fields] == ["x", "y", "z", "rgb"]
+    packed = np.frombuffer(bytes(message.data), np.dtype([("xyz", "<f4", 3), ("bgr", "u1", 3), ("unused", "u1")]))
+    np.testing.assert_array_equal(packed["xyz"], points)
+    np.testing.assert_array_equal(packed["bgr"][:, ::-1], colours)
+    assert (message.width, message.height, message.row_step) == (2, 1, 32)
+
+
+def test_diagnostics_and_text(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    parts = [
+        Health("tracker: head", HealthLevel.WARN, "few tracks", {"tracks": 7}),
+        Health("solver", HealthLevel.OK, ""),
+    ]
+    warned, well = send(diagnostics_message(make, STAMP_NS, parts)).status
+    assert [int.from_bytes(s.level) if isinstance(s.level, bytes) else s.level for s in (warned, well)] == [1, 0]
+    assert (warned.name, warned.message) == ("tracker: head", "few tracks")
+    assert (warned.values[0].key, warned.values[0].value) == ("tracks", "7")
+    assert send(text_message(make, "<robot/>")).data == "<robot/>"
+
+
+def test_unknown_fields_are_refused(library: tuple[MessageFactory, Send]) -> None:
+    with pytest.raises((TypeError, AssertionError)):
+        library[0]("std_msgs/msg/String", text="data is its name")
