@@ -70,7 +70,7 @@ def read_body(path: Path) -> BodyModel:
         document = yaml.safe_load(text)
     except (OSError, UnicodeDecodeError) as error:
         raise BodyError(f"{path}: cannot read this body file: {error}") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         raise BodyError(f"{path}: this body file is not YAML: {' '.join(str(error).split())}") from error
     try:
         return _body(document)

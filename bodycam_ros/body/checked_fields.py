@@ -45,7 +45,7 @@ def numbers_of(value: Any, count: int, where: str) -> Array:
     try:
         # PyYAML reads 1e-4 as text.
         numbers = np.array([float(v) for v in value if not isinstance(v, bool)])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.empty(0)
     if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
         raise BodyError(f"{where} must be a list of {count} finite numbers, not {value!r}")

@@ -1,0 +1,124 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+
+STOOL = """
+name: stool
+root: foot
+segments: [foot, seat]
+joints:
+  post: {parent: foot, child: seat, type: hinge, origin_in_parent: [0, 0, 5e-1], axis: [0, 0, 2], limits: [-1.5, 1.5]}
+cameras:
+  under: {segment: seat, position: [0.1, 0, 0], quaternion_xyzw: [0, 0, 0, 1.0005]}
+"""
+
+
+def read(tmp_path: Path, text: str) -> BodyModel:
+    path = tmp_path / "stool.yaml"
+    path.write_text(text)
+    return BodyModel.from_yaml(path)
+
+
+def test_what_a_person_writes_is_understood(tmp_path: Path) -> None:
+    body = read(tmp_path, STOOL)
+    post = body.joints[0]
+    np.testing.assert_allclose(post.parent_T_joint[:3, 3], [0.0, 0.0, 0.5])
+    np.testing.assert_allclose(post.axis, [0.0, 0.0, 1.0])
+    assert post.limits == ((-1.5, 1.5),)
+    # A quaternion that is a little long is normalised.
+    np.testing.assert_allclose(body.mounts["under"].segment_T_camera[:3, :3], np.eye(3), atol=1e-12)
+
+
+def test_written_and_read_again_is_the_same_body(body: BodyModel, tmp_path: Path) -> None:
+    path = tmp_path / "rider.yaml"
+    body.to_yaml(path)
+    again = BodyModel.from_yaml(path)
+    assert (again.name, again.root, again.segments, again.report) == (body.name, body.root, body.segments, body.report)
+    for joint, same in zip(body.joints, again.joints, strict=True):
+        for plain in ("name", "parent", "child", "type", "sigmas", "limits"):
+            assert getattr(same, plain) == getattr(joint, plain)
+        np.testing.assert_allclose(same.parent_T_joint, joint.parent_T_joint, atol=3e-9)
+        np.testing.assert_allclose(same.child_T_joint, joint.child_T_joint, atol=3e-9)
+        if joint.type == "ball":
+            assert same.angle_axes == joint.angle_axes
+        if joint.type == "hinge":
+            np.testing.assert_allclose(same.axis, joint.axis, atol=3e-9)
+    assert list(again.mounts) == list(body.mounts)
+    for camera, mount in body.mounts.items():
+        assert again.mounts[camera].segment == mount.segment
+        np.testing.assert_allclose(again.mounts[camera].segment_T_camera, mount.segment_T_camera, atol=3e-9)
+    again.to_yaml(tmp_path / "again.yaml")
+    assert (tmp_path / "again.yaml").read_text() == path.read_text()
+    assert {file.name for file in tmp_path.iterdir()} == {"rider.yaml", "again.yaml"}
+
+
+def test_own_sigmas_and_limits_of_a_ball_survive(tmp_path: Path) -> None:
+    ball = STOOL.replace("type: hinge", "type: ball").replace("axis: [0, 0, 2], limits: [-1.5, 1.5]", "{}")
+    ball = ball.replace("{}", "sigmas: [1, 1, 1e-2, 1, 1, 1], limits: [[-1, 1], [-2, 2], [-3, 3]]")
+    read(tmp_path, ball).to_yaml(tmp_path / "again.yaml")
+    joint = BodyModel.from_yaml(tmp_path / "again.yaml").joints[0]
+    assert joint.sigmas == (1.0, 1.0, 0.01, 1.0, 1.0, 1.0)
+    assert joint.limits == ((-1.0, 1.0), (-2.0, 2.0), (-3.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("name: stool", "name: 7", "name must be a name, not 7"),
+        ("root: foot", "", "lacks root"),
+        ("root: foot", "root: foot\nrot: foot", "unknown rot"),
+        ("segments: [foot, seat]", "segments: foot", "segments must be a list"),
+        ("parent: foot", "parent: fot", "joint post: parent fot is not among the segments"),
+        ("type: hinge", "type: spring", "joint post: type must be ball, hinge or weld"),
+        ("type: hinge", "type: [hinge]", "joint post: type must be ball, hinge or weld"),
+        ("axis: [0, 0, 2], ", "", "joint post: a hinge needs its axis"),
+        ("origin_in_parent", "orgin_in_parent", "joint post: lacks origin_in_parent"),
+        ("[0, 0, 5e-1]", "[0, 0, .nan]", "joint post: origin_in_parent must be a list of 3 finite numbers"),
+        ("[0, 0, 5e-1]", "[0, 0]", "joint post: origin_in_parent must be a list of 3 finite numbers"),
+        ("[0, 0, 5e-1]", f"[0, 0, {10**400}]", "joint post: origin_in_parent must be a list of 3 finite numbers"),
+        ("[0, 0, 5e-1]", "012", "joint post: origin_in_parent must be a list of 3 finite numbers"),
+        ("[0, 0, 0, 1.0005]", "[0, 0, 0, 1.1]", "camera under: quaternion_xyzw must be a unit quaternion.*1.1"),
+        ("limits: [-1.5, 1.5]", "limits: [1.5, -1.5]", "joint post: each of the limits"),
+        ("segment: seat", "segment: sea", "camera under: segment sea is not among the segments"),
+        ("cameras:\n", "cameras: []\nreport:\n", "cameras must be a table"),
+        ("  under:", "  under: {}\n  under:", "'under' is listed twice"),
+        ("  under:", "  5: {}\n  under:", "cameras must be a name, not 5"),
+        ("name: stool", "name: [stool", "not YAML"),
+    ],
+)
+def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    assert old in STOOL
+    with pytest.raises(BodyError, match=rf"stool\.yaml.*{complaint}"):
+        read(tmp_path, STOOL.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("text", ["", "just text", "[1, 2]", "a: &x [*x]", "&x {a: *x}"])
+def test_another_document_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(BodyError, match=r"stool\.yaml"):
+        read(tmp_path, text)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "stool.yaml"
+    path.write_bytes(b"\xff\xfe\x00name")
+    with pytest.raises(BodyError, match=r"stool\.yaml"):
+        BodyModel.from_yaml(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match=r"nobody\.yaml: cannot read"):
+        BodyModel.from_yaml(tmp_path / "nobody.yaml")
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(body: BodyModel, tmp_path: Path) -> None:
+    occupied = tmp_path / "body.yaml"
+    (occupied / "inside").mkdir(parents=True)
+    with pytest.raises(BodyError, match=r"body\.yaml: cannot write"):
+        body.to_yaml(occupied)
+    assert [file.name for file in tmp_path.iterdir()] == ["body.yaml"]
+    with pytest.raises(BodyError, match="cannot write"):
+        body.to_yaml(tmp_path / "no_such_folder" / "body.yaml")

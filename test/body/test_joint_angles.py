@@ -1,0 +1,56 @@
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint_angles import JointAngles, JointAngleTracker, joint_velocities
+from bodycam_ros.geometry import exp_se3
+
+
+def test_names_follow_the_tree_and_the_order_of_axes(body: BodyModel) -> None:
+    names = ("hip_y", "hip_z", "hip_x", "knee", "ankle_y", "ankle_x", "ankle_z", "axle")
+    assert JointAngles(body).names == JointAngleTracker(body).names == names
+
+
+def test_a_long_motion_with_whole_turns_is_followed(body: BodyModel, random: np.random.Generator) -> None:
+    """A cranked axle and a swung arm pass pi again and again; the angles must neither jump nor lose a turn."""
+    time = np.linspace(0.0, 6.0, 181)
+    joint_angles = JointAngles(body)
+    speed = np.where(np.isin(joint_angles.names, ("axle", "hip_y", "knee")), 5.0, 0.0)
+    swing = np.where(speed > 0, 0.3, 1.2) * np.sin(np.outer(time, random.uniform(0.5, 2.0, len(speed))))
+    truth = np.outer(time, speed) + swing
+    world_T_root = exp_se3(np.outer(time, random.normal(size=6)))
+    world_T_segment = body.forward_kinematics(world_T_root, joint_angles.rotations(truth))
+    tracker = JointAngleTracker(body)
+    found = np.array([tracker.angles(poses) for poses in world_T_segment])
+    np.testing.assert_allclose(found, truth, atol=1e-9)
+    tracker.reset()
+    again = tracker.angles(world_T_segment[-1])
+    np.testing.assert_allclose(
+        (again - truth[-1]) / (2 * np.pi), np.round((again - truth[-1]) / (2 * np.pi)), atol=1e-9
+    )
+    assert np.abs(again).max() <= np.pi + 1e-9
+
+
+def test_what_it_returns_is_not_its_memory(body: BodyModel) -> None:
+    tracker = JointAngleTracker(body)
+    still = body.forward_kinematics(np.eye(4), JointAngles(body).rotations(np.full(len(tracker.names), 0.3)))
+    tracker.angles(still)[:] = 100.0
+    np.testing.assert_allclose(tracker.angles(still), 0.3, atol=1e-12)
+
+
+def test_a_body_of_welds_has_no_angles() -> None:
+    stool = BodyModel("stool", "foot", ("foot", "seat"), (Joint("post", "foot", "seat", "weld", np.eye(4)),), {})
+    assert JointAngleTracker(stool).angles(np.tile(np.eye(4), (2, 1, 1))).shape == (0,)
+    assert JointAngles(stool).rotations(np.empty(0)).shape == (1, 3, 3)
+
+
+def test_velocities_of_known_motions() -> None:
+    start = 1_700_000_000_000_000_000
+    stamps = start + np.cumsum([0, 33_333_333, 33_333_334, 50_000_000, 16_666_667]).astype(np.int64)
+    seconds = (stamps - start) * 1e-9
+    angles = np.stack([3.0 * seconds, 2.0 * seconds**2], axis=-1)
+    velocities = joint_velocities(stamps, angles)
+    np.testing.assert_allclose(velocities[:, 0], 3.0, rtol=1e-9)
+    np.testing.assert_allclose(velocities[1:-1, 1], 4.0 * seconds[1:-1], rtol=1e-9)
+    np.testing.assert_allclose(joint_velocities(stamps[:2], angles[:2])[:, 0], 3.0)
+    np.testing.assert_array_equal(joint_velocities(stamps[:1], angles[:1]), 0.0)

@@ -1,0 +1,119 @@
+import io
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+import yourdfpy
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.body.urdf import optical_frame, urdf_text
+from bodycam_ros.errors import BodyError
+
+
+def frames_in_root(body: BodyModel, angles: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Link -> pose in the root, by our own forward kinematics."""
+    poses = body.forward_kinematics(np.eye(4), JointAngles(body).rotations(angles))
+    links = dict(zip(body.segments, poses, strict=True))
+    for camera, mount in body.mounts.items():
+        links[optical_frame(camera)] = links[mount.segment] @ mount.segment_T_camera
+    return links
+
+
+def random_angles(body: BodyModel) -> NDArray[np.float64]:
+    """Beyond pi too, as continuous angles may be."""
+    return np.random.default_rng(8).uniform(-6.0, 6.0, size=(20, len(JointAngles(body).names)))
+
+
+def test_yourdfpy_agrees_with_our_forward_kinematics(body: BodyModel) -> None:
+    model = yourdfpy.URDF.load(io.BytesIO(urdf_text(body).encode()), load_meshes=False, build_scene_graph=True)
+    assert model.validate()
+    assert model.base_link == "pelvis"
+    assert tuple(model.actuated_joint_names) == JointAngles(body).names
+    for angles in random_angles(body):
+        model.update_cfg(dict(zip(JointAngles(body).names, angles, strict=True)))
+        for link, pose in frames_in_root(body, angles).items():
+            np.testing.assert_allclose(model.get_transform(link), pose, atol=1e-9)
+
+
+def test_pinocchio_agrees_with_our_forward_kinematics(body: BodyModel) -> None:
+    model = pinocchio.buildModelFromXML(urdf_text(body))
+    data = model.createData()
+    for angles in random_angles(body):
+        q = pinocchio.neutral(model)
+        for name, angle in zip(JointAngles(body).names, angles, strict=True):
+            joint = model.joints[model.getJointId(name)]
+            # Pinocchio keeps a joint without limits as cosine and sine.
+            q[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        pinocchio.framesForwardKinematics(model, data, q)
+        for link, pose in frames_in_root(body, angles).items():
+            np.testing.assert_allclose(data.oMf[model.getFrameId(link)].homogeneous, pose, atol=1e-9)
+
+
+def test_the_zero_pose_is_the_n_pose_and_origins_are_joints(body: BodyModel) -> None:
+    model = yourdfpy.URDF.load(io.BytesIO(urdf_text(body).encode()), load_meshes=False, build_scene_graph=True)
+    np.testing.assert_allclose(model.get_transform("thigh"), body.tree_joints[0].parent_T_joint, atol=1e-9)
+
+
+def test_known_limits_are_written_and_unknown_ones_let_an_arm_and_a_crank_turn(body: BodyModel) -> None:
+    hip = replace(body.tree_joints[0], limits=((-0.5, 2.0), (-0.7, 0.8), (-0.4, 0.9)))
+    document = ET.fromstring(urdf_text(replace(body, joints=(hip, *(j for j in body.joints if j.name != "hip")))))
+    joints = {element.attrib["name"]: element for element in document.iter("joint")}
+    limit = joints["hip_z"].find("limit")
+    assert limit is not None and (float(limit.attrib["lower"]), float(limit.attrib["upper"])) == (-0.7, 0.8)
+    limit = joints["ankle_y"].find("limit")
+    assert limit is not None and float(limit.attrib["upper"]) > np.pi
+    assert joints["axle"].attrib["type"] == "continuous"
+    assert joints["strap"].attrib["type"] == "fixed"
+    assert "pedal" not in joints
+
+
+def test_a_cylinder_reaches_from_the_joint_to_the_next(body: BodyModel) -> None:
+    model = yourdfpy.URDF.load(io.BytesIO(urdf_text(body).encode()), load_meshes=False)
+    (bone,) = [visual for visual in model.link_map["thigh"].visuals if visual.geometry.cylinder]
+    half = np.array([0.0, 0.0, bone.geometry.cylinder.length / 2.0, 1.0])
+    knee = next(joint for joint in body.joints if joint.name == "knee")
+    np.testing.assert_allclose((bone.origin @ half)[:3], knee.parent_T_joint[:3, 3], atol=1e-9)
+    np.testing.assert_allclose((bone.origin @ (half * [1, 1, -1, 1]))[:3], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-9])
+def test_a_camera_at_the_singularity_of_roll_pitch_yaw_keeps_its_place(pitch: float) -> None:
+    segment_T_camera = np.eye(4)
+    segment_T_camera[:3, :3] = Rotation.from_euler("xyz", [0.3, pitch, 0.8]).as_matrix()
+    body = BodyModel("b", "root", ("root",), (), {"cam": CameraMount("root", segment_T_camera)})
+    model = yourdfpy.URDF.load(io.BytesIO(urdf_text(body).encode()), load_meshes=False, build_scene_graph=True)
+    np.testing.assert_allclose(model.get_transform("cam_optical_frame"), segment_T_camera, atol=1e-9)
+
+
+def test_the_text_does_not_depend_on_hashing_or_locale(body: BodyModel, tmp_path: Path) -> None:
+    path = tmp_path / "body.yaml"
+    body.to_yaml(path)
+    script = (
+        "import sys; from bodycam_ros.body.body_model import BodyModel; from bodycam_ros.body.urdf import urdf_text; "
+        "sys.stdout.write(urdf_text(BodyModel.from_yaml(sys.argv[1])))"
+    )
+    texts = {
+        subprocess.run(
+            [sys.executable, "-c", script, str(path)],
+            env={"PYTHONHASHSEED": seed, "LC_ALL": locale, "PYTHONPATH": ":".join(filter(None, sys.path))},
+            check=True,
+            capture_output=True,
+        ).stdout
+        for seed, locale in (("1", "C"), ("2", "C.UTF-8"), ("3", "C"))
+    }
+    assert len(texts) == 1
+
+
+def test_names_that_clash_are_refused() -> None:
+    joints = (Joint("arm", "root", "a", "ball", np.eye(4)), Joint("arm_y", "root", "b", "hinge", np.eye(4)))
+    with pytest.raises(BodyError, match="arm_y"):
+        urdf_text(BodyModel("b", "root", ("root", "a", "b"), joints, {}))
