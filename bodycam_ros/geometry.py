@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-4  # [rad] below it, two terms of a series are exact to rounding
+_TINY = 1e-150  # added to a length: makes 0/0 the exact limit and vanishes elsewhere
 _DEGENERATE = 1e-9  # spread of points across their longest axis, relative to that axis, that counts as none
 _MEDIAN_ITERATIONS = 100
 _MEDIAN_STEP = 1e-9  # [rad] and [m] a median that moves less has converged
@@ -46,36 +47,41 @@ def hat(v: Array) -> Array:
 
 
 def exp_so3(w: Array) -> Array:
-    """Rotation (..., 3, 3) of a rotation vector (..., 3) [rad]."""
-    return _reshaped(Rotation.from_rotvec(w.reshape(-1, 3)).as_matrix(), (*w.shape, 3))
+    """Rotation (..., 3, 3) of a rotation vector (..., 3) [rad]: Rodrigues' formula."""
+    angle = _length(w)
+    W = hat(w)
+    R: Array = np.eye(3) + np.sin(angle) / angle * W + _versine_ratio(angle) * (W @ W)
+    return R
 
 
 def log_so3(R: Array) -> Array:
     """Rotation vector (..., 3) [rad], at most pi long, of a rotation (..., 3, 3)."""
-    return _reshaped(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec(), R.shape[:-1])
+    q = quaternion_xyzw(R)
+    sine = np.sqrt((q[..., :3] ** 2).sum(axis=-1, keepdims=True)) + _TINY
+    w: Array = q[..., :3] * (2.0 * np.arctan2(sine, q[..., 3:]) / sine)
+    return w
 
 
 def exp_se3(xi: Array) -> Array:
     """Transform (..., 4, 4) of a tangent vector (..., 6); gtsam's ``Pose3.Expmap``."""
-    w = xi[..., :3]
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
-    small = angle < _SMALL_ANGLE
-    safe = np.where(small, 1.0, angle)
-    W = hat(w)
-    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    V = np.eye(3) + first * W + second * (W @ W)
-    return rigid(exp_so3(w), (V @ xi[..., 3:, None])[..., 0])
+    angle = _length(xi[..., :3])
+    W = hat(xi[..., :3])
+    W2 = W @ W
+    first, sine_ratio = _versine_ratio(angle), np.sin(angle) / angle
+    safe = np.maximum(angle, _SMALL_ANGLE)
+    second = np.where(angle < _SMALL_ANGLE, 1.0 / 6.0 - angle**2 / 120.0, (1.0 - sine_ratio) / safe**2)
+    V = np.eye(3) + first * W + second * W2
+    return rigid(np.eye(3) + sine_ratio * W + first * W2, (V @ xi[..., 3:, None])[..., 0])
 
 
 def log_se3(T: Array) -> Array:
     """Tangent vector (..., 6) of a transform (..., 4, 4); gtsam's ``Pose3.Logmap``."""
     w = log_so3(T[..., :3, :3])
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
-    small = angle < _SMALL_ANGLE
-    half = np.where(small, 1.0, angle) / 2.0
+    angle = _length(w)
+    half = np.maximum(angle, _SMALL_ANGLE) / 2.0
     W = hat(w)
-    second = np.where(small, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - half / np.tan(half)) / (4.0 * half**2))
+    exact = (1.0 - half / np.tan(half)) / (4.0 * half**2)
+    second = np.where(angle < _SMALL_ANGLE, 1.0 / 12.0 + angle**2 / 720.0, exact)
     V_inverse = np.eye(3) - 0.5 * W + second * (W @ W)
     return np.concatenate([w, (V_inverse @ T[..., :3, 3:])[..., 0]], axis=-1)
 
@@ -100,7 +106,24 @@ def nearest_rotation(M: NDArray[np.floating]) -> Array:
 
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
-    return _reshaped(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(canonical=True), (*R.shape[:-2], 4))
+    M = R.reshape(-1, 9).T
+    xx, yy, zz = M[0], M[4], M[8]
+    # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
+    Q = np.empty((M.shape[1], 4, 4))
+    Q[:, 0, 0] = 1.0 + xx - yy - zz
+    Q[:, 1, 1] = 1.0 - xx + yy - zz
+    Q[:, 2, 2] = 1.0 - xx - yy + zz
+    Q[:, 3, 3] = 1.0 + xx + yy + zz
+    Q[:, 0, 1] = Q[:, 1, 0] = M[1] + M[3]
+    Q[:, 0, 2] = Q[:, 2, 0] = M[2] + M[6]
+    Q[:, 1, 2] = Q[:, 2, 1] = M[5] + M[7]
+    Q[:, 0, 3] = Q[:, 3, 0] = M[7] - M[5]
+    Q[:, 1, 3] = Q[:, 3, 1] = M[2] - M[6]
+    Q[:, 2, 3] = Q[:, 3, 2] = M[3] - M[1]
+    largest = Q.reshape(-1, 16)[:, ::5].argmax(axis=1)
+    q = Q[np.arange(len(Q)), largest]
+    q *= (np.where(q[:, 3] < 0.0, -1.0, 1.0) / np.sqrt((q * q).sum(axis=1)))[:, None]
+    return np.asarray(q.reshape(*R.shape[:-2], 4), dtype=np.float64)
 
 
 def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:
@@ -109,7 +132,8 @@ def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:
     Raises:
         ValueError: a quaternion of length zero.
     """
-    return _reshaped(Rotation.from_quat(q.reshape(-1, 4)).as_matrix(), (*q.shape[:-1], 3, 3))
+    R = Rotation.from_quat(q.reshape(-1, 4)).as_matrix()
+    return np.asarray(R.reshape(*q.shape[:-1], 3, 3), dtype=np.float64)
 
 
 def umeyama(source: NDArray[np.floating], target: NDArray[np.floating], with_scale: bool) -> tuple[float, Array, Array]:
@@ -168,5 +192,13 @@ def _median_step(offsets: Array) -> Array:
     return step
 
 
-def _reshaped(values: NDArray[np.floating], shape: tuple[int, ...]) -> Array:
-    return np.asarray(values, dtype=np.float64).reshape(shape)
+def _length(w: Array) -> Array:
+    """Length (..., 1, 1) of vectors (..., 3), to be multiplied with their matrices, and never quite zero."""
+    length: Array = np.sqrt((w * w).sum(axis=-1))[..., None, None] + _TINY
+    return length
+
+
+def _versine_ratio(angle: Array) -> Array:
+    """(1 - cos) / angle^2, written without its cancellation at small angles."""
+    ratio: Array = 0.5 * (np.sin(angle / 2.0) / (angle / 2.0)) ** 2
+    return ratio

@@ -41,6 +41,16 @@ def test_half_turn_has_a_logarithm() -> None:
     np.testing.assert_allclose(geometry.exp_se3(xi), T, atol=1e-12)
 
 
+def test_rotation_vectors_are_scipys_at_all_angles() -> None:
+    axes = np.random.default_rng(8).normal(size=(400, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    near_half_turn = np.pi - np.geomspace(1e-7, 1.0, 200)
+    w = axes * np.concatenate([np.geomspace(1e-12, 2.0, 200), near_half_turn])[:, None]
+    R = geometry.exp_so3(w)
+    np.testing.assert_allclose(R, Rotation.from_rotvec(w).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(geometry.log_so3(R), w, atol=1e-12, rtol=1e-9)
+
+
 def test_adjoint_is_gtsams(poses: np.ndarray) -> None:
     expected = [gtsam.Pose3(T).AdjointMap() for T in poses]
     np.testing.assert_allclose(geometry.adjoint(poses), expected, atol=1e-12)

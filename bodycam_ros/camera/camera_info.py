@@ -1,7 +1,7 @@
 """Cameras from sensor_msgs/CameraInfo and from the YAML file that ROS calibration tools write for it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,8 @@ def camera_from_info(
     width: int,
     height: int,
     distortion_model: str,
-    d: Sequence[float],
-    k: Sequence[float],
+    d: Iterable[float],
+    k: Iterable[float],
 ) -> CameraModel:
     """Camera of the fields of a sensor_msgs/CameraInfo.
 
@@ -110,7 +110,7 @@ def _distortion(name: str, model: type[CameraModel], d: tuple[float, ...]) -> tu
     return (*d[:count], *[0.0] * (count - len(d)))
 
 
-def _numbers(name: str, field: str, values: Sequence[float]) -> tuple[float, ...]:
+def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...]:
     try:
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError) as error:
