@@ -10,6 +10,9 @@ DESCRIPTOR_LENGTH = 128
 ROOT_SIFT_SCALE = 512.0
 """A unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte."""
 
+_DOUBLING_OFFSET_PX = 0.25
+"""OpenCV's SIFT doubles the image but halves the positions without the resampling's half pixel: too far by this."""
+
 
 @dataclass(frozen=True)
 class Keypoints:
@@ -37,7 +40,7 @@ class KeypointDetector:
         """Find the keypoints of an (H, W) grey image where the (H, W) mask is not zero."""
         raw = self._sift.detect(image, mask)
         return Keypoints(
-            np.array([k.pt for k in raw], np.float32).reshape(-1, 2),
+            np.array([k.pt for k in raw], np.float32).reshape(-1, 2) - np.float32(_DOUBLING_OFFSET_PX),
             np.array([0.5 * k.size for k in raw], np.float32),
             np.array([k.response for k in raw], np.float32),
             tuple(raw),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.geometry import hat
 from bodycam_ros.settings import setting
 
 
@@ -74,18 +75,18 @@ def _rotations_of_pairs(
     previous: NDArray[np.float64], current: NDArray[np.float64], count: int, seed: int
 ) -> NDArray[np.float64]:
     """Rotations (count, 3, 3) that carry sampled pairs of bearings over, by their common triads (Black 1964)."""
-    samples = np.random.default_rng(seed).integers(0, len(previous), (count, 2))
+    first, second = np.random.default_rng(seed).integers(0, len(previous), (2, count))
+    return _triads(current[first], current[second]) @ _triads(previous[first], previous[second]).transpose(0, 2, 1)
 
-    def triad(bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        a, b = bearings[samples[:, 0]], bearings[samples[:, 1]]
-        first = a + b
-        second = np.cross(a, b)
-        norms = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-        usable = norms > 1e-6
-        first = np.where(usable[:, None], first, [1.0, 0.0, 0.0])
-        second = np.where(usable[:, None], second, [0.0, 1.0, 0.0])
-        first = first / np.linalg.norm(first, axis=1, keepdims=True)
-        second = second / np.linalg.norm(second, axis=1, keepdims=True)
-        return np.stack([first, second, np.cross(first, second)], axis=2)
 
-    return triad(current) @ triad(previous).transpose(0, 2, 1)
+def _triads(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Right-handed frames (N, 3, 3) in columns: between two bearings (N, 3), across them, and the third."""
+    middle = a + b
+    across = hat(a) @ b[:, :, None]
+    middle, across = middle / _norms(middle), across[:, :, 0] / _norms(across[:, :, 0])
+    return np.stack([middle, across, (hat(middle) @ across[:, :, None])[:, :, 0]], axis=2)
+
+
+def _norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths (N, 1); a pair that spans no plane, such as a bearing sampled twice, yields no rotation but no NaN either."""
+    return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)

@@ -1,0 +1,182 @@
+"""The stages wired together once, for the offline replay and for the live nodes alike.
+
+    image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
+
+``CameraPipeline`` is what happens to one camera's images, ``SkeletonPipeline`` what happens to all cameras'
+registrations. The live graph runs the two halves of ``CameraPipeline`` in different nodes.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import SettingsError
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.mapping.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.mapping.matching import MatchingSettings
+from bodycam_ros.mapping.pose_fit import PoseFitSettings
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.mapping.registrar import Registrar, RegistrarSettings
+from bodycam_ros.settings import settings_from_mapping
+from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
+from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
+from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
+from bodycam_ros.tracking.rotation import RotationSettings
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+
+@dataclass(frozen=True)
+class PipelineSettings:
+    """Settings of all stages; a field's name is its group in YAML, ROS parameters and flags (``tracker.max_tracks``)."""
+
+    tracker: TrackerSettings = field(default_factory=TrackerSettings)
+    flow: OpticalFlowSettings = field(default_factory=OpticalFlowSettings)
+    rotation: RotationSettings = field(default_factory=RotationSettings)
+    registrar: RegistrarSettings = field(default_factory=RegistrarSettings)
+    matching: MatchingSettings = field(default_factory=MatchingSettings)
+    absolute_pose: AbsolutePoseSettings = field(default_factory=AbsolutePoseSettings)
+    pose_fit: PoseFitSettings = field(default_factory=PoseFitSettings)
+    assembler: AssemblerSettings = field(default_factory=AssemblerSettings)
+    smoother: SmootherSettings = field(default_factory=SmootherSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+
+    @classmethod
+    def groups(cls) -> dict[str, type]:
+        """Group -> its settings dataclass."""
+        defaults = cls()
+        return {f.name: type(getattr(defaults, f.name)) for f in fields(cls)}
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]], source: str) -> "PipelineSettings":
+        """Settings of group -> setting -> value; what is absent keeps its default.
+
+        Raises:
+            SettingsError: an unknown group or setting, a wrong type, or a value out of range.
+        """
+        groups = cls.groups()
+        for group in values:
+            if group not in groups:
+                raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
+        return cls(**{group: settings_from_mapping(groups[group], given, f"{source}: {group}") for group, given in values.items()})
+
+
+def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
+    """The tracker of one camera."""
+    return FeatureTracker(camera, settings.tracker, settings.flow, settings.rotation)
+
+
+def registrar(camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> Registrar:
+    """The registrar of one camera."""
+    return Registrar(camera, reference_map, settings.registrar, settings.matching, settings.absolute_pose, settings.pose_fit)
+
+
+class CameraPipeline:
+    """One camera from images to registrations."""
+
+    def __init__(self, camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> None:
+        self._tracker = feature_tracker(camera, settings)
+        self._registrar = registrar(camera, reference_map, settings)
+
+    def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
+        """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
+        tracks = self._tracker.track(image, stamp_ns)
+        return tracks, self._registrar.register(tracks)
+
+
+@dataclass(frozen=True)
+class BodyOutput:
+    """What is published about one instant.
+
+    Attributes:
+        state: poses of all segments.
+        frame: the registrations that it was solved from.
+        joint_names: A names, in constant order.
+        positions: (A,) continuous joint angles [rad].
+        velocities: (A,) [rad/s].
+        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
+    """
+
+    state: BodyState
+    frame: BodyFrame
+    joint_names: tuple[str, ...]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    root_velocity: NDArray[np.float64]
+
+
+class SkeletonPipeline:
+    """All cameras from registrations to the articulated body.
+
+    Args:
+        body: segments, joints and mounts.
+        cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
+        settings: of all stages.
+
+    Raises:
+        BodyError: the body carries none of the cameras.
+    """
+
+    def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: PipelineSettings) -> None:
+        self.body = body
+        self.assembler = FrameAssembler([name for name in cameras if name in body.mounts], settings.assembler)
+        self._smoother = BodySmoother(
+            body, cameras, settings.smoother, settings.motion, settings.evidence, settings.pose_fit
+        )
+        self._angle_tracker = JointAngleTracker(body)
+        self._root = body.segment_index[body.root]
+        self._frames: dict[int, BodyFrame] = {}
+        self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
+
+    def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
+        """Add what one camera says; return what is ready to be published, in order of time."""
+        return self._solve(self.assembler.add(matches))
+
+    def flush(self) -> list[BodyOutput]:
+        """What is left when the recording is over."""
+        outputs = self._solve(self.assembler.flush())
+        return outputs + self._outputs(self._smoother.flush())
+
+    def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
+        outputs = []
+        for frame in frames:
+            self._frames[frame.stamp_ns] = frame
+            outputs += self._outputs(self._smoother.update(frame))
+        return outputs
+
+    def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:
+        outputs = []
+        for state in states:
+            positions = self._angle_tracker.angles(state.world_T_segment)
+            velocities, root_velocity = self._velocities(state, positions)
+            # Frames before the first registered camera have no state; they go with the first that has.
+            for stamp_ns in [stamp for stamp in self._frames if stamp < state.stamp_ns]:
+                del self._frames[stamp_ns]
+            frame = self._frames.pop(state.stamp_ns)
+            outputs.append(BodyOutput(state, frame, self._angle_tracker.names, positions, velocities, root_velocity))
+            self._previous = (state, positions)
+        return outputs
+
+    def _velocities(
+        self, state: BodyState, positions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities of joints (A,) and root (6,) since the state before; zero for the first."""
+        if self._previous is None:
+            return np.zeros(len(positions)), np.zeros(6)
+        before, positions_before = self._previous
+        stamps_ns = np.array([before.stamp_ns, state.stamp_ns])
+        velocities = joint_velocities(stamps_ns, np.stack([positions_before, positions]))[-1]
+        step = log_se3(inverse(before.world_T_segment[self._root]) @ state.world_T_segment[self._root])
+        return velocities, step / (1e-9 * (state.stamp_ns - before.stamp_ns))

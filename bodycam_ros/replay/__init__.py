@@ -1,0 +1,1 @@
+"""The offline replay: the pipeline over a recorded bag, on all cores, deterministic."""

@@ -1,0 +1,105 @@
+"""A process that tracks and registers some of the cameras, in order of time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing.queues import Queue
+from pathlib import Path
+
+import cv2
+
+from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
+from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.camera_image import decode_grey
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+
+
+@dataclass(frozen=True)
+class SerializedMessage:
+    """A message ready to be written: topic, type and CDR bytes."""
+
+    topic: str
+    message_type: str
+    cdr: bytes
+
+
+@dataclass(frozen=True)
+class RegisteredImage:
+    """What became of one image."""
+
+    camera: str
+    stamp_ns: int
+    matches: LandmarkMatches
+    messages: tuple[SerializedMessage, ...]
+
+
+@dataclass(frozen=True)
+class SkippedImage:
+    """An image that could not be used, and why."""
+
+    camera: str
+    stamp_ns: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class WorkerFailure:
+    """A user's error that ended the worker."""
+
+    error: BodycamError
+
+
+WorkerItem = RegisteredImage | SkippedImage | WorkerFailure | None
+"""What a worker sends; None is its last word."""
+
+
+def run_camera_worker(
+    recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings, outbox: "Queue[WorkerItem]"
+) -> None:
+    """Entry of the process: register the cameras' images and send the results, ending with None."""
+    cv2.setNumThreads(1)
+    try:
+        for item in register_images(recording_path, cameras, map_path, settings):
+            outbox.put(item)
+        outbox.put(None)
+    except BodycamError as error:
+        outbox.put(WorkerFailure(error))
+    except KeyboardInterrupt:
+        # The parent got the same signal and says what there is to say.
+        outbox.cancel_join_thread()
+
+
+def register_images(
+    recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings
+) -> Iterator[RegisteredImage | SkippedImage]:
+    """Register the images of some cameras in the order in which they were recorded."""
+    reference_map = ReferenceMap.load(map_path)
+    with open_recording(recording_path) as recording:
+        pipelines = {
+            camera: CameraPipeline(recording.camera_model(camera), reference_map, settings) for camera in cameras
+        }
+        for image in recording.images(cameras):
+            try:
+                tracks, matches = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
+            except RecordingError as error:
+                yield SkippedImage(image.camera, image.stamp_ns, str(error))
+                continue
+            make = recorded_messages()
+            messages = {
+                "tracks": tracks_message(make, tracks),
+                "landmarks": landmarks_message(make, matches),
+                "pose": camera_pose_message(make, matches),
+            }
+            serialized = tuple(
+                SerializedMessage(
+                    f"/{image.camera}/{name}",
+                    message.__msgtype__,
+                    bytes(recording_typestore().serialize_cdr(message, message.__msgtype__)),
+                )
+                for name, message in messages.items()
+                if message is not None
+            )
+            yield RegisteredImage(image.camera, image.stamp_ns, matches, serialized)

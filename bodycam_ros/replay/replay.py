@@ -1,0 +1,172 @@
+"""A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import BodyError
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.messages.map_points import map_points_message
+from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.registration_health import RegistrationHealth
+from bodycam_ros.messages.status import diagnostics_message, text_message
+from bodycam_ros.pipeline import BodyOutput, PipelineSettings, SkeletonPipeline
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.replay.camera_worker import RegisteredImage, SkippedImage
+from bodycam_ros.replay.front_end import register_recording
+
+logger = logging.getLogger(__name__)
+
+_DIAGNOSTICS_PERIOD_NS = 1_000_000_000
+
+
+@dataclass
+class ReplaySummary:
+    """What came of a replay.
+
+    Attributes:
+        recorded_s: duration of the recording.
+        elapsed_s: time that the replay took.
+        instants: instants with at least one image.
+        solved: instants with a body state.
+        predicted: of these, instants that no camera contributed to.
+        images: camera -> images read.
+        registered: camera -> images registered in the map.
+        skipped: camera -> images that could not be used.
+    """
+
+    recorded_s: float
+    elapsed_s: float = 0.0
+    instants: int = 0
+    solved: int = 0
+    predicted: int = 0
+    images: Counter[str] = field(default_factory=Counter)
+    registered: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def real_time_factor(self) -> float:
+        """Seconds of recording per second of work."""
+        return self.recorded_s / self.elapsed_s if self.elapsed_s else 0.0
+
+
+def replay(
+    recording_path: Path,
+    map_path: Path,
+    body_path: Path,
+    output_path: Path,
+    settings: PipelineSettings,
+    jobs: int,
+    force: bool = False,
+    on_progress: Callable[[float], None] = lambda seconds: None,
+) -> ReplaySummary:
+    """Run the pipeline over a bag and write everything that it publishes.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map.
+        body_path: YAML of the body.
+        output_path: the ros2 bag folder to be; it appears whole or not at all.
+        settings: of all stages.
+        jobs: processes for the cameras.
+        force: replace an output that is there already.
+        on_progress: called with the seconds of the recording that are done.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, see the stages.
+    """
+    body = BodyModel.from_yaml(body_path)
+    reference_map = ReferenceMap.load(map_path)
+    started = time.monotonic()
+    with open_recording(recording_path) as recording:
+        cameras = _mounted_cameras(recording, body)
+        summary = ReplaySummary(recording.duration_s)
+        start_ns = recording.start_ns
+    skeleton = SkeletonPipeline(body, cameras, settings)
+    with write_recording(output_path, force) as writer:
+        out = _Output(writer, body, RegistrationHealth(cameras), summary)
+        out.write_latched(start_ns, reference_map)
+        for item in register_recording(recording_path, list(cameras), map_path, settings, jobs):
+            summary.images[item.camera] += 1
+            if isinstance(item, SkippedImage):
+                _count_skipped(summary, item)
+                continue
+            out.write_registration(item)
+            out.write_states(skeleton.add(item.matches))
+            on_progress(1e-9 * (item.stamp_ns - start_ns))
+        out.write_states(skeleton.flush())
+        summary.instants = skeleton.assembler.assembled
+    summary.elapsed_s = time.monotonic() - started
+    return summary
+
+
+class _Output:
+    """The messages of a replay, on their way into the bag."""
+
+    def __init__(
+        self, writer: RecordingWriter, body: BodyModel, health: RegistrationHealth, summary: ReplaySummary
+    ) -> None:
+        self._writer = writer
+        self._body = body
+        self._health = health
+        self._summary = summary
+        self._make = recorded_messages()
+        self._health_due_ns = 0
+
+    def write_latched(self, stamp_ns: int, reference_map: ReferenceMap) -> None:
+        """What is published once: the robot and the map."""
+        self._writer.write("/robot_description", stamp_ns, text_message(self._make, urdf_text(self._body)))
+        points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
+        self._writer.write("/map/points", stamp_ns, points)
+
+    def write_registration(self, image: RegisteredImage) -> None:
+        """One image's tracks, landmarks and pose, and the cameras' health once a second."""
+        self._summary.registered[image.camera] += image.matches.world_T_camera is not None
+        self._health.add(image.matches)
+        for message in image.messages:
+            self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
+        if image.stamp_ns >= self._health_due_ns:
+            self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
+            report = diagnostics_message(self._make, image.stamp_ns, self._health.report())
+            self._writer.write("/diagnostics", image.stamp_ns, report)
+
+    def write_states(self, outputs: Iterable[BodyOutput]) -> None:
+        """The body at some instants."""
+        for output in outputs:
+            self._summary.solved += 1
+            self._summary.predicted += output.state.predicted
+            for topic, message in output_messages(self._make, output, self._body).items():
+                self._writer.write(topic, output.state.stamp_ns, message)
+
+
+def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraModel]:
+    """Models of the cameras that the recording has and the body carries; the others are warned about.
+
+    Raises:
+        BodyError: there are none.
+    """
+    for camera in sorted(set(recording.cameras) - set(body.mounts)):
+        logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
+    for camera in sorted(set(body.mounts) - set(recording.cameras)):
+        logger.warning("camera %s: is on body %s but not in %s", camera, body.name, recording.path)
+    mounted = [camera for camera in recording.cameras if camera in body.mounts]
+    if not mounted:
+        raise BodyError(
+            f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
+            f"({', '.join(body.mounts)}); is this the body of this recording?"
+        )
+    return {camera: recording.camera_model(camera) for camera in mounted}
+
+
+def _count_skipped(summary: ReplaySummary, item: SkippedImage) -> None:
+    summary.skipped[item.camera] += 1
+    if summary.skipped[item.camera] == 1:
+        logger.warning("%s; it is left out, and so will be others like it", item.reason)
