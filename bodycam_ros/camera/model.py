@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NEAREST = 1e-9  # [m] a point closer to the projection centre has no direction
-EDGE = 1e-9  # [rad] rounding allowed at the edge of the valid cone, so that what was unprojected projects again
+EDGE = 1e-9  # of an angle [rad] or radius, the rounding allowed at the cone's edge: what was unprojected projects again
 FARTHEST = 1e100  # [m] beyond it squares overflow
 _SAMPLES = 1000
 _REFINEMENTS = 4  # each divides the bracket by _SAMPLES

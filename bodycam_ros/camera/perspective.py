@@ -72,7 +72,8 @@ class PerspectiveCamera(CameraModel):
         x_wanted, y_wanted = np.where(finite, x_distorted, 0.0), np.where(finite, y_distorted, 0.0)
         radius = np.hypot(x_wanted, y_wanted)
         scale = 1.0 + radius
-        x, y = self._scaled(x_wanted, y_wanted, self._undistorted_radius(radius) / np.maximum(radius, NEAREST))
+        start = np.interp(radius, *self._start_table) / np.maximum(radius, NEAREST)
+        x, y = x_wanted * start, y_wanted * start
         for _ in range(_MAX_STEPS):
             x_reached, y_reached, xx, xy, yy = self._distort_plane(x, y)
             x_missing, y_missing = x_wanted - x_reached, y_wanted - y_reached
@@ -82,7 +83,8 @@ class PerspectiveCamera(CameraModel):
             determinant = xx * yy - xy * xy
             x = x + (yy * x_missing - xy * y_missing) / determinant
             y = y + (xx * y_missing - xy * x_missing) / determinant
-            x, y = self._scaled(x, y, np.minimum(1.0, self._max_radius / np.maximum(np.hypot(x, y), NEAREST)))
+            back_into_cone = np.minimum(1.0, self._max_radius / np.maximum(np.hypot(x, y), NEAREST))
+            x, y = x * back_into_cone, y * back_into_cone
         bearings = np.column_stack([x, y, np.ones_like(x)])
         bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
         return bearings, finite & (missing < _ACCEPTED)
@@ -103,10 +105,6 @@ class PerspectiveCamera(CameraModel):
             gain + (slope * y + 4.0 * p1) * y,
         )
 
-    def _undistorted_radius(self, radius: Array) -> Array:
-        undistorted: Array = np.interp(radius, *self._start_table)
-        return undistorted
-
     def _is_regular(self, angle: Array) -> Mask:
         direction = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)[:, None]
         radius = np.tan(angle)
@@ -116,7 +114,3 @@ class PerspectiveCamera(CameraModel):
 
     def _in_cone(self, r2: Array, z: Array) -> Mask:
         return (z > NEAREST) & (z < FARTHEST) & (r2 <= self._max_radius**2 * (1.0 + EDGE))
-
-    @staticmethod
-    def _scaled(x: Array, y: Array, factor: Array) -> tuple[Array, Array]:
-        return x * factor, y * factor

@@ -39,7 +39,8 @@ def test_unproject_is_opencvs_and_colmaps(make: Make, model: str, d: list[float]
     assert valid.all()
     plane = bearings[:, :2] / bearings[:, 2:]
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-13)
-    opencv = cv2.undistortPoints(pixels, _matrix(camera), np.array(camera.distortion), criteria=stop)
+    undistort = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 4's and 5's name for it
+    opencv = undistort(pixels[:, None], _matrix(camera), np.array(camera.distortion), R=None, P=None, criteria=stop)
     np.testing.assert_allclose(plane, opencv.reshape(-1, 2), atol=1e-6 / f)
     np.testing.assert_allclose(plane, _colmap(camera).cam_from_img(pixels + 0.5), atol=1e-6 / f)
 
