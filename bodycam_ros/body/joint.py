@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, adjoint, exp_so3, inverse
+from bodycam_ros.geometry import Array, adjoint, hat, inverse
 
 JointType = Literal["ball", "hinge", "weld"]
 
@@ -22,6 +22,7 @@ TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, 
 TIGHT_M = 5e-5  # [m] leaves gaps of some micrometres (DESIGN 4.2)
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
+_IDENTITY = np.eye(3)
 _LOOSE_ROTATIONS: dict[str, int] = {"ball": 3, "hinge": 1, "weld": 0}
 
 
@@ -162,7 +163,16 @@ class Joint:
 
     def hinge_rotation(self, angle: NDArray[np.floating]) -> Array:
         """Joint rotation (..., 3, 3) of a hinge's angle (...) [rad]."""
-        return exp_so3(np.asarray(angle, dtype=np.float64)[..., None] * self.axis)
+        # Rodrigues' formula.
+        K, K_squared = self._axis_generator
+        sine, cosine = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+        rotation: Array = _IDENTITY + sine * K + (1.0 - cosine) * K_squared
+        return rotation
+
+    @cached_property
+    def _axis_generator(self) -> tuple[Array, Array]:
+        K = hat(self.axis)
+        return K, K @ K
 
     @cached_property
     def _welded_pose(self) -> Array:
@@ -189,7 +199,7 @@ def hinge_angle(rotation: Array, axis: Array) -> Array:
         + axis[..., 1] * (rotation[..., 0, 2] - rotation[..., 2, 0])
         + axis[..., 2] * (rotation[..., 1, 0] - rotation[..., 0, 1])
     )
-    trace = np.trace(rotation, axis1=-2, axis2=-1)
-    cosine = trace - np.einsum("...i,...ij,...j->...", axis, rotation, axis)
+    trace = rotation[..., 0, 0] + rotation[..., 1, 1] + rotation[..., 2, 2]
+    cosine = trace - np.sum((rotation @ axis[..., None])[..., 0] * axis, axis=-1)
     angle: Array = np.arctan2(sine, cosine)
     return angle
