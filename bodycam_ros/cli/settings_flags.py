@@ -1,0 +1,61 @@
+"""Settings of a stage as flags: ``--tracker.max_tracks 200``."""
+
+import argparse
+from pathlib import Path
+from typing import Any, TypeVar
+
+from bodycam_ros.errors import SettingsError
+from bodycam_ros.settings import describe, read_settings_file, settings_from_mapping
+
+S = TypeVar("S")
+
+_BOOLEAN = {"true": True, "false": False}
+
+
+def add_settings_flags(parser: argparse.ArgumentParser, group: str, settings_type: type) -> None:
+    """Add a flag ``--group.field VALUE`` for each setting, with its reason, unit, range and default as help."""
+    flags = parser.add_argument_group(f"settings of {group}")
+    for description in describe(settings_type):
+        flags.add_argument(
+            f"--{group}.{description.name}",
+            type=_boolean if description.type is bool else description.type,
+            metavar="true|false" if description.type is bool else description.type.__name__.upper(),
+            help=f"{description.text()}; default {description.default}".replace("%", "%%"),
+        )
+
+
+def settings_from_flags(
+    arguments: argparse.Namespace, group: str, settings_type: type[S], config: Path | None = None
+) -> S:
+    """Settings of a group: the defaults, over them the parameter file, over that the flags.
+
+    Args:
+        arguments: parsed flags of ``add_settings_flags`` for the same group and type.
+        config: ROS parameter file (``/**: ros__parameters:``); groups that it lacks keep their defaults.
+
+    Raises:
+        SettingsError: unknown name, wrong type or value out of range, in the file or in a flag.
+    """
+    values = {} if config is None else read_settings_file(config).get(group, {})
+    settings_from_mapping(settings_type, values, f"{config}: {group}")
+    flags: dict[str, Any] = {
+        d.name: given for d in describe(settings_type) if (given := getattr(arguments, f"{group}.{d.name}")) is not None
+    }
+    return settings_from_mapping(settings_type, values | flags, f"--{group}")
+
+
+def check_groups(config: Path, known: set[str]) -> None:
+    """Refuse a parameter file with a group that no stage knows: most likely it is misspelt.
+
+    Raises:
+        SettingsError: naming the group and those that are known.
+    """
+    for group in read_settings_file(config):
+        if group not in known:
+            raise SettingsError(f"{config}: there is no group '{group}'; known are {', '.join(sorted(known))}")
+
+
+def _boolean(text: str) -> bool:
+    if text.lower() not in _BOOLEAN:
+        raise argparse.ArgumentTypeError(f"expected true or false, not '{text}'")
+    return _BOOLEAN[text.lower()]

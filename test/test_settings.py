@@ -1,0 +1,132 @@
+"""Settings from mappings, parameter files and flags."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.errors import SettingsError
+from bodycam_ros.settings import describe, read_settings_file, setting, settings_from_mapping
+
+
+@dataclass(frozen=True)
+class OvenSettings:
+    """Settings of three types, and one without limits."""
+
+    heat: float = setting(180.0, unit="degC", limits=(50.0, 250.0), reason="bakes 95 % through without burning")
+    trays: int = setting(2, limits=(1, 4), reason="what fits")
+    fan: bool = setting(True, reason="evens out the heat")
+    recipe: str = setting("bread", reason="what most people want")
+
+
+@dataclass(frozen=True)
+class ForgottenDefault:
+    heat: float
+
+
+def test_description_says_reason_unit_and_range() -> None:
+    heat, trays, fan, recipe = describe(OvenSettings)
+    assert heat.text() == "bakes 95 % through without burning [degC] (50 to 250)"
+    assert trays.text() == "what fits (1 to 4)"
+    assert fan.text() == "evens out the heat"
+    assert (recipe.type, recipe.default) == (str, "bread")
+
+
+def test_field_without_default_is_a_defect() -> None:
+    with pytest.raises(TypeError, match="ForgottenDefault.heat has no default"):
+        list(describe(ForgottenDefault))
+
+
+def test_what_is_absent_keeps_its_default() -> None:
+    assert settings_from_mapping(OvenSettings, {}, "here") == OvenSettings()
+    assert settings_from_mapping(OvenSettings, {"trays": 4, "heat": 60}, "here") == OvenSettings(heat=60.0, trays=4)
+
+
+@pytest.mark.parametrize(
+    ("values", "complaint"),
+    [
+        ({"warmth": 1.0}, "here: there is no setting 'warmth'; known are fan, heat, recipe, trays"),
+        ({"heat": "hot"}, "heat must be float, not 'hot'"),
+        ({"heat": True}, "heat must be float, not True"),
+        ({"trays": 2.0}, "trays must be int, not 2.0"),
+        ({"fan": 1}, "fan must be bool, not 1"),
+        ({"recipe": None}, "recipe must be str, not None"),
+        ({"heat": 49.9}, "heat = 49.9 is out of range"),
+        ({"heat": float("nan")}, "heat = nan is out of range"),
+        ({"trays": 5}, "trays = 5 is out of range"),
+    ],
+)
+def test_wrong_values_are_refused(values: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        settings_from_mapping(OvenSettings, values, "here")
+    assert complaint in str(caught.value)
+
+
+def test_limits_are_inclusive() -> None:
+    assert settings_from_mapping(OvenSettings, {"heat": 250.0, "trays": 1}, "here").heat == 250.0
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "oven.yaml"
+    path.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    oven: {heat: 100.0, trays: 1}\n")
+    return path
+
+
+def test_parameter_file_is_read_by_group(config: Path) -> None:
+    assert read_settings_file(config) == {"oven": {"heat": 100.0, "trays": 1}}
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "oven: {heat: 100.0}", "/**: {ros__parameters: 3}", "a: [", "\x00"])
+def test_other_files_are_refused_by_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "other.yaml"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=r"other\.yaml"):
+        read_settings_file(path)
+    with pytest.raises(SettingsError, match=r"missing\.yaml"):
+        read_settings_file(tmp_path / "missing.yaml")
+
+
+def settings_of(*flags: str, config: Path | None = None) -> OvenSettings:
+    parser = argparse.ArgumentParser()
+    add_settings_flags(parser, "oven", OvenSettings)
+    return settings_from_flags(parser.parse_args(flags), "oven", OvenSettings, config)
+
+
+def test_flags_win_over_the_file_which_wins_over_defaults(config: Path) -> None:
+    assert settings_of() == OvenSettings()
+    assert settings_of(config=config) == OvenSettings(heat=100.0, trays=1)
+    assert settings_of("--oven.heat", "120", "--oven.fan", "false", config=config) == OvenSettings(120.0, 1, False)
+
+
+def test_bad_value_says_where_it_stands(config: Path) -> None:
+    with pytest.raises(SettingsError, match=r"--oven: heat = 20.0 is out of range"):
+        settings_of("--oven.heat", "20", config=config)
+    config.write_text(config.read_text().replace("100.0", "20.0"))
+    with pytest.raises(SettingsError, match=r"oven\.yaml: oven: heat = 20.0 is out of range"):
+        settings_of("--oven.heat", "120", config=config)
+
+
+def test_misspelt_group_is_refused(config: Path) -> None:
+    check_groups(config, {"oven", "fridge"})
+    with pytest.raises(SettingsError, match=r"oven\.yaml: there is no group 'oven'; known are fridge"):
+        check_groups(config, {"fridge"})
+
+
+@pytest.mark.parametrize("flags", [("--oven.heat", "hot"), ("--oven.fan", "perhaps"), ("--oven.warmth", "3")])
+def test_wrong_flags_are_a_usage_error(flags: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        settings_of(*flags)
+    assert caught.value.code == 2
+    assert flags[0] in capsys.readouterr().err
+
+
+def test_help_shows_reason_range_and_default(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        settings_of("--help")
+    text = " ".join(capsys.readouterr().out.split())
+    assert "--oven.heat FLOAT bakes 95 % through without burning [degC] (50 to 250); default 180.0" in text
+    assert "--oven.fan true|false" in text
