@@ -20,7 +20,7 @@ export PYTHONNOUSERSITE := 1
 demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam replay bags/sample --map bags/map --body bags/body.yaml -o $(DEMO) --force
 
-test: $(VENV)/ros.stamp $(VENV)/test.stamp
+test: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/test.stamp
@@ -53,7 +53,7 @@ $(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt
 	$(PIP_INSTALL) -r requirements-test.txt
 	@touch $@
 
-$(VENV)/ros.stamp: $(VENV)/runtime.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
+$(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
 	$(PIP_INSTALL) -r requirements-ros.txt
 	VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \

@@ -245,7 +245,7 @@ def test_joint_states(library: tuple[MessageFactory, Send]) -> None:
 
 def test_odometry(library: tuple[MessageFactory, Send], body: BodyState) -> None:
     make, send = library
-    message = send(odometry_message(make, body, np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
+    message = send(odometry_message(make, body, "pelvis", np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
     assert (message.header.frame_id, message.child_frame_id) == ("map", "pelvis")
     np.testing.assert_allclose(
         np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.root_covariance)

@@ -57,10 +57,11 @@ def joint_rotations_message(
     )
 
 
-def odometry_message(make: MessageFactory, state: BodyState, root_velocity: NDArray[np.float64]) -> Message:
+def odometry_message(make: MessageFactory, state: BodyState, root: str, root_velocity: NDArray[np.float64]) -> Message:
     """nav_msgs/Odometry of the root segment in the map.
 
     Args:
+        root: name of the root, whose pose ``state.root_covariance`` speaks of.
         root_velocity: (6,) angular [rad/s] then linear [m/s], both in the root's axes.
     """
     twist = make(
@@ -71,8 +72,10 @@ def odometry_message(make: MessageFactory, state: BodyState, root_velocity: NDAr
     return make(
         "nav_msgs/msg/Odometry",
         header=header_message(make, state.stamp_ns, MAP_FRAME),
-        child_frame_id=state.segments[0],
-        pose=pose_with_covariance_message(make, state.world_T_segment[0], state.root_covariance),
+        child_frame_id=root,
+        pose=pose_with_covariance_message(
+            make, state.world_T_segment[state.segments.index(root)], state.root_covariance
+        ),
         twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
     )
 

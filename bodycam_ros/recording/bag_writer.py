@@ -42,14 +42,17 @@ class RecordingWriter:
         Raises:
             RecordingError: the disk is full, or gone.
         """
-        typestore = recording_typestore()
-        if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(
-                topic, message.__msgtype__, typestore=typestore, offered_qos_profiles=[_quality(topic)]
-            )
-        serialized = typestore.serialize_cdr(message, message.__msgtype__)
+        cdr = recording_typestore().serialize_cdr(message, message.__msgtype__)
+        self.write_serialized(topic, message.__msgtype__, stamp_ns, cdr)
+
+    def write_serialized(self, topic: str, message_type: str, stamp_ns: int, cdr: bytes | memoryview) -> None:
+        """Append a message that is CDR already, such as one from another process; raises as ``write`` does."""
         with _failure_named(self._path):
-            self._writer.write(self._connections[topic], stamp_ns, serialized)
+            if topic not in self._connections:
+                self._connections[topic] = self._writer.add_connection(
+                    topic, message_type, typestore=recording_typestore(), offered_qos_profiles=[_quality(topic)]
+                )
+            self._writer.write(self._connections[topic], stamp_ns, cdr)
 
 
 @contextmanager
