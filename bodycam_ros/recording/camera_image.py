@@ -33,7 +33,10 @@ def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
     if isinstance(image.content, np.ndarray):
         return image.content
     encoded = np.frombuffer(image.content, dtype=np.uint8)
-    grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
+    try:
+        grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
+    except cv2.error:  # a header that claims an absurd size
+        grey = None
     if grey is None:
         raise RecordingError(
             f"camera {image.camera}: the image of stamp {image.stamp_ns} ns ({len(image.content)} bytes) "

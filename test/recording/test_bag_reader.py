@@ -1,6 +1,8 @@
 """Cameras, intrinsics and images of a bag; damaged and foreign bags."""
 
 import logging
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -137,7 +139,14 @@ def write_raw(writer: RecordingWriter, encoding: str, rows: np.ndarray) -> None:
     writer.write("/cam/image_raw", START_NS, image)
 
 
-@pytest.mark.parametrize("content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early"])
+def png_header(width: int, height: int) -> bytes:
+    body = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + body + struct.pack(">I", zlib.crc32(body))
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early", png_header(1 << 30, 1 << 30)]
+)
 def test_undecodable_image_is_an_error_that_names_it(content: bytes) -> None:
     with pytest.raises(RecordingError, match="camera head: the image of stamp 5 ns"):
         decode_grey(CameraImage("head", 5, content))
