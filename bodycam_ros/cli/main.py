@@ -6,7 +6,6 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from types import FrameType
 from typing import NoReturn
 
@@ -16,7 +15,7 @@ from rich.logging import RichHandler
 from bodycam_ros import __version__
 from bodycam_ros.errors import BodycamError
 
-COMMANDS = tuple(name for name in ("map", "replay") if find_spec(f"bodycam_ros.cli.{name}"))
+COMMANDS = ("map", "replay")
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
 
 FAILED, INTERRUPTED, TERMINATED = 1, 128 + signal.SIGINT, 128 + signal.SIGTERM

@@ -1,8 +1,6 @@
 """Cameras, intrinsics and images of a bag; damaged and foreign bags."""
 
 import logging
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -139,13 +137,8 @@ def write_raw(writer: RecordingWriter, encoding: str, rows: np.ndarray) -> None:
     writer.write("/cam/image_raw", START_NS, image)
 
 
-def png_header(width: int, height: int) -> bytes:
-    body = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + body + struct.pack(">I", zlib.crc32(body))
-
-
 @pytest.mark.parametrize(
-    "content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early", png_header(1 << 30, 1 << 30)]
+    "content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early", b"P5 1000000 1000000 255\n"]
 )
 def test_undecodable_image_is_an_error_that_names_it(content: bytes) -> None:
     with pytest.raises(RecordingError, match="camera head: the image of stamp 5 ns"):
