@@ -1,0 +1,129 @@
+"""bodycam map: photographs of a place in, a reference map out."""
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as RichProgress
+from rich.table import Table
+
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.mapping.map_settings import MapSettings
+from bodycam_ros.mapping.photographs import find_photographs
+from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.mapping.reference_map import check_replaceable
+
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.build import BuiltMap
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("map", help="build a reference map from photographs", description=__doc__)
+    parser.add_argument(
+        "reference", type=Path, metavar="REFERENCE_DIR", help="folder with photographs (jpg, png) and camera.yaml"
+    )
+    parser.add_argument(
+        "--board", type=Path, help="description of the AprilTag board (default: REFERENCE_DIR/board.yaml if it exists)"
+    )
+    parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
+    parser.add_argument(
+        "--model", type=Path, metavar="COLMAP_DIR", help="take over this COLMAP model of the same photographs"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
+    parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    for group, settings_type in MapSettings.groups().items():
+        add_settings_flags(parser, group, settings_type)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    # COLMAP takes a second to load; the other commands and --help do without.
+    from bodycam_ros.mapping.build import build_map
+
+    groups = MapSettings.groups()
+    if arguments.config is not None:
+        check_groups(arguments.config, set(groups))
+    settings = MapSettings(
+        **{group: settings_from_flags(arguments, group, kind, arguments.config) for group, kind in groups.items()}
+    )
+    check_replaceable(arguments.output, arguments.force)
+    photographs = find_photographs(arguments.reference)
+    board_path = None if arguments.no_board else arguments.board or photographs.board_path
+    with _shown_progress() as progress:
+        built = build_map(photographs, board_path, arguments.model, settings, max(1, arguments.jobs), progress)
+    built.save(arguments.output, force=arguments.force)
+    _report(built, arguments.output)
+    return 0
+
+
+class _ShownProgress:
+    """Progress bars on the terminal, one per step."""
+
+    def __init__(self, bars: RichProgress) -> None:
+        self._bars = bars
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        task = self._bars.add_task(name, total=total)
+
+        def advance(units: int = 1) -> None:
+            self._bars.advance(task, units)
+
+        yield advance
+        self._bars.update(task, completed=total)
+
+
+@contextmanager
+def _shown_progress() -> Iterator[_ShownProgress]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with RichProgress(*columns, console=Console(stderr=True)) as bars:
+        yield _ShownProgress(bars)
+
+
+def _report(built: "BuiltMap", path: Path) -> None:
+    """Print what a person wants to know before trusting a map."""
+    console = Console()
+    table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
+    for r in built.registrations:
+        table.add_row(
+            r.name,
+            "yes" if r.registered else "NO",
+            str(r.landmarks),
+            f"{r.error_px:.2f}" if r.landmarks else "",
+            str(r.tags),
+        )
+    console.print(table)
+    if built.residual is not None:
+        board = Table("tag", "photographs", "residual [px]", "residual [mm]", title="board")
+        for tag, views in built.residual.views_of_tag.items():
+            rms_mm = built.residual.rms_of_tag_mm.get(tag)
+            board.add_row(
+                str(tag),
+                str(views),
+                f"{built.residual.rms_of_tag_px[tag]:.3f}",
+                "" if rms_mm is None else f"{rms_mm:.2f}",
+            )
+        board.add_row("all", "", f"{built.residual.rms_px:.3f}", f"{built.residual.rms_mm:.2f}")
+        console.print(board)
+
+    m = built.reference_map
+    registered = sum(r.registered for r in built.registrations)
+    seconds = ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items())
+    lines = [
+        f"{registered} of {len(built.registrations)} photographs registered",
+        f"{len(m.landmark_ids)} landmarks with {len(m.descriptors)} descriptors",
+        seconds,
+        "metric" if m.metric else "NOT metric: without a board the scale is arbitrary",
+        "z is up, from the board" if m.gravity_aligned else "z is NOT up: no board says what is",
+        f"written to {path}",
+    ]
+    console.print("\n".join(lines), soft_wrap=True)

@@ -1,0 +1,174 @@
+"""AprilTags in photographs, with corners where the tags' edges meet.
+
+Corner detectors look at a few pixels around a corner, which blur rounds off towards the inside of the tag. Here each
+edge is a line through many points of steepest brightness, fitted where the lens does not bend it, and a corner is where
+two lines meet.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, spline_filter
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import MapError
+from bodycam_ros.settings import setting
+
+FAMILIES: Mapping[str, int] = {
+    "16h5": cv2.aruco.DICT_APRILTAG_16h5,
+    "25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "36h10": cv2.aruco.DICT_APRILTAG_36h10,
+    "36h11": cv2.aruco.DICT_APRILTAG_36h11,
+}
+_EDGE_MARGIN = 0.12  # share of an edge at either end that the neighbouring edge's blur reaches
+_REACH_OF_BREADTH = 0.07  # search across an edge; a tag's border and its quiet zone are 0.1 or more of its breadth
+_MIN_REACH = 1.5  # [px]
+_STEPS_PER_PIXEL = 4  # samples across an edge
+_EDGE_BLUR = 0.7  # [px] smoothing before the steepest point is looked for
+_LINE_ITERATIONS = 5
+_MIN_LINE_POINTS = 6
+
+
+@dataclass(frozen=True)
+class TagSettings:
+    """Which views of a tag are good enough to measure with."""
+
+    min_breadth: float = setting(
+        16.0, unit="px", limits=(8.0, 1000.0), reason="narrowest breadth of a tag; below it blur mixes edges with cells"
+    )
+    line_tolerance: float = setting(
+        0.15, unit="px", limits=(0.02, 2.0), reason="median distance of edge points from their line; more is a bad edge"
+    )
+
+
+@dataclass(frozen=True)
+class TagView:
+    """One tag in one photograph.
+
+    Attributes:
+        tag: its number in the family.
+        corners: (4, 2) float64 pixels in the order of cv2.aruco: clockwise from the top left of the printed tag.
+        breadths: (2,) [px] distance between its left and right side, and between its upper and lower side.
+    """
+
+    tag: int
+    corners: NDArray[np.float64]
+    breadths: NDArray[np.float64]
+
+
+def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, settings: TagSettings) -> list[TagView]:
+    """Find the tags of a family in a photograph (rows, columns, 3) and refine their corners by their edges.
+
+    Raises:
+        MapError: the family is unknown.
+    """
+    if family not in FAMILIES:
+        raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILIES[family]))
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    found, tags, _ = detector.detectMarkers(gray)
+    # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
+    spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
+    views = []
+    for tag, quadrilateral in zip([] if tags is None else np.reshape(tags, -1).tolist(), found, strict=True):
+        rough = np.asarray(quadrilateral, dtype=np.float64).reshape(4, 2)
+        breadths = _breadths(rough)
+        if breadths.min() < settings.min_breadth:
+            continue
+        corners = _corners_of_edges(spline, rough, breadths, camera, settings.line_tolerance)
+        if corners is not None:
+            views.append(TagView(int(tag), corners, breadths))
+    return views
+
+
+def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Breadths (2,) of a quadrilateral (4, 2): its area over the mean length of either pair of sides."""
+    diagonals = corners[2:] - corners[:2]
+    area = 0.5 * abs(diagonals[0, 0] * diagonals[1, 1] - diagonals[0, 1] * diagonals[1, 0])
+    upper, right, lower, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    return np.array([2.0 * area / (left + right), 2.0 * area / (upper + lower)])
+
+
+def _corners_of_edges(
+    spline: NDArray[np.float32],
+    rough: NDArray[np.float64],
+    breadths: NDArray[np.float64],
+    camera: CameraModel,
+    tolerance: float,
+) -> NDArray[np.float64] | None:
+    """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line."""
+    lines = []
+    # Upper and lower edges are looked for across the tag's height, the others across its width.
+    reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])
+    for start, end, reach in zip(rough, np.roll(rough, -1, axis=0), reaches.tolist(), strict=True):
+        points = _edge_points(spline, start, end, reach)
+        bearings, valid = camera.unproject(points)
+        bearings = bearings[valid]
+        # Straight in space is a plane through the camera, whatever the lens does.
+        normal = _fit_plane(bearings, tolerance / camera.fx)
+        if normal is None:
+            return None
+        lines.append(normal)
+    rays = np.array([np.cross(lines[i - 1], lines[i]) for i in range(4)])
+    rays *= np.sign(rays[:, 2:])
+    corners, valid = camera.project(rays)
+    # A line that slid to another edge moves the corner by a cell or more.
+    if not valid.all() or np.linalg.norm(corners - rough, axis=1).max() > 2.0 * reaches.max():
+        return None
+    return corners
+
+
+def _edge_points(
+    spline: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
+    """Points (N, 2) of steepest brightness across the edge from one corner to the next, dark on its right.
+
+    Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge.
+    """
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    outward = np.array([along[1], -along[0]])
+    offsets = np.arange(-reach, reach + 1e-9, 1.0 / _STEPS_PER_PIXEL)
+    stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(length)))
+    grid = start + stations[:, None, None] * (end - start) + offsets[:, None] * outward
+    profiles = map_coordinates(spline, [grid[..., 1], grid[..., 0]], order=3, mode="nearest", prefilter=False)
+    slope = _smoothed_slope(profiles)
+    peak = np.clip(slope.argmax(axis=1), 1, slope.shape[1] - 2)
+    rows = np.arange(len(peak))
+    left, middle, right = slope[rows, peak - 1], slope[rows, peak], slope[rows, peak + 1]
+    curvature = left - 2.0 * middle + right
+    shift = np.where(curvature < 0.0, 0.5 * (left - right) / np.minimum(curvature, -1e-12), 0.0)
+    inside = (np.abs(shift) <= 1.0) & (middle > 0.0)
+    at = offsets[0] + (peak + shift) / _STEPS_PER_PIXEL
+    points: NDArray[np.float64] = (start + stations[:, None] * (end - start) + at[:, None] * outward)[inside]
+    return points
+
+
+def _smoothed_slope(profiles: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Derivative of a Gaussian across each profile (N, S)."""
+    half = int(np.ceil(3.0 * _EDGE_BLUR * _STEPS_PER_PIXEL))
+    x = np.arange(-half, half + 1) / _STEPS_PER_PIXEL
+    kernel = -x * np.exp(-0.5 * (x / _EDGE_BLUR) ** 2)
+    padded = np.pad(profiles, ((0, 0), (half, half)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, len(x), axis=1)
+    slope: NDArray[np.float64] = windows @ -kernel
+    return slope
+
+
+def _fit_plane(bearings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64] | None:
+    """Unit normal (3,) of the plane through the origin and bearings (N, 3), outliers weighted down; None if unclean.
+
+    The plane is fitted like a line on the image plane around the points, where all errors weigh about the same.
+    """
+    if len(bearings) < _MIN_LINE_POINTS:
+        return None
+    weights = np.ones(len(bearings))
+    for _ in range(_LINE_ITERATIONS):
+        _, vectors = np.linalg.eigh((bearings * weights[:, None]).T @ bearings)
+        normal = vectors[:, 0]
+        distances = np.abs(bearings @ normal)
+        weights = 1.0 / (1.0 + (distances / tolerance) ** 2) ** 2
+    return normal if float(np.median(distances)) < tolerance else None

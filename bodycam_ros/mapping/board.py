@@ -1,0 +1,71 @@
+"""The AprilTag board that gives a map its scale, its origin and its upward direction."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.apriltag import FAMILIES
+
+_UP = re.compile(r"board (-?)([xyz]) is up")
+
+
+@dataclass(frozen=True)
+class Board:
+    """A printed board of AprilTags.
+
+    Attributes:
+        family: AprilTag family.
+        corners_board: tag -> (4, 3) corners [m] in the board frame, in the order of cv2.aruco.
+        map_R_board: (3, 3) turns the board's upward axis to z; None if its placement does not tell what is up.
+    """
+
+    family: str
+    corners_board: Mapping[int, NDArray[np.float64]]
+    map_R_board: NDArray[np.float64] | None
+
+
+def read_board(path: Path) -> Board:
+    """Read a board's description.
+
+    The file gives ``family``, ``corners_in_board`` (tag -> four corners [m] in the order of cv2.aruco) and
+    ``placement``, free text in which "board z is up" (or x, y, -x, ...) says which axis of the board points up.
+
+    Raises:
+        MapError: the file is missing, not YAML, or lacks what it must have.
+    """
+    try:
+        document = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise MapError(f"{path}: cannot be read as a board description: {error}") from error
+    try:
+        family = str(document["family"])
+        corners = {int(tag): np.array(c, dtype=np.float64) for tag, c in document["corners_in_board"].items()}
+        placement = str(document.get("placement", ""))
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise MapError(
+            f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {error}"
+        ) from error
+    if family not in FAMILIES:
+        raise MapError(f"{path}: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
+    if not corners or any(c.shape != (4, 3) or not np.isfinite(c).all() for c in corners.values()):
+        raise MapError(f"{path}: 'corners_in_board' must give each tag four corners of three finite numbers [m]")
+    return Board(family, corners, _upright(placement))
+
+
+def _upright(placement: str) -> NDArray[np.float64] | None:
+    """Rotation (3, 3) from board axes to axes with z up, or None if the placement does not say what is up."""
+    match = _UP.search(placement)
+    if match is None:
+        return None
+    axes = np.eye(3)
+    number = "xyz".index(match[2])
+    up = -axes[number] if match[1] else axes[number]
+    # The board's x stays x where it can; a board on its short side takes y instead.
+    x = axes[1] if number == 0 else axes[0]
+    return np.array([x, np.cross(up, x), up])

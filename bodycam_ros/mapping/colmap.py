@@ -1,0 +1,215 @@
+"""Everything that we ask of pycolmap, whose interface moves between versions.
+
+COLMAP counts pixels from the corner of the image, we (like OpenCV) from the centre of the first pixel: all pixels and
+principal points are shifted by half a pixel here and nowhere else.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel, colmap_model
+from bodycam_ros.errors import MapError
+from bodycam_ros.geometry import inverse
+from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.mapping.structure import Structure
+
+_PIXEL_SHIFT = 0.5
+_RANDOM_SEED = 1
+_SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
+_RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
+
+# COLMAP's log would tear the progress bars; its errors still come through.
+pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+
+
+def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeatures]) -> None:
+    """Create a COLMAP database with one camera and the features of all photographs."""
+    with pycolmap.Database.open(path) as database:
+        camera_id = database.write_camera(colmap_camera(camera))
+        sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_id)
+        rig = pycolmap.Rig()
+        rig.add_ref_sensor(sensor)
+        rig_id = database.write_rig(rig)
+        for image in features:
+            image_id = database.write_image(pycolmap.Image(name=image.name, camera_id=camera_id))
+            frame = pycolmap.Frame()
+            frame.rig_id = rig_id
+            frame.add_data_id(pycolmap.data_t(sensor, image_id))
+            database.write_frame(frame)
+            database.write_keypoints(image_id, image.pixels + np.float32(_PIXEL_SHIFT))
+            database.write_descriptors(
+                image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, image.descriptors)
+            )
+
+
+def match_pairs(database: Path, pairs: Iterable[tuple[str, str]], workers: int) -> None:
+    """Match pairs of photographs in full and verify them by their epipolar geometry, into the database."""
+    options = pycolmap.FeatureMatchingOptions(num_threads=workers, use_gpu=False)
+    list_path = database.with_name("pairs.txt")
+    list_path.write_text("".join(f"{first} {second}\n" for first, second in pairs))
+    pycolmap.match_image_pairs(
+        database,
+        matching_options=options,
+        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
+    )
+
+
+def reconstruct(
+    database: Path, folder: Path, workers: int, on_registered: Callable[[], None]
+) -> pycolmap.Reconstruction | None:
+    """Incremental structure from motion with fixed intrinsics; the model with most photographs, or None.
+
+    Args:
+        database: with features and verified matches.
+        folder: existing scratch folder.
+        workers: threads.
+        on_registered: called after each photograph that joins.
+    """
+    options = pycolmap.IncrementalPipelineOptions(
+        num_threads=workers,
+        random_seed=_RANDOM_SEED,
+        min_model_size=_SMALLEST_MODEL,
+        extract_colors=False,
+        ba_refine_focal_length=False,
+        ba_refine_principal_point=False,
+        ba_refine_extra_params=False,
+        ba_global_frames_ratio=_RATIO_OF_GLOBAL_ADJUSTMENTS,
+        ba_global_points_ratio=_RATIO_OF_GLOBAL_ADJUSTMENTS,
+    )
+    options.mapper.abs_pose_refine_focal_length = False
+    options.mapper.abs_pose_refine_extra_params = False
+    pycolmap.set_random_seed(_RANDOM_SEED)
+    models = pycolmap.incremental_mapping(
+        database,
+        folder,
+        folder,
+        options=options,
+        initial_image_pair_callback=on_registered,
+        next_image_callback=on_registered,
+    )
+    return max(models.values(), key=lambda model: model.num_reg_images(), default=None)
+
+
+def keep_good_points(reconstruction: pycolmap.Reconstruction, max_error_px: float, min_angle_deg: float) -> None:
+    """Drop observations and points that fail A 4.1: reprojection error, angle between rays."""
+    pycolmap.ObservationManager(reconstruction).filter_all_points3D(max_error_px, min_angle_deg)
+
+
+def adjust(reconstruction: pycolmap.Reconstruction, workers: int) -> None:
+    """Bundle adjustment of poses and points with fixed intrinsics."""
+    options = pycolmap.BundleAdjustmentOptions(
+        refine_focal_length=False, refine_principal_point=False, refine_extra_params=False, print_summary=False
+    )
+    options.ceres.solver_options.num_threads = workers
+    pycolmap.bundle_adjustment(reconstruction, options)
+
+
+def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:
+    """Our arrays of a COLMAP model; ``observation_features`` are its own rows of 2D points."""
+    images = sorted((i for i in reconstruction.images.values() if i.has_pose), key=lambda i: i.name)
+    point_ids = sorted(reconstruction.points3D)
+    row_of_point = {point_id: row for row, point_id in enumerate(point_ids)}
+    views, points, pixels, rows = [], [], [], []
+    for view, image in enumerate(images):
+        for row, point2D in enumerate(image.points2D):
+            if point2D.has_point3D():
+                views.append(view)
+                points.append(row_of_point[point2D.point3D_id])
+                pixels.append(point2D.xy)
+                rows.append(row)
+    camera_T_world = np.tile(np.eye(4), (len(images), 1, 1))
+    for view, image in enumerate(images):
+        camera_T_world[view, :3] = image.cam_from_world().matrix()
+    return Structure(
+        names=[i.name for i in images],
+        world_T_camera=inverse(camera_T_world),
+        points_world=np.array([reconstruction.points3D[p].xyz for p in point_ids]).reshape(-1, 3),
+        colours=np.array([reconstruction.points3D[p].color for p in point_ids], dtype=np.uint8).reshape(-1, 3),
+        observation_views=np.array(views, dtype=np.int64),
+        observation_points=np.array(points, dtype=np.int64),
+        observation_pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2) - _PIXEL_SHIFT,
+        observation_features=np.array(rows, dtype=np.int64),
+    )
+
+
+def read_model(folder: Path) -> pycolmap.Reconstruction:
+    """Read a COLMAP model, binary or text.
+
+    Raises:
+        MapError: there is no whole model in the folder.
+    """
+    try:
+        return pycolmap.Reconstruction(folder)
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {error}") from error
+
+
+def write_model(folder: Path, structure: Structure, camera: CameraModel) -> None:
+    """Write a structure as a COLMAP binary model with only the 2D points that see a landmark.
+
+    A landmark's id is its row; images are numbered from 1 as COLMAP does.
+    """
+    reconstruction = pycolmap.Reconstruction()
+    sensor = colmap_camera(camera)
+    sensor.camera_id = 1
+    reconstruction.add_camera_with_trivial_rig(sensor)
+    camera_T_world = inverse(structure.world_T_camera)
+    tracks = [pycolmap.Track() for _ in structure.points_world]
+    for view, name in enumerate(structure.names):
+        seen = np.flatnonzero(structure.observation_views == view)
+        image = pycolmap.Image(
+            name=name, keypoints=structure.observation_pixels[seen] + _PIXEL_SHIFT, camera_id=1, image_id=view + 1
+        )
+        reconstruction.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera_T_world[view, :3]))
+        for row, point in enumerate(structure.observation_points[seen].tolist()):
+            tracks[point].add_element(view + 1, row)
+    for row, (xyz, colour, track) in enumerate(zip(structure.points_world, structure.colours, tracks, strict=True)):
+        reconstruction.add_point3D_with_id(row, pycolmap.Point3D(xyz=xyz, color=colour, track=track))
+    folder.mkdir(parents=True)
+    reconstruction.write_binary(folder)
+
+
+def colmap_camera(camera: CameraModel) -> pycolmap.Camera:
+    """COLMAP's own camera object of one of our cameras."""
+    model, parameters = colmap_model(camera)
+    return pycolmap.Camera(
+        model=model, width=camera.width, height=camera.height, params=parameters, has_prior_focal_length=True
+    )
+
+
+def estimate_absolute_pose(
+    camera: CameraModel,
+    points_world: NDArray[np.floating],
+    pixels: NDArray[np.floating],
+    max_error_px: float,
+    max_trials: int,
+    seed: int,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
+    """PnP within LO-RANSAC on the camera's rays: world_T_camera (4, 4) and the (N,) inliers, or None without a pose.
+
+    Args:
+        camera: of any model; its rays are used, so a fisheye needs no pinhole.
+        points_world: (N, 3) [m].
+        pixels: (N, 2) where the image shows them.
+        max_error_px: reprojection error of an inlier.
+        max_trials: samples at most.
+        seed: of the sampling.
+    """
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = max_error_px
+    options.ransac.max_num_trials = max_trials
+    options.ransac.random_seed = seed
+    found = pycolmap.estimate_absolute_pose(
+        np.asarray(pixels, np.float64) + _PIXEL_SHIFT,
+        np.asarray(points_world, np.float64),
+        colmap_camera(camera),
+        options,
+    )
+    if found is None:
+        return None
+    camera_T_world = np.vstack([found["cam_from_world"].matrix(), [0.0, 0.0, 0.0, 1.0]])
+    return inverse(camera_T_world), np.asarray(found["inlier_mask"], bool)

@@ -1,0 +1,119 @@
+"""Features of the photographs that a reference map is built from."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import MapError
+from bodycam_ros.settings import setting
+
+# OpenCV doubles the image first but halves the positions without the half pixel of the resampling, so that they come
+# out too large by 0.25 px on both axes, in every octave.
+_OPENCV_SIFT_OFFSET = 0.25
+_ROOT_SIFT_LENGTH = 512.0  # as COLMAP and OpenCV scale SIFT descriptors to bytes
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """How features are found in photographs."""
+
+    contrast: float = setting(
+        0.02, limits=(0.001, 0.1), reason="SIFT contrast threshold; half of OpenCV's default doubles the large features"
+    )
+    max_features: int = setting(
+        6000, unit="per photograph", limits=(500, 30000), reason="the smallest go first: body cameras cannot see them"
+    )
+
+
+@dataclass(frozen=True)
+class ImageFeatures:
+    """Features of one photograph, the largest first.
+
+    Attributes:
+        name: file name of the photograph.
+        pixels: (N, 2) float32, pixel centres at integers.
+        sigmas: (N,) float32, SIFT scale [px].
+        descriptors: (N, 128) uint8 RootSIFT.
+        colours: (N, 3) uint8 RGB of the pixel beneath.
+    """
+
+    name: str
+    pixels: NDArray[np.float32]
+    sigmas: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    colours: NDArray[np.uint8]
+
+
+def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """RootSIFT (N, 128) as bytes of SIFT descriptors (N, 128): Arandjelovic and Zisserman 2012, section 3."""
+    shares = descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
+    root: NDArray[np.uint8] = np.clip(np.round(np.sqrt(shares) * _ROOT_SIFT_LENGTH), 0, 255).astype(np.uint8)
+    return root
+
+
+def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
+    """Find and describe the features of one photograph.
+
+    Raises:
+        MapError: the file is not an image that OpenCV reads, or not of the size that the camera is calibrated for.
+    """
+    image = read_photograph(path)
+    if image.shape[:2] != (camera.height, camera.width):
+        raise MapError(
+            f"{path}: has {image.shape[1]}x{image.shape[0]} pixels, but the camera is calibrated for "
+            f"{camera.width}x{camera.height}; give photographs as they left the camera, and its own calibration"
+        )
+    sift = cv2.SIFT_create(nfeatures=0, contrastThreshold=settings.contrast)
+    keypoints, descriptors = sift.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), None)
+    if descriptors is None:
+        nothing = np.zeros((0, 2), np.float32)
+        return ImageFeatures(
+            path.name, nothing, nothing[:, 0], np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8)
+        )
+    sigmas = np.array([k.size for k in keypoints], dtype=np.float32) / 2.0
+    # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
+    kept = np.argsort(-sigmas, kind="stable")[: settings.max_features]
+    pixels = np.array([k.pt for k in keypoints], dtype=np.float32)[kept] - np.float32(_OPENCV_SIFT_OFFSET)
+    columns, rows = np.clip(np.round(pixels).astype(int).T, 0, [[image.shape[1] - 1], [image.shape[0] - 1]])
+    colours = np.ascontiguousarray(image[rows, columns][:, ::-1])
+    return ImageFeatures(path.name, pixels, sigmas[kept], root_sift(descriptors[kept]), colours)
+
+
+def extract_all(
+    paths: Sequence[Path], camera: CameraModel, settings: FeatureSettings, workers: int
+) -> Iterator[ImageFeatures | MapError]:
+    """Features of all photographs, in order, as they get ready; what cannot be read comes as its error.
+
+    Threads are enough: OpenCV computes outside the interpreter's lock.
+    """
+
+    def extract(path: Path) -> ImageFeatures | MapError:
+        try:
+            return extract_features(path, camera, settings)
+        except MapError as error:
+            return error
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        try:
+            yield from pool.map(extract, paths)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def read_photograph(path: Path) -> NDArray[np.uint8]:
+    """Pixels (rows, columns, 3) of an image file, blue first.
+
+    Raises:
+        MapError: the file is not an image that OpenCV reads.
+    """
+    # Orientation tags are ignored: the calibration holds for the sensor's own rows and columns.
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        raise MapError(f"{path}: not a readable image; expected a whole JPEG or PNG file")
+    return np.asarray(image, dtype=np.uint8)

@@ -1,0 +1,45 @@
+"""All settings that a reference map is built with, by group."""
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from bodycam_ros.mapping.alignment import AlignmentSettings
+from bodycam_ros.mapping.apriltag import TagSettings
+from bodycam_ros.mapping.features import FeatureSettings
+from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
+from bodycam_ros.mapping.pairs import PairSettings
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class LandmarkSettings:
+    """Which points of the structure are good enough to be landmarks."""
+
+    max_error: float = setting(1.0, unit="px", limits=(0.1, 10.0), reason="largest reprojection error, A section 4.1")
+    min_angle: float = setting(
+        2.0, unit="deg", limits=(0.1, 45.0), reason="least angle between two rays, A section 4.1"
+    )
+    min_views: int = setting(
+        3, unit="photographs", limits=(2, 50), reason="two rays always nearly meet; the third tells a wrong match"
+    )
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """The settings of every step, under the names of their groups in YAML files and flags."""
+
+    features: FeatureSettings = FeatureSettings()
+    pairs: PairSettings = PairSettings()
+    landmarks: LandmarkSettings = LandmarkSettings()
+    descriptors: DescriptorSettings = DescriptorSettings()
+    tags: TagSettings = TagSettings()
+    alignment: AlignmentSettings = AlignmentSettings()
+
+    @classmethod
+    def groups(cls) -> dict[str, type]:
+        """Group -> its settings dataclass."""
+        return {f.name: type(f.default) for f in fields(cls)}
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Group -> setting -> value."""
+        return asdict(self)

@@ -1,0 +1,74 @@
+"""Which photographs see the same things: the pairs that are worth matching in full."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """How pairs of photographs are chosen."""
+
+    probe_features: int = setting(
+        500,
+        unit="per photograph",
+        limits=(50, 3000),
+        reason="largest features that decide whether two photographs overlap",
+    )
+    probe_ratio: float = setting(
+        0.8, limits=(0.5, 0.95), reason="a probe matches if its nearest descriptor is this much nearer than the second"
+    )
+    min_probe_matches: int = setting(
+        5, limits=(1, 100), reason="fewer mutual probe matches than this is chance, not overlap"
+    )
+    max_partners: int = setting(
+        40, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
+    )
+
+
+def probe_overlap(features: Sequence[ImageFeatures], settings: PairSettings) -> Iterator[NDArray[np.int64]]:
+    """Count mutual matches among the largest features of all pairs (preemptive matching, Wu 2013, section 3).
+
+    Yields:
+        for each photograph i the (K,) counts with the photographs before it, zero from itself on.
+    """
+    probes = [f.descriptors[: settings.probe_features].astype(np.float32) for f in features]
+    for i, probe in enumerate(probes):
+        counts = np.zeros(len(probes), dtype=np.int64)
+        for j in range(i):
+            counts[j] = _mutual_matches(probe, probes[j], settings.probe_ratio)
+        yield counts
+
+
+def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[tuple[int, int]]:
+    """Pairs (i, j) of rows, i < j, that are among the best partners of either, from counts (K, K)."""
+    counts = counts + counts.T
+    # Ties go to the lower row, on every machine.
+    best = np.argsort(-counts, axis=1, kind="stable")[:, : settings.max_partners]
+    chosen = np.zeros(counts.shape, dtype=bool)
+    np.put_along_axis(chosen, best, True, axis=1)
+    chosen &= counts >= settings.min_probe_matches
+    rows, columns = np.nonzero(np.triu(chosen | chosen.T, k=1))
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+def _mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32], ratio: float) -> int:
+    """Number of mutual nearest neighbours of RootSIFT descriptors (N, 128) and (M, 128) that pass the ratio test."""
+    if len(first) == 0 or len(second) < 2:
+        return 0
+    # All have about the same length, so the nearest is the one with the largest product.
+    products = first @ second.T
+    nearest = products.argmax(axis=1)
+    rows = np.arange(len(first))
+    mutual = products.argmax(axis=0)[nearest] == rows
+    best = products[rows, nearest]
+    products[rows, nearest] = -1.0
+    length_squared = float(np.median(np.einsum("ij,ij->i", first, first)))
+    best_distance_squared = length_squared - best
+    second_distance_squared = length_squared - products.max(axis=1)
+    return int(np.sum(mutual & (best_distance_squared < ratio**2 * second_distance_squared)))

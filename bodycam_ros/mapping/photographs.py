@@ -1,0 +1,48 @@
+"""The photographs of a reference folder and the camera that took them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.camera import CameraModel, camera_from_yaml
+from bodycam_ros.errors import MapError
+
+CAMERA_FILE = "camera.yaml"
+BOARD_FILE = "board.yaml"
+_SUFFIXES = {".jpg", ".jpeg", ".png"}
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """What a reference folder holds.
+
+    Attributes:
+        folder: where it is.
+        paths: image files in order of name.
+        camera: the camera that took all of them.
+        board_path: description of the board, if the folder has one.
+    """
+
+    folder: Path
+    paths: tuple[Path, ...]
+    camera: CameraModel
+    board_path: Path | None
+
+
+def find_photographs(folder: Path) -> Photographs:
+    """List a reference folder.
+
+    Raises:
+        MapError: the folder, its photographs or its calibration are missing.
+        CalibrationError: the calibration is malformed.
+    """
+    if not folder.is_dir():
+        raise MapError(f"{folder}: no such folder; expected one with photographs (jpg, png) and {CAMERA_FILE}")
+    paths = tuple(sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()))
+    if len(paths) < 2:
+        raise MapError(f"{folder}: {len(paths)} photographs (jpg, png); a map needs two or more, better 50 to 150")
+    if not (folder / CAMERA_FILE).is_file():
+        raise MapError(f"{folder}: has no {CAMERA_FILE}; put the ROS camera_info YAML of the photographs' camera there")
+    board_path = folder / BOARD_FILE
+    return Photographs(
+        folder, paths, camera_from_yaml(folder / CAMERA_FILE), board_path if board_path.is_file() else None
+    )

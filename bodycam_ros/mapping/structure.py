@@ -1,0 +1,80 @@
+"""What structure from motion recovers: camera poses, points, and who sees what."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+
+NO_FEATURE = -1
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Cameras and points in one frame, "world", with the observations that tie them.
+
+    Attributes:
+        names: file names of the K registered photographs.
+        world_T_camera: (K, 4, 4) their poses.
+        points_world: (L, 3) points.
+        colours: (L, 3) uint8 RGB.
+        observation_views: (O,) int64 row of the photograph.
+        observation_points: (O,) int64 row of the point.
+        observation_pixels: (O, 2) float64, pixel centres at integers.
+        observation_features: (O,) int64 row in the photograph's ``ImageFeatures``; ``NO_FEATURE`` if there is none.
+    """
+
+    names: Sequence[str]
+    world_T_camera: NDArray[np.float64]
+    points_world: NDArray[np.float64]
+    colours: NDArray[np.uint8]
+    observation_views: NDArray[np.int64]
+    observation_points: NDArray[np.int64]
+    observation_pixels: NDArray[np.float64]
+    observation_features: NDArray[np.int64]
+
+    def transformed(self, scale: float, R: NDArray[np.float64], t: NDArray[np.float64]) -> "Structure":
+        """The same structure after the similarity x -> scale R x + t of its frame."""
+        world_T_camera = self.world_T_camera.copy()
+        world_T_camera[:, :3, :3] = R @ self.world_T_camera[:, :3, :3]
+        world_T_camera[:, :3, 3] = scale * self.world_T_camera[:, :3, 3] @ R.T + t
+        return replace(self, world_T_camera=world_T_camera, points_world=scale * self.points_world @ R.T + t)
+
+    def observed_points_camera(self) -> NDArray[np.float64]:
+        """The observed point (O, 3) of each observation, in the axes of the camera that sees it."""
+        poses = self.world_T_camera[self.observation_views]
+        offsets = self.points_world[self.observation_points] - poses[:, :3, 3]
+        points: NDArray[np.float64] = np.einsum("nij,ni->nj", poses[:, :3, :3], offsets)
+        return points
+
+    def with_points(self, kept: NDArray[np.bool_]) -> "Structure":
+        """The same structure with only the points that ``kept`` (L,) marks, and the observations of them."""
+        new_rows = np.cumsum(kept) - 1
+        seen = self.with_observations(kept[self.observation_points])
+        return replace(
+            seen,
+            points_world=self.points_world[kept],
+            colours=self.colours[kept],
+            observation_points=new_rows[seen.observation_points],
+        )
+
+    def with_observations(self, kept: NDArray[np.bool_]) -> "Structure":
+        """The same structure with only the observations that ``kept`` (O,) marks; points may be left with none."""
+        return replace(
+            self,
+            observation_views=self.observation_views[kept],
+            observation_points=self.observation_points[kept],
+            observation_pixels=self.observation_pixels[kept],
+            observation_features=self.observation_features[kept],
+        )
+
+    def views_per_point(self) -> NDArray[np.int64]:
+        """Number (L,) of observations of each point."""
+        return np.bincount(self.observation_points, minlength=len(self.points_world))
+
+    def reprojection_errors(self, camera: CameraModel) -> NDArray[np.float64]:
+        """Distance (O,) [px] from where a point projects to where it was seen; infinite outside the lens."""
+        projected, valid = camera.project(self.observed_points_camera())
+        return np.where(valid, np.linalg.norm(projected - self.observation_pixels, axis=1), np.inf)
