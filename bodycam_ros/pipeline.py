@@ -32,6 +32,7 @@ from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -42,6 +43,7 @@ class PipelineSettings:
     """Settings of all stages; a field's name is its group in YAML, ROS parameters and flags (``tracker.max_tracks``)."""
 
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
+    keypoints: KeypointSettings = field(default_factory=KeypointSettings)
     flow: OpticalFlowSettings = field(default_factory=OpticalFlowSettings)
     rotation: RotationSettings = field(default_factory=RotationSettings)
     registrar: RegistrarSettings = field(default_factory=RegistrarSettings)
@@ -75,7 +77,7 @@ class PipelineSettings:
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
     """The tracker of one camera."""
-    return FeatureTracker(camera, settings.tracker, settings.flow, settings.rotation)
+    return FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
 
 
 def registrar(camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> Registrar:
@@ -93,7 +95,9 @@ class CameraPipeline:
     def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
         """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
         tracks = self._tracker.track(image, stamp_ns)
-        return tracks, self._registrar.register(tracks)
+        matches = self._registrar.register(tracks)
+        self._tracker.prune(matches)
+        return tracks, matches
 
 
 @dataclass(frozen=True)

@@ -10,21 +10,22 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 
-_FEATURE_BLOCK = 32
-"""Features compared at a time in a search of the whole map: 32 against 100 000 descriptors make 13 MB."""
-
 
 @dataclass(frozen=True)
 class MatchingSettings:
     """How alike a track and a landmark must be."""
 
     radius_px: float = setting(4.0, unit="px", limits=(0.5, 50.0), reason="search around the projection when the frame's pose is fitted already")
-    lost_radius_px: float = setting(40.0, unit="px", limits=(2.0, 300.0), reason="search around the projection when the pose is only extrapolated")
+    lost_radius_px: float = setting(20.0, unit="px", limits=(2.0, 300.0), reason="the same when the pose is only extrapolated, or found by RANSAC")
+    min_visible_scale_px: float = setting(
+        1.0, unit="px", limits=(0.0, 20.0), reason="a landmark whose feature would have a smaller sigma in this image cannot be detected in it"
+    )
     max_distance: float = setting(
         260.0, limits=(50.0, 724.0), reason="between RootSIFT vectors of length 512; near the predicted place the place itself is evidence"
     )
-    max_distance_lost: float = setting(230.0, limits=(50.0, 724.0), reason="the same for a search of the whole map")
+    max_distance_lost: float = setting(240.0, limits=(50.0, 724.0), reason="the same for a search of the whole map")
     ratio: float = setting(0.85, limits=(0.3, 1.0), reason="best to second best distance among other landmarks (Lowe 2004)")
+    max_features_lost: int = setting(300, limits=(20, 20000), reason="features looked up in the whole map; 300 bring some 50 right matches, 12 are needed")
     max_size_ratio: float = setting(2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts")
     max_view_angle_deg: float = setting(
         60.0, unit="deg", limits=(10.0, 180.0), reason="SIFT stands some 60 degrees of change between the photograph's view and ours"
@@ -39,7 +40,6 @@ def match_near_prediction(
     descriptors: NDArray[np.uint8],
     scales: NDArray[np.floating],
     radius_px: float,
-    taken: NDArray[np.int64],
     settings: MatchingSettings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match features to the landmarks that project near them.
@@ -51,64 +51,80 @@ def match_near_prediction(
         descriptors: (M, 128) their RootSIFT.
         scales: (M,) their sigma [px].
         radius_px: how far from its projection a landmark may show.
-        taken: rows of landmarks that other tracks carry already.
         settings: thresholds.
 
     Returns:
         Rows of the matched features and, for each, the row of its landmark. No landmark is matched twice.
     """
-    looks = reference_map.descriptor_landmark.astype(np.int64)
     offsets = reference_map.points_world - world_T_camera[:3, 3]
-    distances = np.linalg.norm(offsets, axis=1)
-    projected, valid = camera.project(offsets @ world_T_camera[:3, :3])
-    valid = valid & camera.in_image(projected)
-    valid[taken] = False
-    towards_camera = -offsets / np.maximum(distances, 1e-9)[:, None]
-    facing = np.einsum("ij,ij->i", reference_map.descriptor_view, towards_camera[looks]) > np.cos(
-        np.radians(settings.max_view_angle_deg)
-    )
-    usable = np.flatnonzero(facing & valid[looks])
-    if len(usable) == 0 or len(pixels) == 0:
+    squared_distances = np.einsum("ij,ij->i", offsets, offsets)
+    large_enough = reference_map.landmark_sizes**2 * camera.fx**2 > settings.min_visible_scale_px**2 * squared_distances
+    candidates = np.flatnonzero(large_enough)
+    projected, valid = camera.project(offsets[candidates] @ world_T_camera[:3, :3])
+    in_view = valid & camera.in_image(projected)
+    visible, projected = candidates[in_view], projected[in_view]
+    if len(visible) == 0 or len(pixels) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    near = cKDTree(pixels).sparse_distance_matrix(cKDTree(projected), radius_px, output_type="coo_matrix")
+    feature, look = _looks_of(reference_map.descriptor_landmark, near.row.astype(np.int64), visible[near.col])
+    landmark = reference_map.descriptor_landmark[look].astype(np.int64)
 
-    pairs = cKDTree(pixels).sparse_distance_matrix(cKDTree(projected[looks[usable]]), radius_px, output_type="coo_matrix")
-    feature, look = pairs.row.astype(np.int64), usable[pairs.col]
-    landmark = looks[look]
-    expected_scale = camera.fx * reference_map.descriptor_size[look] / distances[landmark]
+    distances = np.sqrt(squared_distances[landmark])
+    cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets[landmark]) / distances
+    expected_scale = camera.fx * reference_map.descriptor_size[look] / distances
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
-    alike_in_size = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
-    feature, look, landmark = feature[alike_in_size], look[alike_in_size], landmark[alike_in_size]
+    alike = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
+    alike &= cosines > np.cos(np.radians(settings.max_view_angle_deg))
+    feature, look, landmark = feature[alike], look[alike], landmark[alike]
     difference = descriptors[feature].astype(np.float32) - reference_map.descriptors[look].astype(np.float32)
     distance = np.sqrt(np.einsum("ij,ij->i", difference, difference))
     return _unambiguous(feature, landmark, distance, settings.max_distance, settings.ratio)
 
 
 def match_everywhere(
-    reference_map: ReferenceMap, descriptors: NDArray[np.uint8], settings: MatchingSettings
+    reference_map: ReferenceMap, descriptors: NDArray[np.uint8], every_view: bool, settings: MatchingSettings
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Match features (M, 128) to the landmarks of the whole map by their descriptors alone; returns as above."""
+    """Match features to the landmarks of the whole map by their descriptors alone; returns as above.
+
+    Args:
+        reference_map: the map.
+        descriptors: (M, 128) RootSIFT, the strongest first; a few dozen matches are enough to find a camera, so only
+            the first ``max_features_lost`` are looked up.
+        every_view: compare with all descriptors of a landmark; else with the one from the nearest photograph, which is
+            four times faster and finds three of four.
+        settings: thresholds.
+    """
     if len(descriptors) == 0 or len(reference_map.descriptors) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    looks = reference_map.descriptors.astype(np.float32)
-    look_norms = np.einsum("ij,ij->i", looks, looks)
-    first_look = np.flatnonzero(np.diff(reference_map.descriptor_landmark.astype(np.int64), prepend=-1))
-    landmark_of_group = reference_map.descriptor_landmark[first_look].astype(np.int64)
-    best_group = np.zeros(len(descriptors), np.int64)
-    best, second = np.zeros((2, len(descriptors)))
-    for start in range(0, len(descriptors), _FEATURE_BLOCK):
-        query = descriptors[start : start + _FEATURE_BLOCK].astype(np.float32)
-        squared = np.einsum("ij,ij->i", query, query)[:, None] - 2 * query @ looks.T + look_norms
-        # The looks of one landmark are no rivals of each other.
-        by_landmark = np.minimum.reduceat(squared, first_look, axis=1)
-        block = slice(start, start + len(query))
-        rows = np.arange(len(query))
-        best_group[block] = np.argmin(by_landmark, axis=1)
-        best[block] = by_landmark[rows, best_group[block]]
-        by_landmark[rows, best_group[block]] = np.inf
-        second[block] = by_landmark.min(axis=1)
-    best, second = np.sqrt(np.maximum(best, 0)), np.sqrt(np.maximum(second, 0))
-    good = np.flatnonzero((best < settings.max_distance_lost) & (best < settings.ratio * second))
-    return _one_feature_per_landmark(good, landmark_of_group[best_group[good]], best[good])
+    landmark_of_look = reference_map.descriptor_landmark.astype(np.int64)
+    looks = np.arange(len(landmark_of_look)) if every_view else np.flatnonzero(np.diff(landmark_of_look, prepend=-1))
+    landmark_of_look = landmark_of_look[looks]
+    query = descriptors[: settings.max_features_lost].astype(np.float32)
+    known = reference_map.descriptors[looks].astype(np.float32)
+    # Squared distances less the query's own length, which does not change which is nearest.
+    squared = np.einsum("ij,ij->i", known, known) - 2 * query @ known.T
+    rows = np.arange(len(query))
+    nearest = np.argmin(squared, axis=1)
+    landmark = landmark_of_look[nearest]
+    lengths = np.einsum("ij,ij->i", query, query)
+    best = np.sqrt(np.maximum(squared[rows, nearest] + lengths, 0))
+    # The other descriptors of the same landmark are no rivals of its best.
+    row, own = _looks_of(landmark_of_look, rows, landmark)
+    squared[row, own] = np.inf
+    rival = np.sqrt(np.maximum(squared.min(axis=1) + lengths, 0))
+    good = (best < settings.max_distance_lost) & (best < settings.ratio * rival)
+    return _one_feature_per_landmark(rows[good], landmark[good], best[good])
+
+
+def _looks_of(
+    landmark_of_look: NDArray[np.integer], feature: NDArray[np.int64], landmark: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of feature and landmark as pairs of feature and each look of that landmark; looks ascend by landmark."""
+    first = np.searchsorted(landmark_of_look, landmark, side="left")
+    count = np.searchsorted(landmark_of_look, landmark, side="right") - first
+    start_of_pair = np.cumsum(count) - count
+    look = np.arange(count.sum()) - np.repeat(start_of_pair - first, count)
+    return np.repeat(feature, count), look
 
 
 def _unambiguous(

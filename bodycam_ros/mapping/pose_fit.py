@@ -13,6 +13,9 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_se3, hat
 from bodycam_ros.settings import setting
 
+_CONVERGED = 2e-5
+"""A step below this [rad, m] moves no landmark by a hundredth of a pixel."""
+
 
 @dataclass(frozen=True)
 class PoseFitSettings:
@@ -23,7 +26,10 @@ class PoseFitSettings:
     )
     inlier_px: float = setting(2.5, unit="px", limits=(0.5, 20.0), reason="a reprojection error beyond this is no measurement of this landmark")
     iterations: int = setting(6, limits=(1, 50), reason="from a prediction within a few pixels four suffice")
-    start_px: float = setting(10.0, unit="px", limits=(0.5, 100.0), reason="scale of the robust kernel at the start; it halves down to inlier_px")
+    start_px: float = setting(
+        10.0, unit="px", limits=(0.5, 100.0),
+        reason="widest scale of the robust kernel; it starts at twice the median error and halves down to inlier_px"
+    )
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,8 @@ def fit_pose(
         settings: noise and thresholds.
     """
     pose = world_T_camera.copy()
-    scale = settings.start_px
+    errors_px = reprojection_errors(camera, points_world, pixels, pose)
+    scale = float(np.clip(2 * np.median(errors_px), settings.inlier_px, settings.start_px))
     for _ in range(settings.iterations):
         hessian, gradient, _ = _normal_equations(camera, points_world, pixels, pose, scale)
         try:
@@ -68,7 +75,7 @@ def fit_pose(
         except np.linalg.LinAlgError:
             break
         pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
-        if scale <= settings.inlier_px and np.abs(step).max() < 1e-6:
+        if scale <= settings.inlier_px and np.abs(step).max() < _CONVERGED:
             break
         scale = max(0.5 * scale, settings.inlier_px)
     hessian, _, errors_px = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px)

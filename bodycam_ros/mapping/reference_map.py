@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,13 @@ class ReferenceMap:
     metric: bool
     gravity_aligned: bool
     summary: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def landmark_sizes(self) -> NDArray[np.float32]:
+        """(L,) float32 the largest ``descriptor_size`` of each landmark; 0 without a descriptor."""
+        sizes = np.zeros(len(self.landmark_ids), np.float32)
+        np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
+        return sizes
 
     @classmethod
     def load(cls, path: Path) -> "ReferenceMap":

@@ -72,20 +72,32 @@ class Registrar:
         predicted = self._predict(frame)
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
-            rows = self._name_tracks(frame, rows, fit, predicted)
-            fit = self._fit(frame, rows, fit.world_T_camera if fit else predicted) or self._find(frame, rows)
+            rows, fit = self._register_described(frame, rows, fit, predicted)
         rows = self._strike_out(rows, fit)
-        self._remember(frame, rows, fit, predicted)
+        self._remember(fit, predicted)
         return self._matches(frame, rows, fit)
+
+    def _register_described(
+        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.int64], PoseFit | None]:
+        """Name the described tracks, around a pose as good as there is: fitted, else extrapolated, else searched for."""
+        if fit is None and predicted is not None:
+            rows, fit = self._name_tracks(frame, rows, predicted, self._matching.lost_radius_px)
+        if fit is None:
+            found = self._find(frame)
+            if found is None:
+                return rows, None
+            rows, fit = self._name_tracks(frame, rows, found, self._matching.lost_radius_px)
+        if fit is None:
+            return rows, None
+        return self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
 
     def _carry(self, frame: TrackFrame) -> NDArray[np.int64]:
         """Rows of the frame's tracks that carry a landmark from before; ended tracks take theirs along."""
         positions = np.searchsorted(frame.track_ids, self._carried_ids)
         alive = positions < len(frame.track_ids)
         alive[alive] = frame.track_ids[positions[alive]] == self._carried_ids[alive]
-        self._carried_ids = self._carried_ids[alive]
-        self._carried_landmarks = self._carried_landmarks[alive]
-        self._strikes = self._strikes[alive]
+        self._forget(~alive)
         return np.asarray(positions[alive], np.int64)
 
     def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
@@ -106,36 +118,36 @@ class Registrar:
         return fit if fit.inliers.sum() >= self.settings.min_inliers else None
 
     def _name_tracks(
-        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
-    ) -> NDArray[np.int64]:
-        """Match the described tracks to landmarks; return the rows of all tracks that carry one now."""
+        self, frame: TrackFrame, rows: NDArray[np.int64], pose: NDArray[np.float64], radius_px: float
+    ) -> tuple[NDArray[np.int64], PoseFit | None]:
+        """Match the described tracks to landmarks that project near them, and fit the pose to all tracks with a landmark."""
         described = frame.described.astype(np.int64)
-        pixels = frame.pixels[described]
-        if fit is not None or predicted is not None:
-            pose, radius_px = (fit.world_T_camera, self._matching.radius_px) if fit else (predicted, self._matching.lost_radius_px)
-            assert pose is not None
-            taken = self._carried_landmarks if fit else np.zeros(0, np.int64)
-            named, landmarks = match_near_prediction(
-                self.map, self.camera, pose, pixels, frame.descriptors, frame.scales, radius_px, taken, self._matching
-            )
-        else:
-            named, landmarks = match_everywhere(self.map, frame.descriptors, self._matching)
-        rows = np.concatenate([rows, described[named]])
+        named, landmarks = match_near_prediction(
+            self.map, self.camera, pose, frame.pixels[described], frame.descriptors, frame.scales, radius_px, self._matching
+        )
+        # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
+        stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
+        rows = np.concatenate([rows[self._forget(stale)], described[named]])
         order = np.argsort(rows, kind="stable")
         self._carried_ids = frame.track_ids[rows[order]]
         self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
         # A fresh match has to prove itself at once; an old one may fail for a moment.
         fresh = np.full(len(landmarks), self.settings.max_strikes - 1)
         self._strikes = np.concatenate([self._strikes, fresh])[order]
-        return np.asarray(rows[order])
+        rows = rows[order]
+        return rows, self._fit(frame, rows, pose)
 
-    def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> PoseFit | None:
-        """Pose without a prediction: PnP within RANSAC (A 4.1, absolute camera registration)."""
-        if len(rows) < self.settings.min_inliers:
-            return None
-        points_world = self.map.points_world[self._carried_landmarks]
-        found = find_pose(self.camera, points_world, frame.pixels[rows], self._absolute_pose)
-        return None if found is None else self._fit(frame, rows, found)
+    def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
+        """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1, absolute camera registration)."""
+        for every_view in (False, True):
+            named, landmarks = match_everywhere(self.map, frame.descriptors, every_view, self._matching)
+            if len(named) < self.settings.min_inliers:
+                continue
+            pixels = frame.pixels[frame.described.astype(np.int64)[named]]
+            found = find_pose(self.camera, self.map.points_world[landmarks], pixels, self._absolute_pose)
+            if found is not None:
+                return found
+        return None
 
     def _strike_out(self, rows: NDArray[np.int64], fit: PoseFit | None) -> NDArray[np.int64]:
         """Take the landmark from tracks that keep disagreeing; without a pose, from all: a lost camera starts afresh."""
@@ -144,14 +156,17 @@ class Registrar:
         else:
             self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
             keep = self._strikes < self.settings.max_strikes
+        return rows[self._forget(~keep)]
+
+    def _forget(self, forgotten: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Take the landmarks from some of the tracks that carry one; which of them keep theirs."""
+        keep = ~forgotten
         self._carried_ids = self._carried_ids[keep]
         self._carried_landmarks = self._carried_landmarks[keep]
         self._strikes = self._strikes[keep]
-        return rows[keep]
+        return keep
 
-    def _remember(
-        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
-    ) -> None:
+    def _remember(self, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
         if fit is not None:
             if self._world_T_camera is not None and self._frames_predicted == 0:
                 self._previous_T_camera = inverse(self._world_T_camera) @ fit.world_T_camera

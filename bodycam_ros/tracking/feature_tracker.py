@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.geometry import log_so3
 from bodycam_ros.settings import setting
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector
+from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
-from bodycam_ros.tracking.replenish import choose_balanced
+from bodycam_ros.tracking.replenish import far_from, thin_out
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -19,22 +21,22 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 class TrackerSettings:
     """How many tracks, how old they may grow, and when to look for new ones."""
 
-    max_tracks: int = setting(
-        180, limits=(20, 2000), reason="tracks per camera after a keyframe; about half find a landmark, and 60 landmarks hold a pose to millimetres"
-    )
     keyframe_interval: int = setting(
-        10, unit="frames", limits=(1, 300), reason="SIFT costs as much as ten frames of tracking; a third of a second between names is bearable"
+        12, unit="frames", limits=(1, 300), reason="SIFT costs as much as ten frames of tracking; 0.4 s between fresh names is bearable"
     )
     keyframe_survival: float = setting(
         0.55, limits=(0.0, 1.0), reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left"
     )
-    min_keyframe_gap: int = setting(3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame")
-    max_track_age: int = setting(
-        30, unit="frames", limits=(2, 1000), reason="flow drifts by some hundredths of a pixel a frame; an old track makes room for a fresh feature"
+    keyframe_rotation: float = setting(
+        0.3, unit="rad", limits=(0.01, 6.3), reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly"
     )
-    grid_cell_px: int = setting(64, unit="px", limits=(16, 256), reason="new tracks are shared out over cells of this size")
-    min_distance_px: float = setting(5.0, unit="px", limits=(1.0, 50.0), reason="a new track keeps this far from every other")
-    contrast_threshold: float = setting(0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images")
+    min_keyframe_gap: int = setting(3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame")
+    max_track_age: float = setting(
+        1.5, unit="s", limits=(0.05, 60.0), reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe"
+    )
+    min_distance_px: float = setting(
+        3.0, unit="px", limits=(1.0, 50.0), reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker"
+    )
     max_view_angle_deg: float = setting(
         86.0, unit="deg", limits=(20.0, 110.0), reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world"
     )
@@ -45,13 +47,14 @@ class FeatureTracker:
 
     Args:
         camera: its model; the rotation is estimated on bearings.
-        settings, flow, rotation: settings of the tracker and of its two steps.
+        settings, keypoints, flow, rotation: settings of the tracker and of its steps.
     """
 
     def __init__(
         self,
         camera: CameraModel,
         settings: TrackerSettings | None = None,
+        keypoints: KeypointSettings | None = None,
         flow: OpticalFlowSettings | None = None,
         rotation: RotationSettings | None = None,
     ) -> None:
@@ -59,16 +62,18 @@ class FeatureTracker:
         self.settings = settings or TrackerSettings()
         self._flow = flow or OpticalFlowSettings()
         self._rotation = rotation or RotationSettings()
-        self._detector = KeypointDetector(self.settings.contrast_threshold)
+        self._detector = KeypointDetector(keypoints or KeypointSettings())
         self._mask = _view_mask(camera, self.settings.max_view_angle_deg)
         self._image: NDArray[np.uint8] | None = None
         self._stamp_ns = 0
         self._pixels = np.zeros((0, 2), np.float32)
         self._ids = np.zeros(0, np.uint32)
-        self._ages = np.zeros(0, np.int64)
+        self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
+        self._keyframe_ns = 0
         self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
+        self._turned = 0.0
         self._rotation_per_frame = np.eye(3)
 
     def track(self, image: NDArray[np.uint8], stamp_ns: int) -> TrackFrame:
@@ -104,6 +109,21 @@ class FeatureTracker:
             rotation_inliers=rotation_inliers,
         )
 
+    def prune(self, matches: LandmarkMatches) -> None:
+        """Drop the tracks that were offered to the registrar and found no landmark, while the camera is registered.
+
+        Most keypoints are none of the map's landmarks; to follow them would cost more than all the others. It does not
+        matter to the poses when this happens: a live graph may be some frames late.
+
+        Args:
+            matches: what the registrar made of an earlier frame of this tracker.
+        """
+        if matches.world_T_camera is None:
+            return
+        self._keep(np.isin(self._ids, matches.track_ids) | (self._born_ns > matches.stamp_ns))
+        if matches.stamp_ns == self._keyframe_ns:
+            self._tracks_at_keyframe = len(self._ids)
+
     def _check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
@@ -125,11 +145,13 @@ class FeatureTracker:
         pixels, alive = follow(self._image, image, self._pixels, predicted, self._flow)
         bearings_current, in_view = self.camera.unproject(pixels)
         alive &= in_view & self._in_mask(pixels)
-        self._pixels, self._ids, self._ages = pixels[alive], self._ids[alive], self._ages[alive] + 1
+        self._pixels = pixels
+        self._keep(alive)
         current_R_previous, agree = estimate_rotation(
             bearings_previous[alive], bearings_current[alive], self._rotation, seed=self._next_id
         )
         self._rotation_per_frame = current_R_previous
+        self._turned += float(np.linalg.norm(log_so3(current_R_previous)))
         return current_R_previous, int(agree.sum())
 
     def _predict(self, bearings_previous: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -144,29 +166,34 @@ class FeatureTracker:
         due = (
             self._tracks_at_keyframe == 0
             or self._frames_since_keyframe >= self.settings.keyframe_interval
+            or self._turned > self.settings.keyframe_rotation
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
         )
         return due and (self._next_id == 1 or self._frames_since_keyframe >= self.settings.min_keyframe_gap)
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
-        """Start described tracks on fresh SIFT keypoints, most where the image has fewest tracks."""
-        young = self._ages < self.settings.max_track_age
-        self._pixels, self._ids, self._ages = self._pixels[young], self._ids[young], self._ages[young]
+        """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
         keypoints = self._detector.detect(image, self._mask)
-        chosen = choose_balanced(
-            keypoints.pixels, keypoints.responses, self._pixels, image.shape,
-            self.settings.max_tracks - len(self._ids), self.settings.grid_cell_px, self.settings.min_distance_px,
-        )
-        descriptors = self._detector.describe(image, keypoints, chosen)
-        described = np.arange(len(self._ids), len(self._ids) + len(chosen), dtype=np.uint32)
-        new_ids = np.arange(self._next_id, self._next_id + len(chosen), dtype=np.uint32)
-        self._next_id += len(chosen)
-        self._pixels = np.concatenate([self._pixels, keypoints.pixels[chosen]])
+        fresh = thin_out(keypoints.pixels, keypoints.responses, self.settings.min_distance_px)
+        fresh = fresh[np.argsort(-keypoints.responses[fresh], kind="stable")]
+        pixels = keypoints.pixels[fresh]
+        young = self._stamp_ns - self._born_ns < 1e9 * self.settings.max_track_age
+        self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))
+
+        described = np.arange(len(self._ids), len(self._ids) + len(fresh), dtype=np.uint32)
+        new_ids = np.arange(self._next_id, self._next_id + len(fresh), dtype=np.uint32)
+        self._next_id += len(fresh)
+        self._pixels = np.concatenate([self._pixels, pixels])
         self._ids = np.concatenate([self._ids, new_ids])
-        self._ages = np.concatenate([self._ages, np.zeros(len(chosen), np.int64)])
+        self._born_ns = np.concatenate([self._born_ns, np.full(len(fresh), self._stamp_ns)])
+        self._keyframe_ns = self._stamp_ns
         self._tracks_at_keyframe = len(self._ids)
         self._frames_since_keyframe = 0
-        return described, descriptors, keypoints.scales[chosen]
+        self._turned = 0.0
+        return described, keypoints.descriptors[fresh], keypoints.scales[fresh]
+
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        self._pixels, self._ids, self._born_ns = self._pixels[kept], self._ids[kept], self._born_ns[kept]
 
     def _in_mask(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         columns, rows = np.rint(pixels).astype(int).T if len(pixels) else (np.zeros(0, int), np.zeros(0, int))

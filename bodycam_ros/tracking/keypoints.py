@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.settings import setting
+
 DESCRIPTOR_LENGTH = 128
 ROOT_SIFT_SCALE = 512.0
 """A unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte."""
@@ -15,13 +17,34 @@ _DOUBLING_OFFSET_PX = 0.25
 
 
 @dataclass(frozen=True)
+class KeypointSettings:
+    """Where and how finely keypoints are looked for."""
+
+    image_scale: float = setting(
+        0.5, limits=(0.25, 1.0),
+        reason="SIFT doubles the image first; at half size it costs a quarter, and what it misses the photographs seldom show"
+    )
+    contrast_threshold: float = setting(0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images")
+    max_keypoints: int = setting(
+        500, limits=(50, 20000), reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred hold a pose to millimetres"
+    )
+
+
+@dataclass(frozen=True)
 class Keypoints:
-    """SIFT keypoints of one image: pixels (N, 2) float32, scales (N,) float32 sigma [px], responses (N,)."""
+    """SIFT keypoints of one image.
+
+    Attributes:
+        pixels: (N, 2) float32.
+        scales: (N,) float32 sigma [px].
+        responses: (N,) float32 contrast.
+        descriptors: (N, 128) uint8 RootSIFT.
+    """
 
     pixels: NDArray[np.float32]
     scales: NDArray[np.float32]
     responses: NDArray[np.float32]
-    raw: tuple[cv2.KeyPoint, ...]
+    descriptors: NDArray[np.uint8]
 
 
 def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -31,24 +54,27 @@ def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 class KeypointDetector:
-    """Detects SIFT keypoints and describes the chosen ones."""
+    """Finds and describes the SIFT keypoints of an image."""
 
-    def __init__(self, contrast_threshold: float) -> None:
-        self._sift = cv2.SIFT_create(contrastThreshold=contrast_threshold)
+    def __init__(self, settings: KeypointSettings) -> None:
+        self._settings = settings
+        self._sift = cv2.SIFT_create(nfeatures=settings.max_keypoints, contrastThreshold=settings.contrast_threshold)
 
     def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> Keypoints:
-        """Find the keypoints of an (H, W) grey image where the (H, W) mask is not zero."""
-        raw = self._sift.detect(image, mask)
+        """Keypoints of an (H, W) grey image where the (H, W) mask is not zero."""
+        scale = self._settings.image_scale
+        if scale < 1.0:
+            image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+            mask = np.asarray(cv2.resize(mask, image.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
+        raw, descriptors = self._sift.detectAndCompute(image, mask)
+        if descriptors is None:
+            nothing = np.zeros((0, 2), np.float32)
+            return Keypoints(nothing, nothing[:, 0], nothing[:, 0], np.zeros((0, DESCRIPTOR_LENGTH), np.uint8))
+        pixels = np.array([k.pt for k in raw], np.float32).reshape(-1, 2) - np.float32(_DOUBLING_OFFSET_PX)
         return Keypoints(
-            np.array([k.pt for k in raw], np.float32).reshape(-1, 2) - np.float32(_DOUBLING_OFFSET_PX),
-            np.array([0.5 * k.size for k in raw], np.float32),
+            # Pixel centres are integers in the small image and in the large one.
+            ((pixels + 0.5) / scale - 0.5).astype(np.float32),
+            np.array([0.5 * k.size / scale for k in raw], np.float32),
             np.array([k.response for k in raw], np.float32),
-            tuple(raw),
+            root_sift(np.asarray(descriptors, np.float32)),
         )
-
-    def describe(self, image: NDArray[np.uint8], keypoints: Keypoints, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
-        """RootSIFT (M, 128) of the chosen rows of ``keypoints``."""
-        if len(rows) == 0:
-            return np.zeros((0, DESCRIPTOR_LENGTH), np.uint8)
-        _, descriptors = self._sift.compute(image, [keypoints.raw[int(row)] for row in rows])
-        return root_sift(np.asarray(descriptors, np.float32))

@@ -13,7 +13,7 @@ from bodycam_ros.settings import setting
 class OpticalFlowSettings:
     """Window, depth of the pyramid and tolerance of the check."""
 
-    window_px: int = setting(15, unit="px", limits=(5, 41), reason="side of the matched patch; larger is steadier, slower and blurs depth edges")
+    window_px: int = setting(13, unit="px", limits=(5, 41), reason="side of the matched patch; larger is steadier, slower and blurs depth edges")
     pyramid_levels: int = setting(3, limits=(0, 6), reason="3 reach 60 px from the prediction, more than a limb's surprise in 1/30 s")
     forward_backward_px: float = setting(0.5, unit="px", limits=(0.05, 5.0), reason="a point that does not come back to within this is lost")
 

@@ -19,7 +19,7 @@ class TrackFrame:
         previous_stamp_ns: stamp of the frame that ``current_R_previous`` starts from; 0 if there is none.
         track_ids: (N,) uint32.
         pixels: (N, 2) float32, pixel centres at integers.
-        described: (M,) uint32, rows of ``track_ids`` that carry a descriptor in this frame.
+        described: (M,) uint32, rows of ``track_ids`` that carry a descriptor in this frame, the strongest first.
         descriptors: (M, 128) uint8 RootSIFT.
         scales: (M,) float32, SIFT scale (sigma) of the described tracks [px].
         keyframe: whether new features were looked for in this frame.
