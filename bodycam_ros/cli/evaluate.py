@@ -1,0 +1,152 @@
+"""bodycam evaluate: how good is a solved recording, on its own or against the truth."""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from bodycam_ros.evaluate.evaluation import Evaluation
+
+_NARROWEST = 110
+"""Columns of a table that is written to a file or pipe, whose width nobody knows."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("evaluate", help="measure and picture a solved recording", description=__doc__)
+    parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
+    parser.add_argument(
+        "--truth", type=Path, metavar="DIR", help="folder of a recording with ground truth, or its folder truth"
+    )
+    parser.add_argument(
+        "--recording", type=Path, metavar="BAG", help="bag with the images; its intrinsics allow reprojection errors"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for summary.json and summary.png"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    # matplotlib takes half a second to load; the other commands and --help do without.
+    from bodycam_ros.evaluate.evaluation import evaluate
+    from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
+
+    check_report_folder(arguments.output)
+    evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
+    write_report(evaluation, arguments.output)
+    _report(evaluation, arguments.output)
+    return 0
+
+
+def _report(evaluation: "Evaluation", folder: Path) -> None:
+    from bodycam_ros.evaluate.summary import summary
+
+    figures = summary(evaluation)
+    console = Console(markup=False)  # units stand in square brackets
+    if not console.is_terminal:
+        console.width = max(console.width, _NARROWEST)
+    console.print(_camera_table(figures["cameras"]))
+    console.print(_body_table(figures))
+    if "truth" in figures:
+        console.print(_joint_table(figures["truth"]))
+        console.print(_truth_table(figures["truth"]))
+    for line in (*_remarks(figures), f"written to {folder}"):
+        console.print(line, soft_wrap=True)
+
+
+def _camera_table(cameras: Mapping[str, Any]) -> Table:
+    with_pixels = any("reprojection_px" in camera for camera in cameras.values())
+    caption = "lost: the longest time without a pose; gap: from the registered to the solved pose, median"
+    if with_pixels:
+        caption += "; error: of landmarks in the solved pose, median"
+    table = Table(title="cameras", caption=caption)
+    table.add_column("camera", no_wrap=True)
+    columns = ("images", "registered", "lost [s]", "tracks", "landmarks", "gap [mm]", "gap [deg]")
+    for column in (*columns, *(("error [px]",) if with_pixels else ())):
+        table.add_column(column, justify="right")
+    for name, camera in cameras.items():
+        lost_s = camera["longest_lost_s"]
+        row = [
+            str(camera["images"]),
+            f"{camera['registered']:.1%}",
+            f"{lost_s:.2f}" if lost_s else "",
+            _number(camera["tracks"], 0),
+            _number(camera["landmarks"], 0),
+            _number(camera["position_gap_mm"]["median"], 1),
+            _number(camera["rotation_gap_deg"]["median"], 2),
+        ]
+        if with_pixels:
+            row.append(_number(camera.get("reprojection_px", {}).get("median"), 2))
+        table.add_row(name, *row, style=None if camera["registered"] > 0.0 else "red")
+    return table
+
+
+def _body_table(figures: Mapping[str, Any]) -> Table:
+    table = _spread_table("body")
+    for name, key in (
+        ("root position sigma [mm]", "root_position_sigma_mm"),
+        ("root rotation sigma [deg]", "root_rotation_sigma_deg"),
+        ("jitter of segments [mm]", "jitter_mm"),
+    ):
+        _add_spread(table, name, figures[key])
+    return table
+
+
+def _joint_table(truth: Mapping[str, Any]) -> Table:
+    table = Table(title="joints against the truth, mean")
+    table.add_column("segment")
+    for column in ("position [cm]", "angle [deg]", "rotation [deg]"):
+        table.add_column(column, justify="right")
+    for name, joint in truth["per_joint"].items():
+        table.add_row(name, *(_number(joint.get(key), 3) for key in ("position_cm", "angle_deg", "rotation_deg")))
+    return table
+
+
+def _truth_table(truth: Mapping[str, Any]) -> Table:
+    table = _spread_table("against the truth")
+    for name, key in (
+        ("position [cm]", "position_cm"),
+        ("position, scale fitted [cm]", "sim_position_cm"),
+        ("angle [deg]", "angle_deg"),
+        ("rotation [deg]", "rotation_deg"),
+    ):
+        _add_spread(table, name, truth[key])
+    return table
+
+
+def _spread_table(title: str) -> Table:
+    table = Table(title=title)
+    table.add_column("measure")
+    for column in ("mean", "median", "p95", "max"):
+        table.add_column(column, justify="right")
+    return table
+
+
+def _add_spread(table: Table, name: str, spread: Mapping[str, float | None]) -> None:
+    table.add_row(name, *(_number(spread[column], 3) for column in ("mean", "median", "p95", "max")))
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "" if value is None else f"{value:.{decimals}f}"
+
+
+def _remarks(figures: Mapping[str, Any]) -> list[str]:
+    remarks = [
+        f"{figures['instants']} instants in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the "
+        f"images covered; {figures['instants_without_camera']} instants without any camera"
+    ]
+    remarks += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
+    if "truth" in figures:
+        truth = figures["truth"]
+        remarks.append(
+            f"truth: coverage {truth['coverage']:.1%}, scale {truth['scale']:.5f}, tilt {truth['tilt_deg']:.3f} deg"
+        )
+        if truth["links_missing"]:
+            remarks.append(f"in the truth, but not in the body: {', '.join(truth['links_missing'])}")
+    return remarks

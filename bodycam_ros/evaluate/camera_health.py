@@ -1,0 +1,88 @@
+"""What a solved recording says about its cameras, without any truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.evaluate.distribution import Distribution
+from bodycam_ros.evaluate.solved_recording import CameraRecord, SolvedRecording
+from bodycam_ros.evaluate.trajectory import interpolated
+from bodycam_ros.geometry import Array, inverse, log_so3
+
+
+@dataclass(frozen=True)
+class CameraHealth:
+    """How one camera did.
+
+    Attributes:
+        camera: name.
+        images: that were tracked.
+        registered: share of them with a pose.
+        longest_lost_s: the longest time without a pose [s].
+        tracks: mean of feature tracks per image; NaN where the bag does not say.
+        landmarks: mean of tracks with a landmark per image.
+        position_gap: distance of the registered from the solved position of the camera [m].
+        rotation_gap: angle between the two orientations [rad].
+        reprojection: of landmarks in the solved pose [px]; None unless the recording's intrinsics were given.
+    """
+
+    camera: str
+    images: int
+    registered: float
+    longest_lost_s: float
+    tracks: float
+    landmarks: float
+    position_gap: Distribution
+    rotation_gap: Distribution
+    reprojection: Distribution | None = None
+
+
+def camera_healths(solved: SolvedRecording) -> tuple[CameraHealth, ...]:
+    """The health of each camera."""
+    return tuple(_health(record, solved) for record in solved.cameras)
+
+
+def longest_lost(stamps_ns: NDArray[np.int64], registered: NDArray[np.bool_], frame_ns: int) -> float:
+    """Longest run of images (K,) without a pose [s]; an image stands for one frame."""
+    longest_ns, since = 0, None
+    for stamp, known in zip(stamps_ns.tolist(), registered.tolist(), strict=True):
+        if known:
+            since = None
+            continue
+        since = stamp if since is None else since
+        longest_ns = max(longest_ns, stamp - since + frame_ns)
+    return longest_ns * 1e-9
+
+
+def pose_gaps(solved: SolvedRecording, record: CameraRecord) -> tuple[Array, Array]:
+    """Distances (N,) [m] and angles (N,) [rad] between registered and solved poses of a camera.
+
+    The registration knows this camera alone, the solution all cameras and the body: a gap that stays tells of a mount
+    that has moved or a wrong body, one that comes and goes of bad registrations.
+    """
+    solved_pose = dict((r.camera, poses) for r, poses in solved.solved_cameras()).get(record.camera)
+    usable = record.registered & solved.is_solved_at(record.stamps_ns)
+    if solved_pose is None or not usable.any():
+        return np.zeros(0), np.zeros(0)
+    world_T_solved = interpolated(solved.stamps_ns, solved_pose, record.stamps_ns[usable])
+    solved_T_registered = inverse(world_T_solved) @ record.world_T_camera[usable]
+    return (
+        np.linalg.norm(solved_T_registered[:, :3, 3], axis=1),
+        np.linalg.norm(log_so3(solved_T_registered[:, :3, :3]), axis=1),
+    )
+
+
+def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
+    distances, angles = pose_gaps(solved, record)
+    known = record.tracks[record.tracks >= 0]
+    return CameraHealth(
+        camera=record.camera,
+        images=len(record.stamps_ns),
+        registered=float(record.registered.mean()),
+        longest_lost_s=longest_lost(record.stamps_ns, record.registered, solved.frame_ns),
+        tracks=float(known.mean()) if len(known) else float("nan"),
+        landmarks=float(record.landmarks.mean()),
+        position_gap=Distribution.of(distances),
+        rotation_gap=Distribution.of(angles),
+    )

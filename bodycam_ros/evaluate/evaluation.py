@@ -1,0 +1,79 @@
+"""A solved recording with all that can be said about it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.evaluate import body_health
+from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths
+from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.read_solved import read_solved
+from bodycam_ros.evaluate.reprojection import reprojection_errors
+from bodycam_ros.evaluate.solved_recording import SolvedRecording
+from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.geometry import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What an evaluation found, T instants, S segments.
+
+    Attributes:
+        solved: what was evaluated.
+        image_coverage: share of the images with a solved instant within half a frame.
+        gaps: (start, end) [s] of stretches without a solved instant.
+        blind: (T,) instants without any registered camera.
+        cameras: health of each.
+        position_sigma: (T,) of the root [m].
+        rotation_sigma: (T,) of the root [rad].
+        angle_ranges: joint -> least and greatest angle [rad].
+        jitter: (T, S) [m].
+        comparison: with the truth, if that was given.
+    """
+
+    solved: SolvedRecording
+    image_coverage: float
+    gaps: tuple[tuple[float, float], ...]
+    blind: NDArray[np.bool_]
+    cameras: tuple[CameraHealth, ...]
+    position_sigma: Array
+    rotation_sigma: Array
+    angle_ranges: Mapping[str, tuple[float, float]]
+    jitter: Array
+    comparison: Comparison | None
+
+
+def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: Path | None = None) -> Evaluation:
+    """Evaluate a bag that ``bodycam replay`` wrote.
+
+    Args:
+        solved_path: the bag.
+        truth_path: folder of the recording, or of its truth, to score against.
+        recording_path: the bag with the images, whose intrinsics allow reprojection errors.
+
+    Raises:
+        RecordingError: one of them is not what it should be, or they do not belong together.
+        CalibrationError: the recording's intrinsics cannot be used.
+    """
+    truth = None if truth_path is None else read_true_motion(truth_path)
+    solved = read_solved(solved_path)
+    cameras = camera_healths(solved)
+    if recording_path is not None:
+        reprojection = reprojection_errors(solved, recording_path)
+        cameras = tuple(replace(health, reprojection=reprojection.get(health.camera)) for health in cameras)
+    position_sigma, rotation_sigma = body_health.root_sigmas(solved.root_covariance)
+    return Evaluation(
+        solved=solved,
+        image_coverage=body_health.image_coverage(solved),
+        gaps=body_health.gaps(solved),
+        blind=body_health.blind(solved),
+        cameras=cameras,
+        position_sigma=position_sigma,
+        rotation_sigma=rotation_sigma,
+        angle_ranges=body_health.angle_ranges(solved),
+        jitter=body_health.jitter(solved),
+        comparison=None if truth is None else compare(solved, truth),
+    )

@@ -1,0 +1,80 @@
+"""Panel: which camera was registered when, and by how many landmarks."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.picture_style import LANDMARKS, QUIET, WARNING, panel_title, side_colour
+from bodycam_ros.evaluate.solved_recording import SolvedRecording
+from bodycam_ros.geometry import Array
+
+_MOST_COLUMNS = 900
+"""Columns of the strip; of the images that share one, the worst shows."""
+
+_NO_IMAGE = "#f7f8f9"
+
+
+def draw_registrations(axes: Axes, evaluation: Evaluation) -> None:
+    """Draw the panel: a row per camera, darker with more landmarks, red where the camera is lost."""
+    solved = evaluation.solved
+    landmarks, lost = registration_table(solved, _MOST_COLUMNS)
+    duration_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
+    extent = (0.0, duration_s, len(solved.cameras) - 0.5, -0.5)
+    axes.set_facecolor(_NO_IMAGE)
+    image = axes.imshow(
+        np.ma.masked_invalid(np.where(lost, np.nan, landmarks)),
+        cmap=LANDMARKS, vmin=0.0, vmax=_round_up(landmarks), extent=extent, aspect="auto", interpolation="nearest",
+    )  # fmt: skip
+    red = np.ma.masked_where(~lost, np.ones_like(landmarks))
+    axes.imshow(red, cmap=ListedColormap([WARNING]), extent=extent, aspect="auto", interpolation="nearest")
+    axes.hlines(np.arange(len(solved.cameras) - 1) + 0.5, 0.0, duration_s, color="white", linewidth=1.5)
+    _label_rows(axes, evaluation)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    panel_title(axes, "Camera registration", "landmarks per image")
+    bar = axes.inset_axes((0.62, 1.025, 0.24, 0.022))
+    colours = axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=[0.0, _round_up(landmarks)])
+    colours.outline.set_visible(False)
+    bar.tick_params(length=0, labelsize=7.5, pad=1.0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.legend(
+        handles=[Patch(color=WARNING, label="lost")], loc="lower right", bbox_to_anchor=(1.0, 0.995),
+        handlelength=0.9, handleheight=0.9, borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def registration_table(solved: SolvedRecording, most_columns: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Fewest landmarks (C, N), NaN without an image, and whether a pose was missing (C, N), by camera and time."""
+    frames = round((solved.end_ns - solved.start_ns) / solved.frame_ns) + 1
+    columns = min(frames, most_columns)
+    landmarks = np.full((len(solved.cameras), columns), np.inf)
+    lost = np.zeros(landmarks.shape, dtype=bool)
+    for row, record in enumerate(solved.cameras):
+        frame = np.round((record.stamps_ns - solved.start_ns) / solved.frame_ns).astype(int)
+        column = frame * columns // frames
+        np.minimum.at(landmarks[row], column, record.landmarks)
+        np.logical_or.at(lost[row], column, ~record.registered)
+    return np.where(np.isinf(landmarks), np.nan, landmarks), lost
+
+
+def _round_up(landmarks: Array) -> float:
+    """The end of the colour scale: most cells lie below, and it is a round number."""
+    known = landmarks[np.isfinite(landmarks)]
+    top = float(np.percentile(known, 98)) if known.size else 1.0
+    return float(max(10.0, 10.0 * np.ceil(top / 10.0)))
+
+
+def _label_rows(axes: Axes, evaluation: Evaluation) -> None:
+    names = [health.camera for health in evaluation.cameras]
+    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+        label.set_color(side_colour(name))
+    for row, health in enumerate(evaluation.cameras):
+        perfect = health.registered == 1.0
+        axes.annotate(
+            "100 %" if perfect else f"{100.0 * health.registered:.1f} %", (1.0, row), (5, 0),
+            xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
+            color=QUIET if perfect else WARNING,
+        )  # fmt: skip

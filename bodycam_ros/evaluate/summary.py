@@ -1,0 +1,97 @@
+"""An evaluation in figures: the content of ``summary.json``."""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.evaluate.camera_health import CameraHealth
+from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.distribution import Distribution
+from bodycam_ros.evaluate.evaluation import Evaluation
+
+CM_PER_M, MM_PER_M = 100.0, 1000.0
+
+
+def summary(evaluation: Evaluation) -> dict[str, Any]:
+    """Figures by name, the unit at the end of the name; what is unknown is None.
+
+    ``truth`` holds the measures against the truth, if there is one.
+    """
+    solved = evaluation.solved
+    figures: dict[str, Any] = {
+        "duration_s": 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns),
+        "frame_s": 1e-9 * solved.frame_ns,
+        "instants": len(solved.stamps_ns),
+        "instants_without_camera": int(evaluation.blind.sum()),
+        "image_coverage": evaluation.image_coverage,
+        "gaps_s": [list(gap) for gap in evaluation.gaps],
+        "root_position_sigma_mm": _spread(MM_PER_M * evaluation.position_sigma),
+        "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),
+        "jitter_mm": _spread(MM_PER_M * evaluation.jitter),
+        "joint_ranges_deg": {name: np.degrees(limits).tolist() for name, limits in evaluation.angle_ranges.items()},
+        "cameras": {health.camera: _camera(health) for health in evaluation.cameras},
+    }
+    if evaluation.comparison is not None:
+        figures["truth"] = truth_figures(evaluation.comparison)
+    known: dict[str, Any] = _without_nan(figures)
+    return known
+
+
+def truth_figures(comparison: Comparison) -> dict[str, Any]:
+    """The measures against the truth; lengths in centimetres and angles in degrees, as in A section 5.1."""
+    angles = [np.degrees(joint.angle_errors) for joint in comparison.joints.values()]
+    rotations = [np.degrees(joint.rotation_errors) for joint in comparison.joints.values()]
+    per_joint = {
+        segment: {"position_cm": float(CM_PER_M * comparison.position_errors[:, column].mean())}
+        for column, segment in enumerate(comparison.segments)
+    }
+    for segment, angle, rotation in zip(comparison.joints, angles, rotations, strict=True):
+        per_joint[segment] |= {"angle_deg": float(angle.mean()), "rotation_deg": float(rotation.mean())}
+    return {
+        "frames": len(comparison.stamps_ns),
+        "coverage": comparison.coverage,
+        "joints": len(comparison.segments),
+        "links_missing": list(comparison.missing),
+        "position_cm": _spread(CM_PER_M * comparison.position_errors),
+        "sim_position_cm": _spread(CM_PER_M * comparison.similarity_errors),
+        "scale": comparison.scale,
+        "tilt_deg": math.degrees(comparison.tilt),
+        "angle_deg": _spread(np.array(angles)),
+        "rotation_deg": _spread(np.array(rotations)),
+        "per_joint": per_joint,
+    }
+
+
+def _camera(health: CameraHealth) -> dict[str, Any]:
+    figures = {
+        "images": health.images,
+        "registered": health.registered,
+        "longest_lost_s": health.longest_lost_s,
+        "tracks": health.tracks,
+        "landmarks": health.landmarks,
+        "position_gap_mm": _scaled(health.position_gap, MM_PER_M),
+        "rotation_gap_deg": _scaled(health.rotation_gap, math.degrees(1.0)),
+    }
+    if health.reprojection is not None:
+        figures["reprojection_px"] = asdict(health.reprojection)
+    return figures
+
+
+def _spread(values: NDArray[np.floating]) -> dict[str, float]:
+    return asdict(Distribution.of(values))
+
+
+def _scaled(distribution: Distribution, factor: float) -> dict[str, float]:
+    return {name: factor * value for name, value in asdict(distribution).items()}
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON knows no NaN."""
+    if isinstance(value, dict):
+        return {name: _without_nan(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

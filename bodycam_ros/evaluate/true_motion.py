@@ -1,0 +1,121 @@
+"""The true motion of a recording, to score against. Only the evaluation reads it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.trajectory import interpolated
+from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+
+_NANOSECONDS = Decimal(10**9)
+_TRUTH = "truth"
+_TUM_COLUMNS = 8
+_EDGE_NS = 1000
+"""A stamp this far outside counts as the first or the last frame's: stamps are rounded on their way."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrueMotion:
+    """True poses of the segments over K frames.
+
+    Attributes:
+        path: of the folder that holds them.
+        stamps_ns: (K,) increasing [ns].
+        root: the segment that hangs on no other.
+        parents: segment -> the segment that it hangs on, of those that carry a camera or lie between such.
+        world_T_segment: segment -> (K, 4, 4) [m], z up; may hold more segments, such as hands.
+    """
+
+    path: Path
+    stamps_ns: NDArray[np.int64]
+    root: str
+    parents: Mapping[str, str]
+    world_T_segment: Mapping[str, Array]
+
+    @property
+    def recording(self) -> str:
+        """Name of the recording: of the folder that the truth lies in."""
+        folder = self.path.resolve()
+        return folder.parent.name if folder.name == _TRUTH else folder.name
+
+    @property
+    def frame_ns(self) -> float:
+        """Median time between two frames [ns]."""
+        return float(np.median(np.diff(self.stamps_ns)))
+
+    def covers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(T,) whether the truth is known at stamps (T,) [ns]."""
+        first_ns, last_ns = self.stamps_ns[0] - _EDGE_NS, self.stamps_ns[-1] + _EDGE_NS
+        covered: NDArray[np.bool_] = (stamps_ns >= first_ns) & (stamps_ns <= last_ns)
+        return covered
+
+    def at(self, stamps_ns: NDArray[np.int64], segment: str) -> Array:
+        """Poses (T, 4, 4) of a segment at stamps (T,) that the truth covers [ns]."""
+        return interpolated(self.stamps_ns, self.world_T_segment[segment], stamps_ns)
+
+
+def read_true_motion(path: Path) -> TrueMotion:
+    """Read ``truth/segments/*.tum`` of a recording and the tree of segments in its ``rig.yaml``.
+
+    Args:
+        path: the recording's folder, or its folder ``truth``.
+
+    Raises:
+        RecordingError: a folder or file is missing or malformed.
+    """
+    truth = path / _TRUTH if (path / _TRUTH).is_dir() else path
+    files = sorted((truth / "segments").glob("*.tum"))
+    if not files:
+        raise RecordingError(f"{path}: no ground truth; expected segments/*.tum in it or in its folder truth")
+    root, parents = _tree(truth)
+    trajectories = {file.stem: _read_tum(file) for file in files}
+    if not {root, *parents} & set(trajectories):
+        raise RecordingError(f"{truth / 'segments'}: none of its files is named as a segment of rig.yaml")
+    stamps_ns = next(iter(trajectories.values()))[0]
+    for segment, (stamps, _) in trajectories.items():
+        if not np.array_equal(stamps, stamps_ns):
+            raise RecordingError(f"{truth / 'segments'}: {segment}.tum has other stamps than the first file")
+    return TrueMotion(truth, stamps_ns, root, parents, {segment: poses for segment, (_, poses) in trajectories.items()})
+
+
+def _tree(truth: Path) -> tuple[str, dict[str, str]]:
+    """The topmost segment, and segment -> parent of all others."""
+    path = next(
+        (folder / "rig.yaml" for folder in (truth, truth.resolve().parent) if (folder / "rig.yaml").is_file()), None
+    )
+    if path is None:
+        raise RecordingError(f"{truth}: no rig.yaml in it or beside it; it says which segment hangs on which")
+    try:
+        segments = dict(yaml.safe_load(path.read_text())["segments"])
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: expected a table segments, segment -> parent: {error!r}") from error
+    roots = [segment for segment, parent in segments.items() if not parent]
+    if len(roots) != 1:
+        raise RecordingError(
+            f"{path}: one segment has no parent (null), not {len(roots)}: {', '.join(map(str, roots))}"
+        )
+    return str(roots[0]), {str(segment): str(parent) for segment, parent in segments.items() if parent}
+
+
+def _read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
+    """Stamps (K,) [ns] and poses (K, 4, 4) [m] of a TUM file: time [s], x y z [m], quaternion x y z w per line.
+
+    Stamps are read as decimals: a float of today's seconds is 0.2 microseconds coarse.
+    """
+    try:
+        lines = [line.split() for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
+        if any(len(words) != _TUM_COLUMNS for words in lines):
+            raise ValueError(f"expected {_TUM_COLUMNS} numbers per line")
+        stamps = np.array([int((Decimal(words[0]) * _NANOSECONDS).to_integral_value()) for words in lines], np.int64)
+        rows = np.array([[float(word) for word in words[1:]] for words in lines])
+        if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(stamps) > 0).all():
+            raise ValueError("expected two lines or more, finite, with increasing stamps")
+        return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
+    except (OSError, UnicodeDecodeError, ValueError, InvalidOperation) as error:
+        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {error}") from error

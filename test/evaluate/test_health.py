@@ -1,0 +1,120 @@
+"""What a solved recording says about itself, where we know what it ought to say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluate.known_walk import (
+    FRAME_NS,
+    FRAMES,
+    LANDMARKS,
+    LOST,
+    ROOT_SIGMA_M,
+    ROOT_SIGMA_RAD,
+    TRACKS,
+    Walk,
+    write_images,
+    write_solved,
+)
+
+from bodycam_ros.body.body_model import CameraMount
+from bodycam_ros.body.joint_angles import JointAngleTracker
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.geometry import exp_so3, rigid
+
+FRAME_S = 1e-9 * FRAME_NS
+
+
+def test_cameras(solved: Path) -> None:
+    waist, shin = evaluate(solved).cameras
+    assert (waist.camera, waist.images, waist.registered, waist.longest_lost_s) == ("waist", FRAMES, 1.0, 0.0)
+    assert shin.registered == pytest.approx(1.0 - len(LOST["shin"]) / FRAMES)
+    assert shin.longest_lost_s == pytest.approx(3 * FRAME_S)
+    assert (waist.tracks, waist.landmarks) == (TRACKS, LANDMARKS)
+    assert shin.landmarks == pytest.approx(LANDMARKS * (1.0 - len(LOST["shin"]) / FRAMES))
+    for camera in (waist, shin):
+        assert camera.position_gap.max < 1e-9
+        assert camera.rotation_gap.max < 1e-7
+        assert camera.reprojection is None
+
+
+def test_a_camera_that_sits_elsewhere_than_the_body_says_shows_a_gap(walk: Walk, tmp_path: Path) -> None:
+    """The registrations are of the true mount; the URDF has it 3 mm and half a degree off."""
+    wrong = walk.body.mounts["shin"].segment_T_camera @ rigid(
+        exp_so3(np.radians([0.0, 0.5, 0.0])), np.array([3e-3, 0, 0])
+    )
+    body = replace(walk.body, mounts={**walk.body.mounts, "shin": CameraMount("shin_left", wrong)})
+    waist, shin = evaluate(write_solved(walk, tmp_path / "out", published=body)).cameras
+    assert shin.position_gap.median == pytest.approx(3e-3, abs=1e-6)
+    assert shin.rotation_gap.median == pytest.approx(np.radians(0.5), abs=1e-6)
+    assert waist.position_gap.max < 1e-9
+
+
+def test_reprojection_errors_are_the_noise_of_the_pixels(walk: Walk, tmp_path: Path) -> None:
+    noise_px = 0.5
+    out = write_solved(walk, tmp_path / "out", pixel_noise=noise_px)
+    recording = write_images(tmp_path / "recording", ("shin", "elsewhere"))
+    waist, shin = evaluate(out, recording_path=recording).cameras
+    assert waist.reprojection is None
+    assert shin.reprojection is not None
+    # The length of two independent normal numbers: a Rayleigh distribution.
+    assert shin.reprojection.mean == pytest.approx(noise_px * np.sqrt(np.pi / 2.0), rel=0.05)
+
+
+def test_the_recording_of_other_cameras_is_refused(solved: Path, tmp_path: Path) -> None:
+    recording = write_images(tmp_path / "recording", ("dashboard",))
+    with pytest.raises(RecordingError, match="none of the cameras of .*: waist, shin; it has dashboard"):
+        evaluate(solved, recording_path=recording)
+
+
+def test_gaps_and_coverage(walk: Walk, tmp_path: Path) -> None:
+    """The images of frames 0, 20, 21, 22 and 59 have no solution."""
+    evaluation = evaluate(write_solved(walk.without([0, 20, 21, 22, 59]), tmp_path / "out"))
+    assert evaluation.image_coverage == pytest.approx(1.0 - 5.0 / FRAMES)
+    np.testing.assert_allclose(
+        evaluation.gaps, [(0.0, 0.0), (20 * FRAME_S, 22 * FRAME_S), (59 * FRAME_S, 59 * FRAME_S)], atol=1e-9
+    )
+
+
+def test_a_whole_recording_has_no_gaps(solved: Path) -> None:
+    evaluation = evaluate(solved)
+    assert (evaluation.image_coverage, evaluation.gaps) == (1.0, ())
+
+
+def test_instants_without_any_camera(walk: Walk, tmp_path: Path, solved: Path) -> None:
+    assert not evaluate(solved).blind.any()
+    alone = replace(walk, body=replace(walk.body, mounts={"shin": walk.body.mounts["shin"]}))
+    blind = evaluate(write_solved(alone, tmp_path / "out")).blind
+    assert np.flatnonzero(blind).tolist() == list(LOST["shin"])
+
+
+def test_root_sigmas(solved: Path) -> None:
+    evaluation = evaluate(solved)
+    np.testing.assert_allclose(evaluation.position_sigma, np.sqrt(3.0) * ROOT_SIGMA_M)
+    np.testing.assert_allclose(evaluation.rotation_sigma, np.sqrt(3.0) * ROOT_SIGMA_RAD)
+
+
+def test_joint_ranges_are_those_of_the_motion(walk: Walk, solved: Path) -> None:
+    tracker = JointAngleTracker(walk.body)
+    angles = np.array([tracker.angles(poses) for poses in walk.world_T_segment])
+    ranges = evaluate(solved).angle_ranges
+    assert tuple(ranges) == tracker.names
+    np.testing.assert_allclose(list(ranges.values()), np.stack([angles.min(axis=0), angles.max(axis=0)], axis=1))
+
+
+def test_jitter_is_the_noise_and_not_the_motion(walk: Walk, solved: Path, tmp_path: Path) -> None:
+    noise_m = 2e-3
+    shift = rigid(np.eye(3), noise_m * np.random.default_rng(2).normal(size=(FRAMES, 3)))
+    noisy = replace(walk, world_T_segment=shift[:, None] @ walk.world_T_segment)
+    jitter = evaluate(write_solved(noisy, tmp_path / "out")).jitter
+    assert np.isnan(jitter[[0, 1, -2, -1]]).all()
+    assert np.sqrt(np.nanmean(jitter**2)) == pytest.approx(np.sqrt(3.0) * noise_m, rel=0.2)
+    assert np.nanmax(evaluate(solved).jitter) < 0.02 * noise_m
+
+
+def test_jitter_does_not_take_a_gap_for_noise(walk: Walk, tmp_path: Path) -> None:
+    jitter = evaluate(write_solved(walk.without([30, 31]), tmp_path / "out")).jitter
+    assert np.nanmax(jitter) < 1e-4
+    assert np.flatnonzero(np.isnan(jitter[:, 0])).tolist() == [0, 1, 28, 29, 30, 31, 56, 57]
