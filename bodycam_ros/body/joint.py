@@ -19,7 +19,7 @@ JointType = Literal["ball", "hinge", "weld"]
 
 LOOSE_RAD = 10.0  # [rad] three turns: no opinion on a free rotation, yet the information matrix stays invertible
 TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, softer than rounding
-TIGHT_M = 5e-5  # [m] leaves gaps of some micrometres (DESIGN 4.2)
+TIGHT_M = 1e-4  # [m] leaves gaps of some micrometres; a millionth of what is loose is too stiff for a Cholesky factor
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
 _IDENTITY = np.eye(3)

@@ -1,5 +1,6 @@
 """A process that tracks and registers some of the cameras, in order of time."""
 
+import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.queues import Queue
@@ -60,6 +61,10 @@ def run_camera_worker(
     recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings, outbox: "Queue[WorkerItem]"
 ) -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None."""
+    # Ctrl-C reaches the whole group; the parent alone answers it, and ends this process by SIGTERM. COLMAP's libraries
+    # would print a stack trace at that, so the plain answer is put back.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     cv2.setNumThreads(1)
     try:
         for item in register_images(recording_path, cameras, map_path, settings):
@@ -67,9 +72,6 @@ def run_camera_worker(
         outbox.put(None)
     except BodycamError as error:
         outbox.put(WorkerFailure(error))
-    except KeyboardInterrupt:
-        # The parent got the same signal and says what there is to say.
-        outbox.cancel_join_thread()
 
 
 def register_images(

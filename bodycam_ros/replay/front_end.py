@@ -75,9 +75,11 @@ def _workers(
             os.environ.pop(name) if value is None else os.environ.update({name: value})
     try:
         yield workers
-    finally:
+    except BaseException:
         for process, _ in workers:
             process.terminate()
+        raise
+    finally:
         for process, _ in workers:
             process.join()
 

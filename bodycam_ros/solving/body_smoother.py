@@ -4,7 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import inverse
+from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.mapping.pose_fit import PoseFitSettings
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.back_end import BackEnd, BatchBackEnd, IncrementalBackEnd
@@ -32,6 +32,12 @@ from bodycam_ros.solving.camera_evidence import (
 )
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, orthonormal, predict
 
+_REFUSED = 5.0
+"""In units of ``outlier_sigmas``: where the Cauchy kernel has taken 96 % of a camera's weight."""
+
+_ANCHOR_RAD, _ANCHOR_M = 0.5, 0.5
+"""Sigmas of the first instant's anchor: next to a camera nothing, yet not so vague that the system cannot be factored."""
+
 
 @dataclass(frozen=True)
 class SmootherSettings:
@@ -42,6 +48,13 @@ class SmootherSettings:
         4, unit="frames", limits=(0, 60), reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides"
     )
     incremental: bool = setting(True, reason="iSAM2; false solves the whole window by Levenberg-Marquardt at every frame, slower, as a check")
+    max_pause: float = setting(0.3, unit="s", limits=(0.05, 10.0), reason="after a longer silence of all cameras the window begins anew: motion tells nothing across it")
+    blind_after: float = setting(
+        0.25, unit="s", limits=(0.0, 10.0), reason="a segment unseen for this long starts where its camera says, not where it was predicted"
+    )
+    max_refusals: int = setting(
+        3, unit="frames", limits=(1, 100), reason="a camera far from the body for this many frames in a row is believed: wrong registrations are rarer"
+    )
     extra_updates: int = setting(1, limits=(0, 10), reason="Gauss-Newton steps after the one that adds the frame")
     relinearize_threshold: float = setting(0.005, unit="rad, m", limits=(0.0, 1.0), reason="change of a pose beyond which its factors are linearised anew")
     outlier_sigmas: float = setting(
@@ -88,14 +101,21 @@ class BodySmoother:
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
+        self._joint_noises = [gtsam.noiseModel.Gaussian.Information(joint.information) for joint in body.joints]
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """An empty window: at the start, and after a pause that nothing reaches across."""
         self._back_end: BackEnd = (
             IncrementalBackEnd(self.settings.window, self.settings.extra_updates, self.settings.relinearize_threshold)
             if self.settings.incremental
             else BatchBackEnd(self.settings.window)
         )
-        self._joint_noises = [gtsam.noiseModel.Gaussian.Information(joint.information) for joint in body.joints]
         self._window: deque[_Instant] = deque(maxlen=max(3, self.settings.output_delay + 1))
         self._published = -1
+        self._seen_ns: dict[str, int] = {}
+        self._refusals: Counter[str] = Counter()
+        self._replaced: set[int] = set()
 
     def update(self, frame: BodyFrame) -> list[BodyState]:
         """Add one instant, later than the one before.
@@ -108,9 +128,13 @@ class BodySmoother:
             for camera, matches in frame.matches.items()
             if camera in self._cameras and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
         }
+        states: list[BodyState] = []
+        if self._window and frame.stamp_ns - self._window[-1].stamp_ns > 1e9 * self.settings.max_pause:
+            states = self.flush()
+            self._begin_anew()
         if not self._window and not evidence:
-            return []
-        predicted, turns = self._predict(frame, set(evidence))
+            return states
+        predicted, turns = self._predict(frame, evidence)
         evidence |= self._weak_evidence(frame, set(evidence), predicted)
 
         index = self._window[-1].index + 1 if self._window else 0
@@ -122,38 +146,63 @@ class BodySmoother:
         poses = {self._key(index, row): predicted[row] for row in range(len(self.body.segments))}
         self._back_end.update(factors, poses, 1e-9 * frame.stamp_ns)
         self._window.append(_Instant(index, frame.stamp_ns, len(evidence)))
-        return self._publish(self.settings.output_delay)
+        self._count_refusals(evidence)
+        return states + self._publish(self.settings.output_delay)
 
     def flush(self) -> list[BodyState]:
         """The states that were still waiting for later frames; the recording is over."""
         return self._publish(0)
 
     def _predict(
-        self, frame: BodyFrame, registered: set[str]
+        self, frame: BodyFrame, evidence: Mapping[str, SegmentPose]
     ) -> tuple[NDArray[np.float64], dict[str, SegmentTurn]]:
         """Start values (S, 4, 4) of the new instant, and the turns of the segments that no camera is registered on."""
         if not self._window:
-            return self._first_poses(frame), {}
-        latest = self._window[-1]
-        world_T_segment = self._poses(latest)
-        if len(self._window) > 1:
-            before = self._window[-2]
-            ratio = (frame.stamp_ns - latest.stamp_ns) / (latest.stamp_ns - before.stamp_ns)
-            predicted = predict(self._poses(before), world_T_segment, ratio, self._motion)
+            predicted, turns = self._first_poses(frame), {}
         else:
-            predicted = world_T_segment
-        turns = {}
-        seen = {self.body.mounts[camera].segment for camera in registered}
-        for camera, matches in frame.matches.items():
-            segment = self.body.mounts[camera].segment if camera in self._cameras else None
-            if segment is None or segment in seen or matches.previous_stamp_ns != latest.stamp_ns:
-                continue
-            turn = rotation_evidence(matches, self.body.mounts[camera], self._evidence)
-            if turn:
-                row = self.body.segment_index[segment]
-                turns[camera] = turn
-                predicted[row] = turned(world_T_segment[row], turn, predicted[row])
+            predicted = self._predict_motion(frame.stamp_ns)
+            turns = self._predict_turns(frame, {seen.segment for seen in evidence.values()}, predicted)
+        self._replaced = set()
+        for camera, seen in evidence.items():
+            # A limb that was blind may have gone anywhere, and from there the robust kernel would refuse its camera for
+            # ever; so it would from a state gone wrong.
+            blind = frame.stamp_ns - self._seen_ns.get(seen.segment, 0) > 1e9 * self.settings.blind_after
+            if blind or self._refusals[camera] >= self.settings.max_refusals:
+                row = self.body.segment_index[seen.segment]
+                predicted[row] = orthonormal(seen.world_T_segment[None])[0]
+                self._replaced.add(row)
+            self._seen_ns[seen.segment] = frame.stamp_ns
         return predicted, turns
+
+    def _predict_motion(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Poses (S, 4, 4) at the velocity of the latest two instants."""
+        latest = self._window[-1]
+        if len(self._window) == 1:
+            return self._poses(latest)
+        before = self._window[-2]
+        time_ratio = (stamp_ns - latest.stamp_ns) / (latest.stamp_ns - before.stamp_ns)
+        predicted = predict(self._poses(before), self._poses(latest), time_ratio, self._motion)
+        # Where a segment was put elsewhere, the step before is no velocity.
+        for row in self._replaced:
+            predicted[row] = self._poses(latest)[row]
+        return predicted
+
+    def _predict_turns(
+        self, frame: BodyFrame, seen: set[str], predicted: NDArray[np.float64]
+    ) -> dict[str, SegmentTurn]:
+        """Turns by camera of the segments that are not seen; their prediction is turned accordingly, in place."""
+        latest = self._window[-1]
+        turns = {}
+        for camera, matches in frame.matches.items():
+            mount = self.body.mounts.get(camera)
+            if mount is None or mount.segment in seen or matches.previous_stamp_ns != latest.stamp_ns:
+                continue
+            turn = rotation_evidence(matches, mount, self._evidence)
+            if turn:
+                row = self.body.segment_index[mount.segment]
+                turns[camera] = turn
+                predicted[row] = turned(self._poses(latest)[row], turn, predicted[row])
+        return turns
 
     def _first_poses(self, frame: BodyFrame) -> NDArray[np.float64]:
         """Segments where their cameras are (A 4.2, forward kinematics from camera poses), the others as in the N-pose."""
@@ -219,7 +268,7 @@ class BodySmoother:
     ) -> None:
         """E_O and E_A of A eq. 10-11, on velocities; the first instant gets a vague anchor instead."""
         if not self._window:
-            vague = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([3.0, 3.0], 3))
+            vague = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([_ANCHOR_RAD, _ANCHOR_M], 3))
             for row, pose in enumerate(predicted):
                 factors.add(gtsam.PriorFactorPose3(self._key(index, row), gtsam.Pose3(pose), vague))
             return
@@ -228,6 +277,15 @@ class BodySmoother:
         steps = inverse(self._poses(latest)) @ predicted
         for row, step in enumerate(steps):
             factors.add(gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), gtsam.Pose3(step), noise))
+
+    def _count_refusals(self, evidence: Mapping[str, SegmentPose]) -> None:
+        """For how many frames in a row each camera has been far from the body that was solved."""
+        world_T_segment = self._poses(self._window[-1])
+        for camera, seen in evidence.items():
+            row = self.body.segment_index[seen.segment]
+            error = log_se3(inverse(world_T_segment[row]) @ seen.world_T_segment)
+            sigmas = float(np.sqrt(error @ np.linalg.solve(seen.covariance, error)))
+            self._refusals[camera] = self._refusals[camera] + 1 if sigmas > _REFUSED * self.settings.outlier_sigmas else 0
 
     def _publish(self, delay: int) -> list[BodyState]:
         states = []

@@ -1,0 +1,181 @@
+"""The smoother on a moving body whose truth is known: accuracy, gaps, blind cameras, wrong cameras, both back ends."""
+
+import numpy as np
+import pytest
+
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_so3, rigid
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
+from bodycam_ros.solving.body_state import BodyState
+
+STEP_NS = 33_333_333
+COVARIANCE = np.diag(np.repeat([0.002, 0.004], 3) ** 2)
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    """A trunk, an upper arm on a ball joint, a forearm on a hinge, a camera on each and a second one on the trunk."""
+    shoulder = Joint("shoulder", "trunk", "upper_arm", "ball", rigid(np.eye(3), np.array([0.0, 0.2, 0.4])))
+    elbow = Joint("elbow", "upper_arm", "forearm", "hinge", rigid(np.eye(3), np.array([0.0, 0.0, -0.28])))
+    places = {"chest": "trunk", "back": "trunk", "arm": "upper_arm", "wrist": "forearm"}
+    mounts = {
+        camera: CameraMount(segment, exp_se3(np.array([0.3 * k, 1.0, -0.5 * k, 0.05, 0.1, -0.1 * k])))
+        for k, (camera, segment) in enumerate(places.items())
+    }
+    return BodyModel("test", "trunk", ("trunk", "upper_arm", "forearm"), (shoulder, elbow), mounts)
+
+
+@pytest.fixture(scope="module")
+def cameras(body: BodyModel) -> dict[str, CameraModel]:
+    """One lens for all."""
+    k = [240.0, 0, 320.0, 0, 240.0, 240.0, 0, 0, 1]
+    return {name: camera_from_info(name, 640, 480, "equidistant", [0.0] * 4, k) for name in body.mounts}
+
+
+def true_poses(body: BodyModel, frame: int) -> np.ndarray:
+    """world_T_segment (3, 4, 4): walking on while the arm swings and bends."""
+    t = frame / 30
+    trunk = rigid(exp_so3(np.array([0.05 * np.sin(4 * t), 0.0, 0.3 * t])), np.array([1.2 * t, 0.1 * np.sin(3 * t), 1.0]))
+    swing = exp_so3(np.array([0.3 * np.sin(2 * t), 0.8 * np.sin(5 * t), 0.2 * t]))
+    bend = body.tree_joints[1].hinge_rotation(np.array(0.6 + 0.5 * np.sin(6 * t)))
+    return body.forward_kinematics(trunk, np.stack([swing, bend]))
+
+
+def seen_by(
+    body: BodyModel, camera: str, frame: int, rng: np.random.Generator, lost: bool = False, wrong: bool = False
+) -> LandmarkMatches:
+    """A camera's registration with noise as its covariance says; lost cameras still tell their rotation."""
+    mount = body.mounts[camera]
+    row = body.segment_index[mount.segment]
+    pose = true_poses(body, frame)[row] @ mount.segment_T_camera
+    before = true_poses(body, frame - 1)[row] @ mount.segment_T_camera
+    noisy = pose @ exp_se3(np.sqrt(np.diag(COVARIANCE)) * rng.standard_normal(6))
+    if wrong:
+        noisy = noisy @ exp_se3(np.array([0.3, 0.0, 0.2, 0.4, 0.1, 0.0]))
+    return LandmarkMatches(
+        camera=camera, stamp_ns=(frame + 1) * STEP_NS, previous_stamp_ns=frame * STEP_NS,
+        track_ids=np.zeros(0, np.uint32), landmark_ids=np.zeros(0, np.uint32), pixels=np.zeros((0, 2), np.float32),
+        points_world=np.zeros((0, 3), np.float32), world_T_camera=None if lost else noisy, pose_covariance=COVARIANCE,
+        current_R_previous=pose[:3, :3].T @ before[:3, :3], rotation_inliers=50,
+    )  # fmt: skip
+
+
+def run(body, cameras, frames, settings=None, lost=lambda camera, frame: False, wrong=lambda camera, frame: False, seed=0):
+    """All states of a run, by frame number."""
+    rng = np.random.default_rng(seed)
+    smoother = BodySmoother(body, cameras, settings)
+    states: list[BodyState] = []
+    for frame in range(frames):
+        matches = {c: seen_by(body, c, frame, rng, lost(c, frame), wrong(c, frame)) for c in body.mounts}
+        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    return {state.stamp_ns // STEP_NS - 1: state for state in states + smoother.flush()}
+
+
+def position_errors(body: BodyModel, states: dict[int, BodyState]) -> np.ndarray:
+    """Distances (T, S) [m] of segment origins from the truth."""
+    truth = np.array([true_poses(body, frame) for frame in states])
+    estimate = np.array([state.world_T_segment for state in states.values()])
+    return np.linalg.norm(estimate[..., :3, 3] - truth[..., :3, 3], axis=2)
+
+
+def joint_gaps(body: BodyModel, states: dict[int, BodyState]) -> np.ndarray:
+    """Distances (T, J) [m] between the two ends of every joint."""
+    poses = np.array([state.world_T_segment for state in states.values()])
+    ends = [
+        (
+            poses[:, body.segment_index[joint.parent]] @ joint.parent_T_joint,
+            poses[:, body.segment_index[joint.child]] @ joint.child_T_joint,
+        )
+        for joint in body.joints
+    ]
+    return np.stack([np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1) for a, b in ends], axis=1)
+
+
+@pytest.mark.parametrize("incremental", [True, False])
+def test_follows_the_body_and_holds_the_joints(body, cameras, incremental: bool) -> None:
+    states = run(body, cameras, 60, SmootherSettings(incremental=incremental))
+    assert list(states) == list(range(60))
+    errors = position_errors(body, states)
+    # One camera alone errs by 4 mm an axis, 7 mm in all.
+    assert errors.mean() < 0.005
+    assert joint_gaps(body, states).max() < 2e-4
+    assert all(state.cameras_used == 4 and not state.predicted for state in states.values())
+
+
+def test_incremental_and_batch_agree(body, cameras) -> None:
+    incremental = run(body, cameras, 40, SmootherSettings(incremental=True))
+    batch = run(body, cameras, 40, SmootherSettings(incremental=False))
+    gaps = [np.abs(incremental[f].world_T_segment - batch[f].world_T_segment).max() for f in batch]
+    assert np.median(gaps) < 2e-4
+    assert max(gaps) < 2e-3
+
+
+def test_the_covariance_of_the_root_tells_its_scatter(body, cameras) -> None:
+    normalised = []
+    for seed in range(8):
+        states = run(body, cameras, 25, seed=seed)
+        for frame in range(5, 25, 5):
+            error = inverse(true_poses(body, frame)[0]) @ states[frame].world_T_segment[0]
+            xi = np.concatenate([log_so3(error[:3, :3]), error[:3, 3]])
+            normalised.append(xi @ np.linalg.solve(states[frame].root_covariance, xi))
+    # Chi-square of 6 degrees of freedom; a covariance wrong by a factor of three would fail.
+    assert 2.0 < np.mean(normalised) < 12.0
+
+
+def test_a_blind_limb_keeps_its_orientation(body, cameras) -> None:
+    def lost(camera: str, frame: int) -> bool:
+        return camera == "wrist" and 20 <= frame < 35
+
+    states = run(body, cameras, 60, lost=lost)
+    for frame in range(20, 35):
+        error = true_poses(body, frame)[2][:3, :3].T @ states[frame].world_T_segment[2][:3, :3]
+        assert np.degrees(np.linalg.norm(log_so3(error))) < 5.0
+    assert position_errors(body, states).max() < 0.03
+
+
+def test_frames_without_any_camera_are_predicted(body, cameras) -> None:
+    rng = np.random.default_rng(0)
+    smoother = BodySmoother(body, cameras)
+    states: list[BodyState] = []
+    for frame in range(40):
+        dark = 20 <= frame < 24
+        matches = {} if dark else {c: seen_by(body, c, frame, rng) for c in body.mounts}
+        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    states += smoother.flush()
+    assert [state.predicted for state in states] == [20 <= frame < 24 for frame in range(40)]
+    by_frame = dict(enumerate(states))
+    assert position_errors(body, by_frame).max() < 0.05
+    assert np.isfinite([state.world_T_segment for state in states]).all()
+
+
+def test_a_wrong_registration_does_not_bend_the_limb(body, cameras) -> None:
+    states = run(body, cameras, 60, wrong=lambda camera, frame: camera == "arm" and frame in (20, 21, 40))
+    assert position_errors(body, states).max() < 0.03
+
+
+def test_starts_with_the_first_registered_camera(body, cameras) -> None:
+    states = run(body, cameras, 20, lost=lambda camera, frame: frame < 5 or camera != "chest" and frame < 8)
+    assert min(states) == 5
+    assert position_errors(body, {f: s for f, s in states.items() if f >= 12}).max() < 0.03
+
+
+def test_irregular_stamps_and_a_long_pause(body, cameras) -> None:
+    rng = np.random.default_rng(0)
+    smoother = BodySmoother(body, cameras)
+    states: list[BodyState] = []
+    for frame in (*range(0, 20), *range(21, 30, 2), *range(90, 110)):
+        matches = {c: seen_by(body, c, frame, rng) for c in body.mounts}
+        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states + smoother.flush()}
+    assert len(by_frame) == 45
+    assert position_errors(body, by_frame).max() < 0.03
+
+
+def test_a_body_without_any_of_the_cameras_is_refused(body) -> None:
+    with pytest.raises(BodyError, match="none of the recording's cameras"):
+        BodySmoother(body, {})
