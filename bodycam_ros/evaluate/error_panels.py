@@ -10,11 +10,13 @@ from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.picture_style import INK, QUIET, TRUTH, WARNING, light_grid, panel_title
 from bodycam_ros.evaluate.summary import MM_PER_M
+from bodycam_ros.evaluate.time_curve import broken_at_gaps, lone_marker
 from bodycam_ros.geometry import Array
 
 PANELS = 2
 
-_SHORT_SCALE = 30.0
+_SHORT_SCALE = 50.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
+_ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
 
 
@@ -31,48 +33,50 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
 
 
 def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison: Comparison) -> None:
-    seconds = evaluation.solved.seconds(comparison.stamps_ns)
     rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
     for axes, errors, label in (
         (panels[0], MM_PER_M * comparison.position_errors, "position\n[mm]"),
         (panels[1], rotations, "rotation\n[°]"),
     ):
-        # A limb that is lost is wrong by orders of magnitude more than one that is not.
-        axes.set_yscale("log")
-        _draw_spread(axes, seconds, np.maximum(errors, _LEAST_ERROR))
-        _label_decades(axes)
+        _draw_spread(axes, broken_at_gaps(evaluation.solved, comparison.stamps_ns, errors))
+        _scale_by_decades(axes, errors)
         axes.set_ylabel(label)
     panel_title(panels[0], "Error against the truth", "mean over joints, and the worst joint")
 
 
 def _draw_own_doubts(panels: Sequence[Axes], evaluation: Evaluation) -> None:
-    seconds = evaluation.solved.seconds(evaluation.solved.stamps_ns)
-    panels[0].plot(seconds, MM_PER_M * evaluation.position_sigma, color=INK, linewidth=1.4)
+    solved = evaluation.solved
+    sigma = broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
+    panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=lone_marker(sigma))
     panels[0].set_ylabel("root sigma\n[mm]")
-    _draw_spread(panels[1], seconds, MM_PER_M * evaluation.jitter)
+    _draw_spread(panels[1], broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.jitter))
     panels[1].set_ylabel("jitter\n[mm]")
     for axes in panels:
         axes.set_ylim(bottom=0.0)
     panel_title(panels[0], "Uncertainty", "of the root; jitter of all segments: mean, and the worst")
 
 
-def _draw_spread(axes: Axes, seconds: Array, values: Array) -> None:
-    """The mean over columns (T, J) as a line, their maximum as the upper end of an area; NaN leaves a gap."""
-    known = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
-    worst = np.where(known, np.max(np.where(known[:, None], values, 0.0), axis=1), np.nan)
-    mean = np.where(known, np.mean(np.where(known[:, None], values, 0.0), axis=1), np.nan)
+def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
+    """The mean over the columns of values (T, J) as a line, up to their maximum an area."""
+    seconds, values = curves
+    mean, worst = values.mean(axis=1), values.max(axis=1)
     axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
-    axes.plot(seconds, mean, color=INK, linewidth=1.4)
-    overall = float(np.nanmean(mean)) if known.any() else 0.0
-    axes.annotate(
-        f"mean {overall:#.2g}", (1.0, overall), (4, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
-        va="center", fontsize=8.0, color=QUIET,
-    )  # fmt: skip
+    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=lone_marker(curves))
+    known = mean[np.isfinite(mean)]
+    if len(known):
+        overall = float(known.mean())
+        axes.annotate(
+            f"mean {overall:#.2g}", (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
+            textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
+        )  # fmt: skip
 
 
-def _label_decades(axes: Axes) -> None:
-    """Ticks at 1 and 10, and at 3 and 30 too where the scale is short."""
-    low, high = axes.get_ylim()
+def _scale_by_decades(axes: Axes, errors: Array) -> None:
+    """A logarithmic scale: a limb that is lost is wrong by orders of magnitude more than one that is not."""
+    low = max(float(errors.mean(axis=1).min()), _LEAST_ERROR) / _ROOM
+    high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
+    axes.set_yscale("log", nonpositive="clip")
+    axes.set_ylim(low, high)
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < _SHORT_SCALE * low else (1.0,)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())

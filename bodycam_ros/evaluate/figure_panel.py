@@ -32,7 +32,7 @@ _LEAST_STEP_M = 0.45
 """Figures nearer to each other than this on the screen would hide each other: they are drawn side by side."""
 
 _SIDE_BY_SIDE_M = 0.85
-_MARGIN_M = 0.45
+_MARGIN_M = 0.7
 _HEAD_RADIUS_M = 0.10
 
 
@@ -87,11 +87,11 @@ def _scene(world_T_root: Array, body: list[Bone]) -> _Scene:
     root = world_T_root[:, :3, 3]
     lowest = min((float(np.minimum(bone.start, bone.end)[:, 2].min()) for bone in body), default=0.0)
     travelled = _travelled(root)
-    rows = np.unique(np.searchsorted(travelled, np.linspace(0.0, travelled[-1], FIGURES)[:-1], side="right") - 1)
-    rows = np.append(rows, len(root) - 1)
+    after = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], FIGURES)[:-1], side="right") - 1
+    rows = np.unique(np.append(after, len(root) - 1))
     across = np.sort(root[rows] @ view.right)
-    if len(rows) == FIGURES and np.diff(across).min() >= _LEAST_STEP_M:
-        return _Scene(view, rows, np.zeros((FIGURES, 2)), lowest)
+    if len(root) == 1 or (len(rows) == FIGURES and np.diff(across).min() >= _LEAST_STEP_M):
+        return _Scene(view, rows, np.zeros((len(rows), 2)), lowest)
     rows = np.unique(np.linspace(0, len(root) - 1, FIGURES).round().astype(np.int64))
     ground = view.project(np.column_stack([root[rows, :2], np.full(len(rows), lowest)]))
     beside = np.column_stack([_SIDE_BY_SIDE_M * np.arange(len(rows)), np.zeros(len(rows))])
@@ -111,14 +111,15 @@ def _draw_floor(axes: Axes, scene: _Scene, root: Array) -> None:
     if not scene.apart:
         low, high = ground[:, :2].min(axis=0) - _MARGIN_M, ground[:, :2].max(axis=0) + _MARGIN_M
         for axis in (0, 1):
-            for place in (low[axis], *np.arange(np.ceil(low[axis]), high[axis]), high[axis]):
+            for place in np.arange(np.ceil(low[axis]), high[axis]):
                 ends = np.array([[*low, scene.floor_z], [*high, scene.floor_z]])
                 ends[:, axis] = place
                 axes.plot(*scene.view.project(ends).T, color=FAINT, linewidth=0.8, zorder=0)
-    shifts = scene.shifts if scene.apart else scene.shifts[:1]
-    if not scene.apart or np.ptp(path[:, 0]) < _SIDE_BY_SIDE_M:
-        for shift in shifts:
-            axes.plot(*(path + shift).T, color=QUIET, linewidth=1.0, zorder=1, solid_capstyle="round")
+    if not scene.apart:
+        axes.plot(*path.T, color=QUIET, linewidth=1.0, zorder=1)
+    elif np.ptp(path[:, 0]) < _SIDE_BY_SIDE_M:
+        for shift in scene.shifts:
+            axes.plot(*(path + shift).T, color=FAINT, linewidth=0.8, zorder=1)
     axes.plot(*(path[scene.rows] + scene.shifts).T, "o", color=QUIET, markersize=3.5, zorder=1)
 
 

@@ -17,7 +17,7 @@ def draw_headline(figure: Figure, evaluation: Evaluation, top: float) -> None:
     solved = evaluation.solved
     duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
     figure.text(0.03, top, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
-    what = f"{duration_s:.1f} s, {len(solved.stamps_ns)} instants, {len(evaluation.cameras)} cameras"
+    what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {len(evaluation.cameras)}"
     if evaluation.comparison is not None:
         what += f", against the truth of {evaluation.comparison.truth_name}"
     figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
@@ -33,8 +33,8 @@ def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
     registered = np.average([h.registered for h in evaluation.cameras], weights=[h.images for h in evaluation.cameras])
     landmarks = np.mean([h.landmarks for h in evaluation.cameras])
     figures = [
-        (f"{100.0 * evaluation.image_coverage:.1f} %", "images covered"),
-        (f"{100.0 * registered:.1f} %", "images registered"),
+        (f"{100.0 * evaluation.image_coverage:.1f} %", "body solved"),
+        (f"{100.0 * registered:.1f} %", "cameras registered"),
         (f"{landmarks:.0f}", "landmarks per image"),
     ]
     if evaluation.comparison is None:

@@ -6,9 +6,10 @@ import numpy as np
 
 from bodycam_ros.geometry import Array
 
-_TURN = np.radians(20.0)  # towards the front of who walks: legs and arms of both sides stay apart
+_TURN_WALKING = np.radians(20.0)  # from the side towards the front: both legs and arms stay apart
+_TURN_STANDING = np.radians(50.0)  # who moves limbs in all directions is better seen half from the front
 _ELEVATION = np.radians(14.0)  # enough to see the path on the floor
-_STANDING_M = 0.5  # who moves less than this stands: the view then follows where the root faces
+_STANDING_M = 1.5  # who moves less than this stands: the view then follows where the root faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +32,10 @@ class ObliqueView:
         _, _, directions = np.linalg.svd(centred, full_matrices=False)
         along = centred @ directions[0]
         heading = directions[0] * (1.0 if along[-1] >= along[0] else -1.0)
+        turn = _TURN_WALKING
         if np.ptp(along) < _STANDING_M:
-            heading = world_T_root[:, :2, 0].mean(axis=0)
-        azimuth = np.arctan2(heading[1], heading[0]) + _TURN
+            heading, turn = world_T_root[:, :2, 0].mean(axis=0), _TURN_STANDING
+        azimuth = np.arctan2(heading[1], heading[0]) + turn
         right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         away = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         return cls(right, np.sin(_ELEVATION) * away + np.cos(_ELEVATION) * np.array([0.0, 0.0, 1.0]))

@@ -104,11 +104,13 @@ def test_the_strip_shows_the_worst_of_the_images_that_share_a_column(solved: Pat
     assert np.flatnonzero(lost[1]).tolist() == [1, 4]
 
 
-def test_flexion_is_the_angle_forward(walk: Walk) -> None:
+def test_flexion_is_positive_where_a_joint_bends(walk: Walk) -> None:
     forward = np.radians([-40.0, 0.0, 30.0, 100.0])
     # About y, which points left: a limb that hangs swings forward by a negative turn.
     turned = exp_so3(-forward[:, None] * np.array([0.0, 1.0, 0.0]))
-    np.testing.assert_allclose(flexion(turned), forward, atol=1e-12)
+    np.testing.assert_allclose(flexion("hip", turned), forward, atol=1e-12)
+    np.testing.assert_allclose(flexion("knee", turned), -forward, atol=1e-12)
+    np.testing.assert_allclose(flexion("shoulder", turned), np.abs(forward), atol=1e-7)
     assert [joint.name for joint in limb_joints(walk.body.segments)] == ["hip", "knee"]
 
 
