@@ -1,5 +1,5 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
-#   make demo    replay the sample recording (needs no ROS)
+#   make demo    replay the sample recording and judge the result (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
@@ -18,7 +18,8 @@ export PYTHONNOUSERSITE := 1
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
-	$(BIN)/bodycam replay bags/sample --map bags/map --body bags/body.yaml -o $(DEMO) --force
+	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
+	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample -o $(DEMO)_report
 
 test: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest
@@ -29,7 +30,7 @@ lint: $(VENV)/test.stamp
 	$(BIN)/mypy
 
 bench: $(VENV)/runtime.stamp
-	$(BIN)/bodycam bench bags/sample --map bags/map --body bags/body.yaml
+	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
 
 clean:
 	rm -rf $(VENV) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache

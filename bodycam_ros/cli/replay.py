@@ -1,7 +1,6 @@
 """bodycam replay: a recorded bag in, a bag with joint states out."""
 
 import argparse
-import os
 from pathlib import Path
 
 from rich.console import Console
@@ -9,8 +8,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import ReplaySummary, replay
 
@@ -18,27 +16,16 @@ from bodycam_ros.replay.replay import ReplaySummary, replay
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("replay", help="solve a recorded bag offline", description=__doc__)
-    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
-    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
-    parser.add_argument("--body", type=Path, required=True, help="body YAML: segments, joints, camera mounts")
+    add_pipeline_flags(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
     parser.add_argument("--force", action="store_true", help="replace OUT if it is there already")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes for the cameras (all cores)")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    for group, settings_type in PipelineSettings.groups().items():
-        add_settings_flags(parser, group, settings_type)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     console = Console(stderr=True)
-    settings = PipelineSettings(
-        **{
-            group: settings_from_flags(arguments, group, settings_type, arguments.config)
-            for group, settings_type in PipelineSettings.groups().items()
-        }
-    )
+    settings = pipeline_settings(arguments)
     with open_recording(arguments.recording) as recording:
         duration_s = recording.duration_s
     columns = (TextColumn("replay"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())
@@ -50,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.body,
             arguments.output,
             settings,
-            jobs=max(1, arguments.jobs),
+            jobs=arguments.jobs,
             force=arguments.force,
             on_progress=lambda seconds: progress.update(task, completed=seconds),
         )

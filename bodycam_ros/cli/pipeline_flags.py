@@ -1,0 +1,45 @@
+"""Flags of the commands that run the pipeline over a recording: its input, and the settings of all stages."""
+
+import argparse
+import os
+from pathlib import Path
+
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.pipeline import PipelineSettings
+
+
+def add_pipeline_flags(parser: argparse.ArgumentParser) -> None:
+    """Add BAG, --map, --body, --jobs, --config and a flag for every setting."""
+    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
+    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
+    parser.add_argument("--body", type=Path, required=True, help="body YAML: segments, joints, camera mounts")
+    parser.add_argument(
+        "--jobs", type=_positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
+    )
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    for group, settings_type in PipelineSettings.groups().items():
+        add_settings_flags(parser, group, settings_type)
+
+
+def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
+    """Settings of all stages from defaults, the file of --config, and flags, the later the stronger.
+
+    Raises:
+        SettingsError: a value that is unknown or out of range.
+    """
+    groups = PipelineSettings.groups()
+    if arguments.config:
+        check_groups(arguments.config, set(groups))
+    return PipelineSettings(
+        **{
+            group: settings_from_flags(arguments, group, settings_type, arguments.config)
+            for group, settings_type in groups.items()
+        }
+    )
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number
