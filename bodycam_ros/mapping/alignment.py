@@ -213,7 +213,8 @@ def _refine(
     noise = settings.corner_noise * growth[:, None]
 
     def cost(x: Array) -> Array:
-        return (_residuals(views, camera, *unpack(x)) / noise).ravel()
+        weighted: Array = _residuals(views, camera, *unpack(x)) / noise
+        return weighted.ravel()
 
     solution = least_squares(cost, np.zeros(8), loss="huber", f_scale=2.0, x_scale="jac")
     return unpack(solution.x)

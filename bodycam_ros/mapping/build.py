@@ -140,6 +140,7 @@ def build_map(
     reference_map = ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
         points_world=structure.points_world,
+        colours=structure.colours,
         descriptor_landmark=chosen.landmark,
         descriptors=chosen.descriptors,
         descriptor_view=chosen.view,
@@ -169,8 +170,8 @@ def _features(
             advance()
     if len(features) < 2:
         raise MapError(
-            f"{photographs.folder}: {len(features)} of {len(photographs.paths)} photographs can be used, a map needs two"
-            f" or more; the first that cannot: {skipped[0]}"
+            f"{photographs.folder}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
+            f"are needed; the first that cannot: {skipped[0]}"
         )
     return features
 

@@ -21,9 +21,12 @@ _PIXEL_SHIFT = 0.5
 _RANDOM_SEED = 1
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
+_COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
 
-# COLMAP's log would tear the progress bars; its errors still come through.
-pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+# COLMAP's log would tear the progress bars and leave files in the temporary folder. What matters comes as an exception.
+for _level in pycolmap.logging.Level.__members__.values():
+    pycolmap.logging.set_log_destination(_level, "")
+pycolmap.logging.minloglevel = int(pycolmap.logging.Level.FATAL)
 
 
 def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeatures]) -> None:
@@ -79,6 +82,8 @@ def reconstruct(
         ba_refine_extra_params=False,
         ba_global_frames_ratio=_RATIO_OF_GLOBAL_ADJUSTMENTS,
         ba_global_points_ratio=_RATIO_OF_GLOBAL_ADJUSTMENTS,
+        ba_local_function_tolerance=_COARSE_TOLERANCE,
+        ba_global_function_tolerance=_COARSE_TOLERANCE,
     )
     options.mapper.abs_pose_refine_focal_length = False
     options.mapper.abs_pose_refine_extra_params = False
@@ -101,11 +106,16 @@ def keep_good_points(reconstruction: pycolmap.Reconstruction, max_error_px: floa
 
 def adjust(reconstruction: pycolmap.Reconstruction, workers: int) -> None:
     """Bundle adjustment of poses and points with fixed intrinsics."""
-    options = pycolmap.BundleAdjustmentOptions(
-        refine_focal_length=False, refine_principal_point=False, refine_extra_params=False, print_summary=False
-    )
+    options = pycolmap.BundleAdjustmentOptions(print_summary=False)
     options.ceres.solver_options.num_threads = workers
-    pycolmap.bundle_adjustment(reconstruction, options)
+    config = pycolmap.BundleAdjustmentConfig()
+    for image_id in reconstruction.reg_image_ids():
+        config.add_image(image_id)
+    for camera_id in reconstruction.cameras:
+        config.set_constant_cam_intrinsics(camera_id)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    # Not pycolmap.bundle_adjustment: in 4.2 it turns the log on again.
+    pycolmap.create_default_bundle_adjuster(options, config, reconstruction).solve()
 
 
 def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
-# OpenCV doubles the image first but halves the positions without the half pixel of the resampling, so that they come
-# out too large by 0.25 px on both axes, in every octave.
-_OPENCV_SIFT_OFFSET = 0.25
-_ROOT_SIFT_LENGTH = 512.0  # as COLMAP and OpenCV scale SIFT descriptors to bytes
+_KEYPOINTS_TO_CHOOSE_FROM = 20000  # more than a photograph has
 
 
 @dataclass(frozen=True)
@@ -50,13 +48,6 @@ class ImageFeatures:
     colours: NDArray[np.uint8]
 
 
-def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """RootSIFT (N, 128) as bytes of SIFT descriptors (N, 128): Arandjelovic and Zisserman 2012, section 3."""
-    shares = descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
-    root: NDArray[np.uint8] = np.clip(np.round(np.sqrt(shares) * _ROOT_SIFT_LENGTH), 0, 255).astype(np.uint8)
-    return root
-
-
 def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
     """Find and describe the features of one photograph.
 
@@ -69,20 +60,18 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
             f"{path}: has {image.shape[1]}x{image.shape[0]} pixels, but the camera is calibrated for "
             f"{camera.width}x{camera.height}; give photographs as they left the camera, and its own calibration"
         )
-    sift = cv2.SIFT_create(nfeatures=0, contrastThreshold=settings.contrast)
-    keypoints, descriptors = sift.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), None)
-    if descriptors is None:
-        nothing = np.zeros((0, 2), np.float32)
-        return ImageFeatures(
-            path.name, nothing, nothing[:, 0], np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8)
-        )
-    sigmas = np.array([k.size for k in keypoints], dtype=np.float32) / 2.0
+    # The detector that the tracker uses at run time, so that descriptors agree.
+    detector = KeypointDetector(
+        KeypointSettings(image_scale=1.0, contrast_threshold=settings.contrast, max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM)
+    )
+    gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    found = detector.detect(gray, np.full_like(gray, 255))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
-    kept = np.argsort(-sigmas, kind="stable")[: settings.max_features]
-    pixels = np.array([k.pt for k in keypoints], dtype=np.float32)[kept] - np.float32(_OPENCV_SIFT_OFFSET)
-    columns, rows = np.clip(np.round(pixels).astype(int).T, 0, [[image.shape[1] - 1], [image.shape[0] - 1]])
+    kept = np.argsort(-found.scales, kind="stable")[: settings.max_features]
+    pixels = found.pixels[kept]
+    columns, rows = np.clip(np.round(pixels).astype(int).T, 0, [[camera.width - 1], [camera.height - 1]])
     colours = np.ascontiguousarray(image[rows, columns][:, ::-1])
-    return ImageFeatures(path.name, pixels, sigmas[kept], root_sift(descriptors[kept]), colours)
+    return ImageFeatures(path.name, pixels, found.scales[kept], found.descriptors[kept], colours)
 
 
 def extract_all(

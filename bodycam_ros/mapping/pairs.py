@@ -24,10 +24,10 @@ class PairSettings:
         0.8, limits=(0.5, 0.95), reason="a probe matches if its nearest descriptor is this much nearer than the second"
     )
     min_probe_matches: int = setting(
-        5, limits=(1, 100), reason="fewer mutual probe matches than this is chance, not overlap"
+        8, limits=(1, 100), reason="fewer mutual probe matches are chance; of pairs with a dozen four in five overlap"
     )
     max_partners: int = setting(
-        40, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
+        20, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
     )
 
 

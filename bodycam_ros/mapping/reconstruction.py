@@ -99,14 +99,14 @@ def adopt_model(
     if missing or len(structure.names) < 2:
         raise MapError(
             f"{folder}: the model registers {len(structure.names)} photographs, of which {len(missing)} are not "
-            f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder that the model was made from"
+            f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder of the model"
         )
     errors = structure.reprojection_errors(camera)
     if not len(errors) or not float(np.median(errors)) <= _MAX_MODEL_ERROR_PX:
         median = float(np.median(errors)) if len(errors) else float("nan")
         raise MapError(
             f"{folder}: with the intrinsics of camera.yaml the model's points project {median:.1f} px (median) from "
-            f"where they were seen, expected {_MAX_MODEL_ERROR_PX:g} at most; give the calibration that it was made with"
+            f"where they were seen, expected {_MAX_MODEL_ERROR_PX:g} at most; give the calibration of the model"
         )
     structure = structure.with_observations(errors <= settings.max_error)
     structure = _linked(structure, [known[name] for name in structure.names])

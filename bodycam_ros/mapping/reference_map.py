@@ -30,6 +30,7 @@ class ReferenceMap:
     Attributes:
         landmark_ids: (L,) uint32; the point's id in the COLMAP model too.
         points_world: (L, 3) float64 [m].
+        colours: (L, 3) uint8 red, green, blue.
         descriptor_landmark: (D,) uint32 row of the landmark that a descriptor belongs to, ascending.
         descriptors: (D, 128) uint8 RootSIFT.
         descriptor_view: (D, 3) float32 unit direction from the landmark to the camera that gave the descriptor.
@@ -44,6 +45,7 @@ class ReferenceMap:
 
     landmark_ids: NDArray[np.uint32]
     points_world: NDArray[np.float64]
+    colours: NDArray[np.uint8]
     descriptor_landmark: NDArray[np.uint32]
     descriptors: NDArray[np.uint8]
     descriptor_view: NDArray[np.float32]
@@ -123,6 +125,7 @@ class ReferenceMap:
         shapes = {
             "landmark_ids": (landmarks,),
             "points_world": (landmarks, 3),
+            "colours": (landmarks, 3),
             "descriptor_landmark": (descriptors,),
             "descriptors": (descriptors, 128),
             "descriptor_view": (descriptors, 3),

@@ -1,0 +1,83 @@
+import numpy as np
+import pycolmap
+import pytest
+from small_structure import small_structure
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping import colmap
+
+
+@pytest.fixture
+def model(tmp_path):
+    structure, camera = small_structure()
+    colmap.write_model(tmp_path / "sparse", structure, camera)
+    return structure, camera, tmp_path / "sparse"
+
+
+def test_the_model_reprojects_in_colmap_itself(model):
+    structure, _, folder = model
+    reconstruction = pycolmap.Reconstruction(folder)
+    assert reconstruction.num_reg_images() == 3 and reconstruction.num_points3D() == len(structure.points_world)
+    for image in reconstruction.images.values():
+        for point2D in image.points2D:
+            projected = image.project_point(reconstruction.points3D[point2D.point3D_id].xyz)
+            assert projected == pytest.approx(point2D.xy, abs=1e-6)
+
+
+def test_a_model_comes_back_as_it_was_written(model):
+    structure, camera, folder = model
+    back = colmap.structure_from(colmap.read_model(folder))
+    assert list(back.names) == list(structure.names)
+    assert np.allclose(back.world_T_camera, structure.world_T_camera, atol=1e-12)
+    assert np.allclose(back.points_world, structure.points_world)
+    assert np.array_equal(back.colours, structure.colours)
+    assert back.reprojection_errors(camera).max() < 1e-6
+
+
+def test_points_that_fail_the_criteria_go(model):
+    structure, _, folder = model
+    reconstruction = colmap.read_model(folder)
+    moved = reconstruction.points3D[4]
+    moved.xyz = moved.xyz + [0.1, 0.1, 0.0]
+    colmap.keep_good_points(reconstruction, 1.0, 2.0)
+    assert reconstruction.num_points3D() == len(structure.points_world) - 1
+    colmap.keep_good_points(reconstruction, 1.0, 170.0)
+    assert reconstruction.num_points3D() == 0
+
+
+def test_adjustment_mends_poses_without_touching_the_intrinsics(model):
+    _, camera, folder = model
+    reconstruction = colmap.read_model(folder)
+    before = list(reconstruction.cameras[1].params)
+    for point in reconstruction.points3D.values():
+        point.xyz = point.xyz + np.random.default_rng(2).normal(0.0, 0.01, 3)
+    colmap.adjust(reconstruction, workers=1)
+    assert colmap.structure_from(reconstruction).reprojection_errors(camera).max() < 1e-3
+    assert list(reconstruction.cameras[1].params) == before
+
+
+def test_what_is_no_model_is_an_error(tmp_path):
+    with pytest.raises(MapError, match="COLMAP model"):
+        colmap.read_model(tmp_path)
+    for name in ("cameras.bin", "images.bin", "points3D.bin"):
+        (tmp_path / name).write_bytes(b"\x01\x02")
+    with pytest.raises(MapError, match="COLMAP model"):
+        colmap.read_model(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("model_name", "d", "colmap_name"),
+    [
+        ("plumb_bob", [0.1, -0.05, 0.001, 0.002, 0.0], "OPENCV"),
+        ("plumb_bob", [0.1, -0.05, 0.001, 0.002, 0.01], "FULL_OPENCV"),
+        ("equidistant", [0.01, -0.005, 0.001, 0.0], "OPENCV_FISHEYE"),
+        ("fov", [0.9], "FOV"),
+    ],
+)
+def test_colmaps_camera_projects_like_ours(model_name, d, colmap_name):
+    camera = camera_from_info("c", 640, 480, model_name, d, [300, 0, 321, 0, 301, 239, 0, 0, 1])
+    theirs = colmap.colmap_camera(camera)
+    assert theirs.model.name == colmap_name
+    points = np.random.default_rng(0).uniform([-0.5, -0.4, 1.0], [0.5, 0.4, 2.0], (50, 3))
+    assert theirs.img_from_cam(points) - 0.5 == pytest.approx(camera.project(points)[0], abs=1e-6)

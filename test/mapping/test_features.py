@@ -1,0 +1,70 @@
+import cv2
+import numpy as np
+import pytest
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.features import FeatureSettings, extract_all, extract_features
+
+CAMERA = camera_from_info("still", 240, 200, "plumb_bob", [0.0] * 5, [300, 0, 120, 0, 300, 100, 0, 0, 1])
+BLOBS = [(60.3, 50.8, 2.0), (150.6, 70.2, 4.0), (90.1, 140.7, 8.0), (190.0, 150.0, 3.0)]
+
+
+@pytest.fixture
+def photograph(tmp_path):
+    y, x = np.mgrid[0:200, 0:240]
+    image = np.full((200, 240), 40.0)
+    for cx, cy, sigma in BLOBS:
+        image += 150.0 * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * sigma**2))
+    blue_green_red = np.stack([0.2 * image, 0.5 * image, image], axis=2)
+    path = tmp_path / "blobs.png"
+    cv2.imwrite(str(path), np.round(blue_green_red).astype(np.uint8))
+    return path
+
+
+def test_blobs_are_found_where_they_are_and_as_large_as_they_are(photograph):
+    features = extract_features(photograph, CAMERA, FeatureSettings())
+    for cx, cy, sigma in BLOBS:
+        nearest = np.linalg.norm(features.pixels - [cx, cy], axis=1).argmin()
+        assert features.pixels[nearest] == pytest.approx([cx, cy], abs=0.12)
+        assert features.sigmas[nearest] == pytest.approx(sigma, rel=0.25)
+
+
+def test_descriptors_have_the_length_of_root_sift(photograph):
+    lengths = np.linalg.norm(extract_features(photograph, CAMERA, FeatureSettings()).descriptors.astype(float), axis=1)
+    assert lengths == pytest.approx(np.full(len(lengths), 512.0), rel=0.03)
+
+
+def test_the_smallest_features_go_first(tmp_path):
+    picture = np.random.default_rng(1).uniform(0, 255, (200, 240)).astype(np.float32)
+    picture = picture + 4.0 * cv2.GaussianBlur(picture, (0, 0), 2.0)
+    cv2.imwrite(str(tmp_path / "noise.png"), cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8))
+    everything = extract_features(tmp_path / "noise.png", CAMERA, FeatureSettings())
+    assert len(everything.pixels) > 520
+    capped = extract_features(tmp_path / "noise.png", CAMERA, FeatureSettings(max_features=500))
+    assert np.all(np.diff(capped.sigmas) <= 0.0)
+    assert np.array_equal(capped.sigmas, everything.sigmas[:500])
+    assert capped.sigmas.min() >= everything.sigmas[500:].max()
+
+
+def test_colours_are_red_green_blue(photograph):
+    features = extract_features(photograph, CAMERA, FeatureSettings())
+    red, green, blue = features.colours[0].astype(int)
+    assert red > green > blue
+
+
+def test_a_grey_photograph_has_no_features(tmp_path):
+    cv2.imwrite(str(tmp_path / "grey.png"), np.full((200, 240), 128, np.uint8))
+    features = extract_features(tmp_path / "grey.png", CAMERA, FeatureSettings())
+    assert len(features.pixels) == len(features.descriptors) == len(features.colours) == 0
+
+
+def test_what_cannot_be_used_comes_as_its_error_and_in_order(tmp_path, photograph):
+    broken = tmp_path / "broken.jpg"
+    broken.write_bytes(b"\xff\xd8\xff\xe0 not a whole picture")
+    small = tmp_path / "small.png"
+    cv2.imwrite(str(small), np.zeros((100, 120), np.uint8))
+    first, second, third = extract_all([broken, photograph, small], CAMERA, FeatureSettings(), workers=2)
+    assert isinstance(first, MapError) and "broken.jpg" in str(first)
+    assert second.name == "blobs.png"
+    assert isinstance(third, MapError) and "120x100" in str(third) and "240x200" in str(third)

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from small_structure import small_structure
+
+from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings, choose_descriptors
+
+
+def photographs(structure):
+    """Photographs whose descriptors start with their own number and the number of the point."""
+    features = []
+    for view, name in enumerate(structure.names):
+        n = len(structure.points_world)
+        descriptors = np.zeros((n, 128), np.uint8)
+        descriptors[:, 0], descriptors[:, 1] = view, np.arange(n)
+        sigmas = np.full(n, 2.0 + view, np.float32)
+        features.append(ImageFeatures(name, np.zeros((n, 2), "f4"), sigmas, descriptors, np.zeros((n, 3), "u1")))
+    return features
+
+
+def test_every_landmark_has_its_own_descriptors_in_order():
+    structure, camera = small_structure()
+    chosen = choose_descriptors(structure, photographs(structure), camera, DescriptorSettings())
+    assert np.array_equal(chosen.descriptors[:, 1], chosen.landmark)
+    assert np.all(np.diff(chosen.landmark.astype(int)) >= 0)
+    assert np.array_equal(np.bincount(chosen.landmark), structure.views_per_point())
+
+
+def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
+    structure, camera = small_structure()
+    chosen = choose_descriptors(structure, photographs(structure), camera, DescriptorSettings())
+    focal_length = np.sqrt(camera.fx * camera.fy)
+    for landmark, descriptor, view, size in zip(
+        chosen.landmark, chosen.descriptors, chosen.view, chosen.size, strict=True
+    ):
+        pose = structure.world_T_camera[descriptor[0]]
+        offset = pose[:3, 3] - structure.points_world[landmark]
+        assert view == pytest.approx(offset / np.linalg.norm(offset), abs=1e-6)
+        depth = -offset @ pose[:3, 2]
+        assert size * focal_length / depth == pytest.approx(2.0 + descriptor[0], rel=1e-5)
+
+
+def test_two_descriptors_are_the_nearest_and_the_one_across_from_it():
+    structure, camera = small_structure()
+    chosen = choose_descriptors(structure, photographs(structure), camera, DescriptorSettings(per_landmark=2))
+    distances = np.linalg.norm(structure.world_T_camera[:, None, :3, 3] - structure.points_world, axis=2)
+    for landmark in range(0, len(structure.points_world), 2):
+        views = chosen.descriptors[chosen.landmark == landmark, 0].tolist()
+        directions = structure.world_T_camera[:, :3, 3] - structure.points_world[landmark]
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        nearest = int(distances[:, landmark].argmin())
+        assert views == [nearest, int((directions @ directions[nearest]).argmin())]
+
+
+def test_observations_without_a_feature_give_no_descriptor():
+    structure, camera = small_structure()
+    structure.observation_features[structure.observation_views == 1] = -1
+    chosen = choose_descriptors(structure, photographs(structure), camera, DescriptorSettings())
+    assert 1 not in chosen.descriptors[:, 0]
+    assert len(chosen.landmark) == np.sum(structure.observation_views != 1)

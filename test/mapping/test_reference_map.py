@@ -1,0 +1,127 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.reference_map import ReferenceMap
+
+
+@pytest.fixture
+def small_map():
+    rng = np.random.default_rng(5)
+    return ReferenceMap(
+        landmark_ids=np.arange(10, dtype=np.uint32),
+        points_world=rng.normal(size=(10, 3)),
+        colours=rng.integers(0, 256, (10, 3)).astype(np.uint8),
+        descriptor_landmark=np.repeat(np.arange(10, dtype=np.uint32), 2),
+        descriptors=rng.integers(0, 256, (20, 128)).astype(np.uint8),
+        descriptor_view=np.tile(np.float32([0, 0, 1]), (20, 1)),
+        descriptor_size=np.full(20, 0.01, np.float32),
+        world_T_camera=np.tile(np.eye(4), (3, 1, 1)),
+        image_names=("a.jpg", "b.jpg", "ä.png"),
+        metric=True,
+        gravity_aligned=False,
+        summary={"registered": 3},
+    )
+
+
+def test_what_is_saved_is_loaded(tmp_path, small_map):
+    small_map.save(tmp_path / "map", also=lambda folder: (folder / "more.txt").write_text("more"))
+    loaded = ReferenceMap.load(tmp_path / "map")
+    for field in dataclasses.fields(ReferenceMap):
+        was, is_now = getattr(small_map, field.name), getattr(loaded, field.name)
+        if isinstance(was, np.ndarray):
+            assert np.array_equal(was, is_now) and was.dtype == is_now.dtype, field.name
+        elif field.name != "summary":
+            assert was == is_now, field.name
+    assert loaded.summary["registered"] == 3
+    assert (tmp_path / "map" / "more.txt").read_text() == "more"
+    assert [p.name for p in tmp_path.iterdir()] == ["map"]
+
+
+def test_a_map_is_replaced_only_by_force(tmp_path, small_map):
+    small_map.save(tmp_path / "map")
+    other = dataclasses.replace(small_map, points_world=small_map.points_world + 1.0)
+    with pytest.raises(MapError, match="--force"):
+        other.save(tmp_path / "map")
+    assert np.array_equal(ReferenceMap.load(tmp_path / "map").points_world, small_map.points_world)
+    other.save(tmp_path / "map", force=True)
+    assert np.array_equal(ReferenceMap.load(tmp_path / "map").points_world, other.points_world)
+    assert [p.name for p in tmp_path.iterdir()] == ["map"]
+
+
+def test_force_replaces_nothing_but_maps(tmp_path, small_map):
+    (tmp_path / "photographs").mkdir()
+    (tmp_path / "photographs" / "dear.jpg").write_bytes(b"...")
+    with pytest.raises(MapError, match="not a map"):
+        small_map.save(tmp_path / "photographs", force=True)
+    assert (tmp_path / "photographs" / "dear.jpg").exists()
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("disk full")])
+def test_a_failure_half_way_leaves_the_old_map_and_nothing_else(tmp_path, small_map, error):
+    small_map.save(tmp_path / "map")
+
+    def fail(folder):
+        raise error
+
+    with pytest.raises((KeyboardInterrupt, MapError)):
+        dataclasses.replace(small_map, metric=False).save(tmp_path / "map", force=True, also=fail)
+    assert ReferenceMap.load(tmp_path / "map").metric
+    assert [p.name for p in tmp_path.iterdir()] == ["map"]
+
+
+def test_no_map_is_an_error_that_says_how_to_make_one(tmp_path):
+    with pytest.raises(MapError, match="bodycam map"):
+        ReferenceMap.load(tmp_path / "nowhere")
+    with pytest.raises(MapError, match="not a map"):
+        ReferenceMap.load(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\x00" * 500])
+def test_a_damaged_file_is_an_error(tmp_path, small_map, content):
+    small_map.save(tmp_path / "map")
+    (tmp_path / "map" / "landmarks.npz").write_bytes(content)
+    with pytest.raises(MapError, match="landmarks.npz.*build the map again"):
+        ReferenceMap.load(tmp_path / "map")
+
+
+def test_a_truncated_file_is_an_error(tmp_path, small_map):
+    small_map.save(tmp_path / "map")
+    file = tmp_path / "map" / "landmarks.npz"
+    file.write_bytes(file.read_bytes()[:-300])
+    with pytest.raises(MapError, match="landmarks.npz"):
+        ReferenceMap.load(tmp_path / "map")
+
+
+def test_another_version_is_an_error(tmp_path, small_map):
+    small_map.save(tmp_path / "map")
+    summary = yaml.safe_load((tmp_path / "map" / "map.yaml").read_text())
+    (tmp_path / "map" / "map.yaml").write_text(yaml.safe_dump(summary | {"version": 99}))
+    with pytest.raises(MapError, match="version 99"):
+        ReferenceMap.load(tmp_path / "map")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {
+                "landmark_ids": np.zeros(0, np.uint32),
+                "points_world": np.zeros((0, 3)),
+                "colours": np.zeros((0, 3), "u1"),
+            },
+            "empty",
+        ),
+        ({"points_world": np.zeros((4, 3))}, "points_world has shape"),
+        ({"points_world": np.full((10, 3), np.nan)}, "not finite"),
+        ({"descriptor_landmark": np.full(20, 10, np.uint32)}, "do not follow"),
+        ({"descriptor_landmark": np.arange(20, dtype=np.uint32)[::-1] // 2}, "do not follow"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_an_error(tmp_path, small_map, change, message):
+    dataclasses.replace(small_map, **change).save(tmp_path / "map")
+    with pytest.raises(MapError, match=message):
+        ReferenceMap.load(tmp_path / "map")
