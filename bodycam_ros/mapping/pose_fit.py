@@ -13,8 +13,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_se3, hat
 from bodycam_ros.settings import setting
 
-_CONVERGED = 2e-5
-"""A step below this [rad, m] moves no landmark by a hundredth of a pixel."""
+_CONVERGED = 5e-5
+"""A step below this [rad, m] moves no landmark by more than some hundredths of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -65,20 +65,20 @@ def fit_pose(
         world_T_camera: (4, 4) start.
         settings: noise and thresholds.
     """
-    pose = world_T_camera.copy()
-    errors_px = reprojection_errors(camera, points_world, pixels, pose)
-    scale = float(np.clip(2 * np.median(errors_px), settings.inlier_px, settings.start_px))
+    pose = world_T_camera
+    scale = None
     for _ in range(settings.iterations):
-        hessian, gradient, _ = _normal_equations(camera, points_world, pixels, pose, scale)
+        hessian, gradient, errors_px, scale = _normal_equations(camera, points_world, pixels, pose, scale, settings)
         try:
             step = -np.linalg.solve(hessian + 1e-9 * np.eye(6) * max(np.trace(hessian), 1e-9), gradient)
         except np.linalg.LinAlgError:
             break
-        pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
         if scale <= settings.inlier_px and np.abs(step).max() < _CONVERGED:
             break
+        pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
         scale = max(0.5 * scale, settings.inlier_px)
-    hessian, _, errors_px = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px)
+    else:
+        hessian, _, errors_px, _ = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px, settings)
     return PoseFit(pose, hessian / settings.pixel_sigma**2, errors_px, errors_px < settings.inlier_px)
 
 
@@ -95,17 +95,24 @@ def _normal_equations(
     points_world: NDArray[np.floating],
     pixels: NDArray[np.floating],
     world_T_camera: NDArray[np.float64],
-    scale_px: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted Hessian (6, 6), gradient (6,) [px^2] and errors (N,) [px] for the pose ``world_T_camera @ exp(xi)``."""
+    scale_px: float | None,
+    settings: PoseFitSettings,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+    """Weighted Hessian (6, 6), gradient (6,) [px^2], errors (N,) and kernel scale [px] for ``world_T_camera @ exp(xi)``.
+
+    Without a scale the errors give it: twice their median, which the right landmarks lie within.
+    """
     points_camera = (points_world - world_T_camera[:3, 3]) @ world_T_camera[:3, :3]
     projected, pixel_by_point, valid = camera.project_with_jacobian(points_camera)
     residuals = (projected - pixels)[valid]
+    seen_errors = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
     errors = np.full(len(pixels), np.inf)
-    errors[valid] = np.linalg.norm(residuals, axis=1)
+    errors[valid] = seen_errors
+    if scale_px is None:
+        scale_px = float(np.clip(2 * np.median(errors), settings.inlier_px, settings.start_px))
     # The point moves by hat(p) w - v when the camera moves by the tangent vector (w, v).
     by_point = pixel_by_point[valid]
     jacobian = np.concatenate([by_point @ hat(points_camera[valid]), -by_point], axis=2).reshape(-1, 6)
-    weights = np.repeat(1.0 / (1.0 + (errors[valid] / scale_px) ** 2) ** 2, 2)
+    weights = np.repeat(1.0 / (1.0 + (seen_errors / scale_px) ** 2) ** 2, 2)
     weighted = jacobian * weights[:, None]
-    return weighted.T @ jacobian, weighted.T @ residuals.ravel(), errors
+    return weighted.T @ jacobian, weighted.T @ residuals.ravel(), errors, scale_px
