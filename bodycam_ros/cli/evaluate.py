@@ -23,7 +23,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--truth", type=Path, metavar="DIR", help="folder of a recording with ground truth, or its folder truth"
     )
     parser.add_argument(
-        "--recording", type=Path, metavar="BAG", help="bag with the images; its intrinsics allow reprojection errors"
+        "--recording",
+        type=Path,
+        metavar="BAG",
+        help="bag that OUT was solved from: adds reprojection errors and overlay.png",
     )
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for summary.json and summary.png"
@@ -35,11 +38,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
     from bodycam_ros.evaluate.evaluation import evaluate
+    from bodycam_ros.evaluate.overlay import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
 
     check_report_folder(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
-    write_report(evaluation, arguments.output)
+    overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
+    write_report(evaluation, arguments.output, overlay)
     _report(evaluation, arguments.output)
     return 0
 

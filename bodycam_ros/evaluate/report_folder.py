@@ -4,14 +4,17 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.overlay import OverlayView
+from bodycam_ros.evaluate.overlay_picture import draw_overlays
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import draw_summary
 
-FIGURES, PICTURE = "summary.json", "summary.png"
+FIGURES, PICTURE, OVERLAY = "summary.json", "summary.png", "overlay.png"
 
 
 def check_report_folder(folder: Path) -> None:
@@ -26,21 +29,24 @@ def check_report_folder(folder: Path) -> None:
         raise RecordingError(f"{folder}: is a ros2 bag folder; give another folder for {FIGURES} and {PICTURE}")
 
 
-def write_report(evaluation: Evaluation, folder: Path) -> None:
-    """Write ``summary.json`` and ``summary.png``; those of an earlier evaluation are replaced.
+def write_report(evaluation: Evaluation, folder: Path, overlay: Sequence[OverlayView] = ()) -> None:
+    """Write ``summary.json``, ``summary.png`` and, if there are views, ``overlay.png``; earlier ones are replaced.
 
     Raises:
         RecordingError: the folder cannot be written.
     """
     check_report_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder))
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         try:
             (scratch / FIGURES).write_text(json.dumps(summary(evaluation), indent=1, allow_nan=False) + "\n")
             draw_summary(evaluation, scratch / PICTURE)
-            for name in (FIGURES, PICTURE):
-                os.replace(scratch / name, folder / name)
+            if overlay:
+                draw_overlays(overlay, scratch / OVERLAY)
+            folder.mkdir(exist_ok=True)
+            for file in sorted(scratch.iterdir()):
+                os.replace(file, folder / file.name)
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -153,8 +154,9 @@ def write_solved(
 
 
 def write_images(path: Path, cameras: tuple[str, ...]) -> Path:
-    """Write a recording of these cameras: intrinsics, and one image of no bytes each."""
+    """Write a recording of these cameras: intrinsics, and plain grey images."""
     make = recorded_messages()
+    grey = cv2.imencode(".jpg", np.full((480, 640), 90, np.uint8))[1].reshape(-1)
     with write_recording(path) as writer:
         for camera in cameras:
             header = header_message(make, START_NS, optical_frame(camera))
@@ -164,8 +166,10 @@ def write_images(path: Path, cameras: tuple[str, ...]) -> Path:
                 distortion_model="equidistant", d=np.zeros(4), k=k,
             )  # fmt: skip
             writer.write(f"/{camera}/camera_info", START_NS, info)
-            image = make("sensor_msgs/msg/CompressedImage", header=header, format="jpeg")
-            writer.write(f"/{camera}/image_raw/compressed", START_NS, image)
+            for stamp_ns in range(START_NS, START_NS + FRAMES * FRAME_NS, FRAME_NS):
+                header = header_message(make, stamp_ns, optical_frame(camera))
+                image = make("sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=grey)
+                writer.write(f"/{camera}/image_raw/compressed", stamp_ns, image)
     return path
 
 

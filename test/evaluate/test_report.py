@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from evaluate.known_walk import LOST, START_NS, Walk, write_solved
+from evaluate.known_walk import LOST, START_NS, Walk, write_images, write_solved
 from numpy.typing import NDArray
 
 import bodycam_ros
@@ -56,6 +56,14 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
     assert figures["truth"]["position_cm"]["mean"] < 1e-6
     assert figures["cameras"]["shin"]["registered"] == pytest.approx(1.0 - len(LOST["shin"]) / 60)
     assert sorted(p.name for p in (tmp_path / "report").iterdir()) == ["summary.json", "summary.png"]
+
+
+def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
+    recording = write_images(tmp_path / "recording", ("waist", "shin"))
+    result = bodycam("evaluate", solved, "--recording", recording, "-o", tmp_path / "report")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "error [px]" in result.stdout
+    assert sorted(p.name for p in (tmp_path / "report").iterdir()) == ["overlay.png", "summary.json", "summary.png"]
 
 
 def test_errors_are_one_line(tmp_path: Path) -> None:
@@ -116,16 +124,19 @@ def test_flexion_is_positive_where_a_joint_bends(walk: Walk) -> None:
 
 def test_a_report_that_fails_leaves_the_old_one(solved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     evaluation = evaluate(solved)
-    (tmp_path / "summary.json").write_text("old")
+    folder = tmp_path / "report"
+    folder.mkdir()
+    (folder / "summary.json").write_text("old")
 
     def full(*arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(report_folder, "draw_summary", full)
     with pytest.raises(RecordingError, match="cannot be written: No space left on device"):
-        write_report(evaluation, tmp_path)
-    assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
-    assert (tmp_path / "summary.json").read_text() == "old"
+        write_report(evaluation, folder)
+    assert [p.name for p in tmp_path.iterdir()] == ["report"]
+    assert [p.name for p in folder.iterdir()] == ["summary.json"]
+    assert (folder / "summary.json").read_text() == "old"
 
 
 def test_a_report_never_goes_into_a_bag_or_over_a_file(solved: Path, tmp_path: Path) -> None:
