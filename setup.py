@@ -37,9 +37,10 @@ setup(
     entry_points={
         "console_scripts": [
             "bodycam = bodycam_ros.cli.main:main",
-            "tracker = bodycam_ros.nodes.tracker:main",
-            "registration = bodycam_ros.nodes.registration:main",
-            "skeleton_solver = bodycam_ros.nodes.skeleton_solver:main",
+            "tracker = bodycam_ros.nodes.start:tracker",
+            "registration = bodycam_ros.nodes.start:registration",
+            "skeleton_solver = bodycam_ros.nodes.start:skeleton_solver",
+            "player = bodycam_ros.nodes.start:player",
         ],
     },
 )

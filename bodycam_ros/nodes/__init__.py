@@ -1,0 +1,1 @@
+"""The stages as ROS 2 nodes: message <-> array, parameters, quality of service. The only place that imports ROS."""

@@ -1,0 +1,63 @@
+"""Which processes make the live graph: for the launch file, and for whoever starts them without one. Imports no ROS."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+
+READERS_OF_INFO = 3
+"""Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """A node in a process of its own.
+
+    Attributes:
+        executable: as in ``ros2 run bodycam_ros <executable>``.
+        name: of the node.
+        parameters: its own parameters.
+    """
+
+    executable: str
+    name: str
+    parameters: Mapping[str, object] = field(default_factory=dict)
+
+    def arguments(self, config: Path | None = None) -> list[str]:
+        """Command line after the executable, for those who start it without a launch file."""
+        given = [f"{name}:={json.dumps(value)}" for name, value in self.parameters.items()]
+        arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        arguments += ["--params-file", str(config)] if config else []
+        return arguments + [part for parameter in given for part in ("-p", parameter)]
+
+
+def live_graph(reference_map: Path, body: Path, cameras: Sequence[str] = ()) -> list[NodeProcess]:
+    """A tracker for each camera, the registration and the solver.
+
+    Args:
+        reference_map: folder of the map.
+        body: body YAML.
+        cameras: those to use; all of the body if empty.
+
+    Raises:
+        BodyError: the body cannot be read, carries no camera, or lacks one of ``cameras``.
+    """
+    mounted = tuple(BodyModel.from_yaml(body).mounts)
+    if unknown := [camera for camera in cameras if camera not in mounted]:
+        raise BodyError(f"{body}: the body carries no camera {', '.join(unknown)}; it carries {', '.join(mounted)}")
+    used = list(cameras) or list(mounted)
+    if not used:
+        raise BodyError(f"{body}: the body carries no camera")
+    return [
+        *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
+        NodeProcess("registration", "registration", {"map": str(reference_map), "cameras": used}),
+        NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(body)}),
+    ]
+
+
+def player(bag: Path, rate: float) -> NodeProcess:
+    """A player that starts once the whole graph listens."""
+    return NodeProcess("player", "player", {"bag": str(bag), "rate": rate, "readers": READERS_OF_INFO})

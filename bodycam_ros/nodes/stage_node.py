@@ -1,0 +1,191 @@
+"""What every node of the graph has: checked parameters, health reports, and an end without a traceback."""
+
+import logging
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any, Generic, TypeVar
+
+import cv2
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+
+from bodycam_ros.errors import BodycamError, SettingsError
+from bodycam_ros.messages.status import Health, diagnostics_message
+from bodycam_ros.nodes.message_classes import message_class, node_messages
+from bodycam_ros.nodes.parameters import declare, given_parameters, own_parameters, settings_from_parameters
+from bodycam_ros.nodes.quality import reliable
+from bodycam_ros.nodes.skipped import Skipped
+
+P = TypeVar("P")
+
+FAILED = 1
+_SPIN_S = 0.2
+_REPORT_NS = 1_000_000_000
+_JUMP_NS = 10 * _REPORT_NS
+"""Stamps so far behind are no late camera: the recording has started again."""
+_DIAGNOSTICS_DEPTH = 100
+
+
+class StageNode(Node, Generic[P]):
+    """A node with the settings of some stages.
+
+    Args:
+        name: of the node, unless it is remapped.
+        parameters_type: dataclass of its own parameters.
+        groups: the groups of settings that it uses; a parameter file may hold others too.
+
+    Attributes:
+        parameters: its own parameters.
+        settings: of all stages.
+        make: makes messages.
+        skipped: what could not be used, warned about once and counted.
+        failure: the user's error that ends the node.
+
+    Raises:
+        SettingsError: a parameter is unknown, of the wrong type, or out of its range.
+    """
+
+    def __init__(self, name: str, parameters_type: type[P], groups: Sequence[str] = ()) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        given = given_parameters(self)
+        self.parameters = own_parameters(given, parameters_type)
+        self.settings = settings_from_parameters(given)
+        declare(self, self.parameters)
+        for group in groups:
+            declare(self, getattr(self.settings, group), group)
+        self.make = node_messages()
+        self.skipped = Skipped(self.get_logger().warning)
+        self.failure: BodycamError | None = None
+        self._diagnostics = self.publisher(
+            "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", reliable(_DIAGNOSTICS_DEPTH)
+        )
+        self._report_due_ns = 0
+
+    def publisher(self, type_name: str, topic: str, quality: QoSProfile) -> Any:
+        """A publisher of a message type by name."""
+        return self.create_publisher(message_class(type_name), topic, quality)
+
+    def subscription(
+        self, type_name: str, topic: str, callback: Callable[[Any], None], quality: QoSProfile
+    ) -> Subscription:
+        """A subscription; its callback is guarded."""
+        return self.create_subscription(message_class(type_name), topic, self.guarded(callback), quality)
+
+    def every(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call back again and again in wall time, guarded."""
+        self.create_timer(seconds, self.guarded(callback))
+
+    def soon(self, callback: Callable[[], None]) -> None:
+        """Call back once, guarded, after what has arrived by now is served."""
+        self.executor.create_task(self.guarded(callback))
+
+    def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """The callback, except that a BodycamError ends the node."""
+
+        def guarded(*arguments: Any) -> None:
+            if self.failure is None:
+                try:
+                    callback(*arguments)
+                except BodycamError as error:
+                    self.failure = error
+
+        return guarded
+
+    def required(self, name: str) -> str:
+        """The value of a parameter that has no default.
+
+        Raises:
+            SettingsError: it is empty.
+        """
+        value: str = getattr(self.parameters, name)
+        if not value:
+            text = self.describe_parameter(name).description
+            raise SettingsError(f"the parameter '{name}' is missing ({text}); give it with --ros-args -p {name}:=...")
+        return value
+
+    def report_when_due(self, stamp_ns: int, health: Callable[[], list[Health]]) -> None:
+        """Publish the health if the stamps are a second further than at the last report, or far behind it."""
+        if not self._report_due_ns - _JUMP_NS <= stamp_ns < self._report_due_ns:
+            self.report(stamp_ns, health())
+
+    def report(self, stamp_ns: int, health: list[Health]) -> None:
+        """Publish the health now."""
+        self._report_due_ns = stamp_ns + _REPORT_NS
+        self._diagnostics.publish(diagnostics_message(self.make, stamp_ns, health))
+
+    def work(self, stopped: Callable[[], bool]) -> None:
+        """Serve the subscriptions until the node fails or is stopped."""
+        executor = _executor()
+        executor.add_node(self)
+        never = rclpy.task.Future()
+        # In slices: Python hears of signals between them, and without a time limit rclpy 7.1.6's EventsExecutor hangs.
+        while self.failure is None and not stopped():
+            executor.spin_until_future_complete(never, _SPIN_S)
+        executor.remove_node(self)
+
+    def finish(self) -> None:
+        """Last words before the node goes; publishing still works."""
+
+
+def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
+    """Run a node until it fails or SIGINT or SIGTERM comes; the exit code."""
+    cv2.setNumThreads(1)
+    logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
+    signals = _Signals()
+    try:
+        # Own handlers: rclpy's close the context at once, and a second signal, which a launch file sends, while the
+        # node is being destroyed would end in a traceback.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
+        return _say(name, error)
+    node = None
+    try:
+        node = make_node()
+        node.work(signals.have_come)
+        if node.failure is not None:
+            return _say(name, node.failure)
+        node.finish()
+    except BodycamError as error:
+        return _say(name, error)
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+class _Signals:
+    """Notes SIGINT and SIGTERM."""
+
+    def __init__(self) -> None:
+        self._come = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def have_come(self) -> bool:
+        """Whether one has come."""
+        return self._come
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._come = True
+
+
+def _executor() -> Executor:
+    """The executor that takes half the time per message, where this rclpy has it."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def _say(name: str, error: Exception) -> int:
+    print(f"{name}: error: {error}", file=sys.stderr, flush=True)
+    return FAILED
