@@ -44,7 +44,7 @@ def looking_at_origin(x: float, y: float, z: float, roll: float = 0.3) -> NDArra
 def board_picture(
     camera: CameraModel, board_T_camera: NDArray[np.float64], board: Board, blur_px: float = 0.8, gamma: float = 1.0
 ) -> NDArray[np.uint8]:
-    """Picture (rows, columns, 3) of the board on a bright floor; light is blurred first and then recorded with gamma."""
+    """Picture (rows, columns, 3) of the board on a bright floor; light is blurred, then recorded with gamma."""
     texture, texels_per_m, origin = _texture(board)
     n = _SUPERSAMPLING
     columns, rows = np.meshgrid(np.arange(camera.width * n), np.arange(camera.height * n))

@@ -19,7 +19,7 @@ from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.mapping.reference_map import check_replaceable
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.build import BuiltMap
+    from bodycam_ros.mapping.built_map import BuiltMap
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -1,88 +1,27 @@
 """From a folder of photographs to a reference map."""
 
 import logging
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.alignment import BoardAlignment, BoardResidual, align_to_board
+from bodycam_ros.mapping.alignment import align_to_board
 from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
+from bodycam_ros.mapping.built_map import BuiltMap, registration_table
 from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
+from bodycam_ros.mapping.in_parallel import in_parallel
 from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
+from bodycam_ros.mapping.map_summary import map_summary
 from bodycam_ros.mapping.photographs import Photographs
-from bodycam_ros.mapping.progress import Advance, Progress
+from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.reference_map import ReferenceMap
-from bodycam_ros.mapping.structure import Structure
-from bodycam_ros.mapping.structure_ply import write_ply
 
 _LOG = logging.getLogger(__name__)
-_MODEL_FOLDER = "sparse"
-_PLY_FILE = "structure.ply"
-
-
-@dataclass(frozen=True)
-class Registration:
-    """What became of one photograph.
-
-    Attributes:
-        name: its file name.
-        registered: whether its pose is known.
-        landmarks: how many it sees.
-        error_px: mean reprojection error of those; NaN without any.
-        tags: how many tags of the board it measures.
-    """
-
-    name: str
-    registered: bool
-    landmarks: int
-    error_px: float
-    tags: int
-
-
-@dataclass(frozen=True)
-class BuiltMap:
-    """A map that is ready to be saved, and what a person wants to know about it.
-
-    Attributes:
-        reference_map: landmarks, descriptors, poses.
-        structure: the same with all observations, in the map frame.
-        camera: of the photographs.
-        registrations: one per readable photograph.
-        residual: of the board; None without one.
-        seconds: step -> time that it took.
-    """
-
-    reference_map: ReferenceMap
-    structure: Structure
-    camera: CameraModel
-    registrations: tuple[Registration, ...]
-    residual: BoardResidual | None
-    seconds: dict[str, float]
-
-    def save(self, path: Path, *, force: bool = False) -> None:
-        """Write the map folder with its COLMAP model and PLY, whole or not at all.
-
-        Raises:
-            MapError: the folder exists already, or cannot be written.
-        """
-
-        def write_structure(folder: Path) -> None:
-            colmap.write_model(folder / _MODEL_FOLDER, self.structure, self.camera)
-            write_ply(folder / _PLY_FILE, self.structure)
-
-        self.reference_map.save(path, force=force, also=write_structure)
 
 
 def build_map(
@@ -107,17 +46,20 @@ def build_map(
         MapError: the photographs do not make a map, or do not show the board.
     """
     board = None if board_path is None else read_board(board_path)
-    timed = _Timed(progress)
+    timed = TimedProgress(progress)
     camera = photographs.camera
 
+    # Features, with the detector that body cameras use.
     features = _features(photographs, settings.features, workers, timed)
     # Before the minutes of structure from motion: a board that nobody sees should cost seconds.
     tags = {} if board is None else _tag_views(photographs, features, board, settings.tags, workers, timed)
+    # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
         structure = reconstruct(features, camera, settings.pairs, settings.landmarks, workers, timed)
     else:
         structure = adopt_model(model_folder, features, camera, settings.landmarks)
 
+    # Scale, origin and upward direction.
     alignment = None
     if board is not None:
         tag_views = [tags[name] for name in structure.names]
@@ -135,7 +77,7 @@ def build_map(
         seen = [by_name[name] for name in structure.names]
         chosen = choose_descriptors(structure, seen, camera, settings.descriptors)
         advance()
-    registrations = _registrations(features, structure, camera, tags)
+    registrations = registration_table([image.name for image in features], structure, camera, tags)
     residual = None if alignment is None else alignment.residual
     reference_map = ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
@@ -149,7 +91,7 @@ def build_map(
         image_names=tuple(structure.names),
         metric=alignment is not None,
         gravity_aligned=board is not None and board.map_R_board is not None,
-        summary=_summary(photographs, structure, camera, settings, alignment, registrations),
+        summary=map_summary(photographs, structure, camera, settings, residual, registrations),
     )
     return BuiltMap(reference_map, structure, camera, registrations, residual, timed.seconds)
 
@@ -192,8 +134,8 @@ def _tag_views(
 
     names = [image.name for image in features]
     tags = {}
-    with progress.step("measuring the board", len(names)) as advance, ThreadPoolExecutor(workers) as pool:
-        for name, views in zip(names, pool.map(detect, names), strict=True):
+    with progress.step("measuring the board", len(names)) as advance:
+        for name, views in zip(names, in_parallel(detect, names, workers), strict=True):
             tags[name] = views
             advance()
     if not any(tags.values()):
@@ -203,68 +145,3 @@ def _tag_views(
             "from near by, or leave the board out (--no-board) for a map without scale"
         )
     return tags
-
-
-def _registrations(
-    features: Sequence[ImageFeatures], structure: Structure, camera: CameraModel, tags: Mapping[str, Sequence[TagView]]
-) -> tuple[Registration, ...]:
-    errors = structure.reprojection_errors(camera)
-    view_of = {name: view for view, name in enumerate(structure.names)}
-    registrations = []
-    for image in features:
-        view = view_of.get(image.name)
-        if view is None:
-            registrations.append(Registration(image.name, False, 0, float("nan"), 0))
-            continue
-        seen = errors[structure.observation_views == view]
-        error = float(seen.mean()) if len(seen) else float("nan")
-        registrations.append(Registration(image.name, True, len(seen), error, len(tags.get(image.name, ()))))
-    return tuple(registrations)
-
-
-def _summary(
-    photographs: Photographs,
-    structure: Structure,
-    camera: CameraModel,
-    settings: MapSettings,
-    alignment: BoardAlignment | None,
-    registrations: Sequence[Registration],
-) -> dict[str, Any]:
-    """What ``map.yaml`` says beyond the map's own flags."""
-    errors = structure.reprojection_errors(camera)
-    return {
-        "photographs": len(photographs.paths),
-        "registered": len(structure.names),
-        "landmarks": len(structure.points_world),
-        "observations": len(errors),
-        "mean_reprojection_error_px": round(float(errors.mean()), 4),
-        "camera": {
-            "distortion_model": camera.distortion_model,
-            "size": [camera.width, camera.height],
-            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
-            "d": list(camera.distortion),
-        },
-        "board_residual": None if alignment is None else asdict(alignment.residual),
-        "settings": settings.as_mapping(),
-        "registrations": [
-            {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}
-            | ({"error_px": round(r.error_px, 3), "tags": r.tags} if r.registered else {})
-            for r in registrations
-        ],
-    }
-
-
-class _Timed:
-    """Progress that also takes the time of each step."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        """Pass the step on and note its time."""
-        start = time.monotonic()
-        with self._progress.step(name, total) as advance:
-            yield advance
-        self.seconds[name] = time.monotonic() - start

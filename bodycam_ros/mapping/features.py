@@ -1,7 +1,6 @@
 """Features of the photographs that a reference map is built from."""
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.in_parallel import in_parallel
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
@@ -25,7 +25,7 @@ class FeatureSettings:
         0.02, limits=(0.001, 0.1), reason="SIFT contrast threshold; half of OpenCV's default doubles the large features"
     )
     max_features: int = setting(
-        6000, unit="per photograph", limits=(500, 30000), reason="the smallest go first: body cameras cannot see them"
+        4000, unit="per photograph", limits=(500, 20000), reason="the smallest go first: body cameras do not see them"
     )
 
 
@@ -77,10 +77,7 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
 def extract_all(
     paths: Sequence[Path], camera: CameraModel, settings: FeatureSettings, workers: int
 ) -> Iterator[ImageFeatures | MapError]:
-    """Features of all photographs, in order, as they get ready; what cannot be read comes as its error.
-
-    Threads are enough: OpenCV computes outside the interpreter's lock.
-    """
+    """Features of all photographs, in order, as they get ready; what cannot be used comes as its error."""
 
     def extract(path: Path) -> ImageFeatures | MapError:
         try:
@@ -88,11 +85,7 @@ def extract_all(
         except MapError as error:
             return error
 
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        try:
-            yield from pool.map(extract, paths)
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    return in_parallel(extract, paths, workers)
 
 
 def read_photograph(path: Path) -> NDArray[np.uint8]:

@@ -27,7 +27,7 @@ class PairSettings:
         8, limits=(1, 100), reason="fewer mutual probe matches are chance; of pairs with a dozen four in five overlap"
     )
     max_partners: int = setting(
-        20, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
+        16, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
     )
 
 

@@ -1,0 +1,87 @@
+"""A map that is ready to be saved, with what a person wants to know before trusting it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.mapping import colmap
+from bodycam_ros.mapping.alignment import BoardResidual
+from bodycam_ros.mapping.apriltag import TagView
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.mapping.structure_ply import write_ply
+
+_MODEL_FOLDER = "sparse"
+_PLY_FILE = "structure.ply"
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What became of one photograph.
+
+    Attributes:
+        name: its file name.
+        registered: whether its pose is known.
+        landmarks: how many it sees.
+        error_px: mean reprojection error of those; NaN without any.
+        tags: how many tags of the board it measures.
+    """
+
+    name: str
+    registered: bool
+    landmarks: int
+    error_px: float
+    tags: int
+
+
+@dataclass(frozen=True)
+class BuiltMap:
+    """A map that is ready to be saved, and what a person wants to know about it.
+
+    Attributes:
+        reference_map: landmarks, descriptors, poses.
+        structure: the same with all observations, in the map frame.
+        camera: of the photographs.
+        registrations: one per readable photograph.
+        residual: of the board; None without one.
+        seconds: step -> time that it took.
+    """
+
+    reference_map: ReferenceMap
+    structure: Structure
+    camera: CameraModel
+    registrations: tuple[Registration, ...]
+    residual: BoardResidual | None
+    seconds: dict[str, float]
+
+    def save(self, path: Path, *, force: bool = False) -> None:
+        """Write the map folder with its COLMAP model and PLY, whole or not at all.
+
+        Raises:
+            MapError: the folder exists already, or cannot be written.
+        """
+
+        def write_structure(folder: Path) -> None:
+            colmap.write_model(folder / _MODEL_FOLDER, self.structure, self.camera)
+            write_ply(folder / _PLY_FILE, self.structure)
+
+        self.reference_map.save(path, force=force, also=write_structure)
+
+
+def registration_table(
+    names: Sequence[str], structure: Structure, camera: CameraModel, tags: Mapping[str, Sequence[TagView]]
+) -> tuple[Registration, ...]:
+    """What became of each of the photographs ``names``, in their order."""
+    errors = structure.reprojection_errors(camera)
+    view_of = {name: view for view, name in enumerate(structure.names)}
+    registrations = []
+    for name in names:
+        view = view_of.get(name)
+        if view is None:
+            registrations.append(Registration(name, False, 0, float("nan"), 0))
+            continue
+        seen = errors[structure.observation_views == view]
+        error = float(seen.mean()) if len(seen) else float("nan")
+        registrations.append(Registration(name, True, len(seen), error, len(tags.get(name, ()))))
+    return tuple(registrations)
