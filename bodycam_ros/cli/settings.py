@@ -1,0 +1,48 @@
+"""bodycam settings: every setting of every stage as a ROS parameter file, with unit, range and reason."""
+
+import argparse
+import textwrap
+from collections.abc import Iterator
+
+import yaml
+
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.settings import describe
+
+_WIDTH = 120
+_TITLE = """\
+# All settings of all stages with their defaults, as 'bodycam settings' prints them. The same file serves every node
+# (--ros-args --params-file FILE) and 'bodycam replay --config FILE'; what a file leaves out keeps its default.
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("settings", help="print all settings with their defaults", description=__doc__)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    print(all_settings_yaml(), end="")
+    return 0
+
+
+def all_settings_yaml() -> str:
+    """A ROS parameter file with the default of every setting."""
+    lines = ["/**:", "  ros__parameters:"]
+    for group, settings_type in PipelineSettings.groups().items():
+        lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
+        for description in describe(settings_type):
+            lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]
+    return _TITLE + "\n".join(lines) + "\n"
+
+
+def _comment(text: str, indent: int) -> Iterator[str]:
+    for line in textwrap.wrap(text, _WIDTH - indent - 2):
+        yield " " * indent + f"# {line}"
+
+
+def _scalar(value: object) -> str:
+    text: str = yaml.safe_dump(value)
+    return text.removesuffix("...\n").strip()

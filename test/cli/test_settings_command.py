@@ -1,0 +1,29 @@
+"""The parameter files in config/ against the settings in the code."""
+
+from pathlib import Path
+
+import pytest
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.settings import read_settings_file
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+def test_the_committed_file_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["settings"]) == 0
+    printed = capsys.readouterr().out
+    assert (CONFIG / "all_settings.yaml").read_text() == printed, "run: bodycam settings > config/all_settings.yaml"
+
+
+def test_the_file_of_all_settings_holds_the_defaults() -> None:
+    given = read_settings_file(CONFIG / "all_settings.yaml")
+    assert given.keys() == PipelineSettings.groups().keys()
+    assert PipelineSettings.from_mapping(given, "all_settings.yaml") == PipelineSettings()
+
+
+def test_the_short_file_says_defaults_too() -> None:
+    given = read_settings_file(CONFIG / "bodycam.yaml")
+    assert given
+    assert PipelineSettings.from_mapping(given, "bodycam.yaml") == PipelineSettings()
