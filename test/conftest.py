@@ -1,9 +1,13 @@
 """Fixtures that several tests share."""
 
+import os
 from pathlib import Path
 
 import pytest
 from tiny_bag import write_tiny_bag
+
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -27,3 +31,11 @@ def shared() -> Path:
 def tiny_bag(tmp_path: Path) -> Path:
     """A bag of two cameras, ``left`` and ``right``, with four frames each."""
     return write_tiny_bag(tmp_path / "tiny")
+
+
+@pytest.fixture(scope="session")
+def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample, replayed once for all tests."""
+    out = tmp_path_factory.mktemp("sample") / "out"
+    replay(sample / "sample" / "bag", sample / "map", sample / "body.yaml", out, PipelineSettings(), os.cpu_count() or 1)
+    return out

@@ -1,5 +1,6 @@
 """A process that tracks and registers some of the cameras, in order of time."""
 
+import logging
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -47,13 +48,22 @@ class SkippedImage:
 
 
 @dataclass(frozen=True)
+class DroppedImages:
+    """Images that were left out unread because their stamps do not increase."""
+
+    camera: str
+    stamp_ns: int
+    count: int
+
+
+@dataclass(frozen=True)
 class WorkerFailure:
     """A user's error that ended the worker."""
 
     error: BodycamError
 
 
-WorkerItem = RegisteredImage | SkippedImage | WorkerFailure | None
+WorkerItem = RegisteredImage | SkippedImage | DroppedImages | WorkerFailure | None
 """What a worker sends; None is its last word."""
 
 
@@ -65,6 +75,8 @@ def run_camera_worker(
     # would print a stack trace at that, so the plain answer is put back.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # What there is to warn about goes to the parent, who counts it and says it once.
+    logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
     try:
         for item in register_images(recording_path, cameras, map_path, settings):
@@ -76,14 +88,16 @@ def run_camera_worker(
 
 def register_images(
     recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings
-) -> Iterator[RegisteredImage | SkippedImage]:
+) -> Iterator[RegisteredImage | SkippedImage | DroppedImages]:
     """Register the images of some cameras in the order in which they were recorded."""
     reference_map = ReferenceMap.load(map_path)
     with open_recording(recording_path) as recording:
         pipelines = {
             camera: CameraPipeline(recording.camera_model(camera), reference_map, settings) for camera in cameras
         }
+        stamp_ns = 0
         for image in recording.images(cameras):
+            stamp_ns = image.stamp_ns
             try:
                 tracks, matches = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
             except RecordingError as error:
@@ -105,3 +119,6 @@ def register_images(
                 if message is not None
             )
             yield RegisteredImage(image.camera, image.stamp_ns, matches, serialized)
+        for camera, count in sorted(recording.dropped.items()):
+            if count:
+                yield DroppedImages(camera, stamp_ns, count)

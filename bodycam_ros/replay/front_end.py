@@ -12,6 +12,7 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.camera_worker import (
+    DroppedImages,
     RegisteredImage,
     SkippedImage,
     WorkerFailure,
@@ -28,7 +29,7 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 def register_recording(
     recording_path: Path, cameras: Sequence[str], map_path: Path, settings: PipelineSettings, jobs: int
-) -> Iterator[RegisteredImage | SkippedImage]:
+) -> Iterator[RegisteredImage | SkippedImage | DroppedImages]:
     """Register all images of a recording in ``jobs`` processes.
 
     The results come in an order that depends on the recording alone: always from the worker that is furthest behind

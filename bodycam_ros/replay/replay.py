@@ -10,7 +10,7 @@ from pathlib import Path
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.body_output import output_messages
@@ -20,7 +20,7 @@ from bodycam_ros.pipeline import BodyOutput, PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.replay.camera_worker import RegisteredImage, SkippedImage
+from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, SkippedImage
 from bodycam_ros.replay.front_end import register_recording
 
 logger = logging.getLogger(__name__)
@@ -95,14 +95,19 @@ def replay(
         out = _Output(writer, body, RegistrationHealth(cameras), summary)
         out.write_latched(start_ns, reference_map)
         for item in register_recording(recording_path, list(cameras), map_path, settings, jobs):
-            summary.images[item.camera] += 1
-            if isinstance(item, SkippedImage):
+            if not isinstance(item, RegisteredImage):
                 _count_skipped(summary, item)
                 continue
+            summary.images[item.camera] += 1
             out.write_registration(item)
             out.write_states(skeleton.add(item.matches))
             on_progress(1e-9 * (item.stamp_ns - start_ns))
         out.write_states(skeleton.flush())
+        if not summary.solved:
+            raise MapError(
+                f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
+                "is it the map of another place, or are the images too dark or blurred?"
+            )
         summary.instants = skeleton.assembler.assembled
     summary.elapsed_s = time.monotonic() - started
     return summary
@@ -155,8 +160,8 @@ def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraM
     """
     for camera in sorted(set(recording.cameras) - set(body.mounts)):
         logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
-    for camera in sorted(set(body.mounts) - set(recording.cameras)):
-        logger.warning("camera %s: is on body %s but not in %s", camera, body.name, recording.path)
+    if silent := sorted(set(body.mounts) - set(recording.cameras)):
+        logger.warning("body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent))
     mounted = [camera for camera in recording.cameras if camera in body.mounts]
     if not mounted:
         raise BodyError(
@@ -166,7 +171,11 @@ def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraM
     return {camera: recording.camera_model(camera) for camera in mounted}
 
 
-def _count_skipped(summary: ReplaySummary, item: SkippedImage) -> None:
-    summary.skipped[item.camera] += 1
-    if summary.skipped[item.camera] == 1:
+def _count_skipped(summary: ReplaySummary, item: SkippedImage | DroppedImages) -> None:
+    count = item.count if isinstance(item, DroppedImages) else 1
+    if isinstance(item, DroppedImages):
+        logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, count)
+    elif not summary.skipped[item.camera]:
         logger.warning("%s; it is left out, and so will be others like it", item.reason)
+    summary.images[item.camera] += count
+    summary.skipped[item.camera] += count

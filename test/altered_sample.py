@@ -1,0 +1,31 @@
+"""A short stretch of some of the sample's cameras, written anew with messages changed on the way."""
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_writer import write_recording
+
+CAMERAS = ("waist_front", "torso_front", "thigh_left")
+
+Alter = Callable[[str, int, Message], Message | None]
+"""(topic, number of the message on it, message) -> the message to write, or None to leave it out."""
+
+
+def write_altered_sample(
+    sample: Path,
+    target: Path,
+    alter: Alter = lambda topic, number, message: message,
+    cameras: Collection[str] = CAMERAS,
+    frames: int = 8,
+) -> Path:
+    """Write the first frames of the sample's cameras to ``target``."""
+    kinds = ("camera_info", "image_raw/compressed")
+    counts: dict[str, int] = {}
+    with BagFile(sample / "sample" / "bag") as bag, write_recording(target) as writer:
+        for topic, stamp_ns, message in bag.messages([f"/{camera}/{kind}" for camera in cameras for kind in kinds]):
+            number = counts[topic] = counts.get(topic, -1) + 1
+            if number < frames and (altered := alter(topic, number, message)) is not None:
+                writer.write(topic, stamp_ns, altered)
+    return target

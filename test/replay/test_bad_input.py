@@ -1,0 +1,159 @@
+"""Bad input through the command line: one clear line or a warned and counted skip, no traceback, nothing half-written."""
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from altered_sample import CAMERAS, write_altered_sample
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.mapping.reference_map import ReferenceMap
+
+
+def run(sample: Path, bag: Path, out: Path, *more: str, map_path: Path | None = None, body: Path | None = None) -> int:
+    """Exit code of a replay with one process."""
+    inputs = [str(bag), "--map", str(map_path or sample / "map"), "--body", str(body or sample / "body.yaml")]
+    return main(["replay", *inputs, "-o", str(out), "--jobs", "1", *more])
+
+
+def assert_refused(capfd: pytest.CaptureFixture[str], code: int, out: Path, *expected: str) -> None:
+    """One line of error with all the expected words, and no trace of an output."""
+    errors = capfd.readouterr().err
+    assert code == 1
+    assert "Traceback" not in errors
+    message = " ".join(errors.split("bodycam: error:")[1].split())
+    for words in expected:
+        assert words in message
+    assert not out.exists()
+    assert not list(out.parent.glob(f".{out.name}*"))
+
+
+def change_info(**changes: object):
+    """An alteration that changes the first camera's intrinsics."""
+
+    def alter(topic: str, number: int, message: object) -> object:
+        if topic == f"/{CAMERAS[0]}/camera_info":
+            return dataclasses.replace(message, **changes)
+        return message
+
+    return alter
+
+
+@pytest.mark.parametrize(
+    ("alter", "expected"),
+    [
+        (lambda topic, number, m: None if topic == "/waist_front/camera_info" else m, ["waist_front", "camera_info"]),
+        (change_info(distortion_model="omnidirectional"), ["waist_front", "omnidirectional", "equidistant"]),
+        (change_info(k=np.array([np.nan, 0, 320, 0, 240, 240, 0, 0, 1.0])), ["waist_front", "nan"]),
+    ],
+    ids=["no camera_info", "unknown distortion", "NaN intrinsics"],
+)
+def test_bad_intrinsics_name_the_camera(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], alter: object, expected: list[str]
+) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", alter, frames=2)
+    assert_refused(capfd, run(sample, bag, tmp_path / "out"), tmp_path / "out", *expected)
+
+
+def test_a_truncated_recording_is_named(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    whole = next((sample / "sample" / "bag").glob("*.mcap")).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    assert_refused(capfd, run(sample, tmp_path / "cut.mcap", tmp_path / "out"), tmp_path / "out", "cut.mcap")
+
+
+def test_a_file_that_is_no_recording_is_named(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.mcap").write_text("not a recording")
+    assert_refused(capfd, run(sample, tmp_path / "notes.mcap", tmp_path / "out"), tmp_path / "out", "notes.mcap")
+
+
+def test_a_camera_that_the_body_lacks_is_left_out_with_a_warning(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    body = "".join(line for line in (sample / "body.yaml").read_text().splitlines(True) if "thigh_left: {segment" not in line)
+    (tmp_path / "body.yaml").write_text(body)
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=3)
+    assert run(sample, bag, tmp_path / "out", body=tmp_path / "body.yaml") == 0
+    assert "camera thigh_left: is in" in caplog.text
+    assert "3 of 3 instants solved" in capfd.readouterr().out
+
+
+def test_a_body_of_other_cameras_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    text = (sample / "body.yaml").read_text()
+    for camera in CAMERAS:
+        text = text.replace(f"  {camera}: {{segment", f"  other_{camera}: {{segment")
+    (tmp_path / "body.yaml").write_text(text)
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
+    code = run(sample, bag, tmp_path / "out", body=tmp_path / "body.yaml")
+    assert_refused(capfd, code, tmp_path / "out", "none of the cameras", "waist_front")
+
+
+def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    def alter(topic: str, number: int, message: object) -> object:
+        if topic == "/waist_front/image_raw/compressed":
+            if number == 3:
+                return dataclasses.replace(message, data=np.frombuffer(b"no picture", np.uint8))
+            if number == 5:
+                grey = cv2.imencode(".jpg", np.full((480, 640), 128, np.uint8))[1].reshape(-1)
+                return dataclasses.replace(message, data=grey)
+        if topic == "/torso_front/image_raw/compressed" and number == 4:
+            back = dataclasses.replace(message.header.stamp, sec=message.header.stamp.sec - 1)
+            return dataclasses.replace(message, header=dataclasses.replace(message.header, stamp=back))
+        return message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", alter, frames=12)
+    assert run(sample, bag, tmp_path / "out") == 0
+    printed = capfd.readouterr()
+    warnings = " ".join(caplog.text.split())
+    assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
+    assert "camera torso_front: stamps of 1 images do not increase" in warnings
+    rows = {cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6}
+    assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
+    assert "12 of 12 instants solved" in printed.out
+    assert "Traceback" not in printed.err
+
+
+def test_a_map_that_is_not_there_or_empty_or_damaged(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
+    out = tmp_path / "out"
+    assert_refused(capfd, run(sample, bag, out, map_path=tmp_path / "nowhere"), out, "nowhere", "bodycam map")
+    (tmp_path / "empty").mkdir()
+    assert_refused(capfd, run(sample, bag, out, map_path=tmp_path / "empty"), out, "empty")
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    (damaged / "map.yaml").write_bytes((sample / "map" / "map.yaml").read_bytes())
+    (damaged / "landmarks.npz").write_bytes((sample / "map" / "landmarks.npz").read_bytes()[:5000])
+    assert_refused(capfd, run(sample, bag, out, map_path=damaged), out, "landmarks.npz")
+
+
+def test_the_map_of_another_place_registers_nobody_and_says_so(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here = ReferenceMap.load(sample / "map")
+    rng = np.random.default_rng(0)
+    elsewhere = dataclasses.replace(here, descriptors=rng.integers(0, 100, here.descriptors.shape).astype(np.uint8))
+    elsewhere.save(tmp_path / "elsewhere")
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
+    code = run(sample, bag, tmp_path / "out", map_path=tmp_path / "elsewhere")
+    assert_refused(capfd, code, tmp_path / "out", "no camera", "map of another place")
+
+
+def test_an_output_that_is_there_is_not_overwritten(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("precious")
+    assert run(sample, bag, tmp_path / "out") == 1
+    assert run(sample, bag, tmp_path / "out", "--force") == 1
+    assert "thesis.txt" in [path.name for path in (tmp_path / "out").iterdir()]
+    assert "exists already" in capfd.readouterr().err
+
+
+def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
+    out = tmp_path / "out"
+    assert_refused(capfd, run(sample, bag, out, "--flow.window_px", "1000"), out, "window_px", "5 to 41")
+    (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {smother: {window: 0.5}}}")
+    assert_refused(capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "smother", "smoother")

@@ -1,0 +1,108 @@
+"""The offline replay on real images: deterministic, complete, interruptible, and right."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from altered_sample import write_altered_sample
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.evaluate.comparison import compare
+from bodycam_ros.evaluate.read_solved import read_solved
+from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.messages.tracks import landmark_matches, track_frame
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.replay.replay import replay
+
+
+@pytest.fixture(scope="module")
+def short(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight frames of three cameras."""
+    return write_altered_sample(sample, tmp_path_factory.mktemp("short") / "bag")
+
+
+def joint_states(out: Path) -> dict[int, tuple[list[str], np.ndarray]]:
+    """Stamp -> names and positions."""
+    with BagFile(out) as bag:
+        return {
+            stamp: (list(message.name), np.array(message.position))
+            for _, stamp, message in bag.messages(["/joint_states"])
+        }
+
+
+def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
+    sample: Path, short: Path, tmp_path: Path
+) -> None:
+    for name, jobs in (("one", 1), ("two", 2)):
+        replay(short, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs)
+    one, two = joint_states(tmp_path / "one"), joint_states(tmp_path / "two")
+    assert list(one) == list(two)
+    assert len(one) == 8
+    for stamp in one:
+        assert one[stamp][0] == two[stamp][0]
+        assert np.array_equal(one[stamp][1], two[stamp][1])
+
+
+def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Path) -> None:
+    summary = replay(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
+    assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)
+    assert set(summary.images.values()) == {8}
+    body = BodyModel.from_yaml(sample / "body.yaml")
+    with BagFile(tmp_path / "out") as bag:
+        types = bag.topics
+        assert {topic: types[topic] for topic in types if not topic.startswith(("/waist", "/torso", "/thigh"))} == {
+            "/robot_description": "std_msgs/msg/String",
+            "/map/points": "sensor_msgs/msg/PointCloud2",
+            "/joint_states": "sensor_msgs/msg/JointState",
+            "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
+            "/odometry": "nav_msgs/msg/Odometry",
+            "/tf": "tf2_msgs/msg/TFMessage",
+            "/skeleton": "visualization_msgs/msg/MarkerArray",
+            "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+        }
+        for topic in ("/waist_front/tracks", "/waist_front/landmarks", "/waist_front/pose"):
+            assert bag.message_count(topic) == 8
+        _, _, tracks = next(iter(bag.messages(["/waist_front/tracks"])))
+        _, _, matches = next(iter(bag.messages(["/waist_front/landmarks"])))
+        frame, named = track_frame(tracks, "waist_front"), landmark_matches(matches, "waist_front")
+        assert frame.keyframe and len(frame.described) == len(frame.track_ids) > 100
+        assert set(named.track_ids.tolist()) <= set(frame.track_ids.tolist())
+        odometry = [message for _, _, message in bag.messages(["/odometry"])]
+    assert {(m.header.frame_id, m.child_frame_id) for m in odometry} == {("map", body.root)}
+    covariance = np.array(odometry[-1].pose.covariance).reshape(6, 6)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert 1e-4 < np.sqrt(covariance[0, 0]) < 0.05
+
+
+def test_the_sample_comes_out_right(sample: Path, sample_out: Path) -> None:
+    """Joint positions against the truth that the sample carries for scoring, after one rigid alignment."""
+    comparison = compare(read_solved(sample_out), read_true_motion(sample / "sample"))
+    assert comparison.coverage >= 0.98
+    assert len(comparison.segments) == 13
+    assert comparison.position_errors.mean() < 0.003
+    assert comparison.position_errors.max() < 0.02
+    assert np.degrees(comparison.tilt) < 0.2
+    rotation_errors = [joint.rotation_errors.mean() for joint in comparison.joints.values()]
+    assert np.degrees(np.mean(rotation_errors)) < 0.3
+
+
+def test_an_interrupted_replay_leaves_nothing_behind(sample: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "replay", str(sample / "sample" / "bag"), "--jobs", "2"]
+    command += ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "-o", str(tmp_path / "out")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert list(tmp_path.iterdir()), "the replay never began to write"
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert "interrupted" in errors
+    assert list(tmp_path.iterdir()) == []
