@@ -40,7 +40,7 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """Settings of all stages; a field's name is its group in YAML, ROS parameters and flags (``tracker.max_tracks``)."""
+    """Settings of all stages; a field is a group in YAML, ROS parameters and flags (``tracker.max_track_age``)."""
 
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     keypoints: KeypointSettings = field(default_factory=KeypointSettings)
@@ -72,7 +72,12 @@ class PipelineSettings:
         for group in values:
             if group not in groups:
                 raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
-        return cls(**{group: settings_from_mapping(groups[group], given, f"{source}: {group}") for group, given in values.items()})
+        return cls(
+            **{
+                group: settings_from_mapping(groups[group], given, f"{source}: {group}")
+                for group, given in values.items()
+            }
+        )
 
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
@@ -82,7 +87,9 @@ def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureT
 
 def registrar(camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> Registrar:
     """The registrar of one camera."""
-    return Registrar(camera, reference_map, settings.registrar, settings.matching, settings.absolute_pose, settings.pose_fit)
+    return Registrar(
+        camera, reference_map, settings.registrar, settings.matching, settings.absolute_pose, settings.pose_fit
+    )
 
 
 class CameraPipeline:

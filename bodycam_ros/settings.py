@@ -1,7 +1,7 @@
 """Settings of a stage: frozen dataclasses whose fields carry unit, range and reason.
 
 One name serves YAML file, ROS parameter and command-line flag alike: the group and the field
-joined by a dot, such as ``tracker.max_tracks``.
+joined by a dot, such as ``tracker.max_track_age``.
 """
 
 from collections.abc import Iterator, Mapping
@@ -46,7 +46,9 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
         if f.default is MISSING:
             raise TypeError(f"{settings_type.__name__}.{f.name} has no default")
         low, high = f.metadata["limits"] or (None, None)
-        yield SettingDescription(f.name, type(f.default), f.default, f.metadata["unit"], low, high, f.metadata["reason"])
+        yield SettingDescription(
+            f.name, type(f.default), f.default, f.metadata["unit"], low, high, f.metadata["reason"]
+        )
 
 
 def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], source: str) -> S:
@@ -87,11 +89,14 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _checked(description: SettingDescription, value: Any, source: str) -> Any:
-    wanted = description.type
+    wanted: type[Any] = description.type
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if type(value) is not wanted:
-        raise SettingsError(f"{source}: {description.name} must be {wanted.__name__}, not {value!r}; {description.text()}")
-    if description.low is not None and description.high is not None and not description.low <= value <= description.high:
+    if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
+        raise SettingsError(
+            f"{source}: {description.name} must be {wanted.__name__}, not {value!r}; {description.text()}"
+        )
+    low, high = description.low, description.high
+    if low is not None and high is not None and not low <= value <= high:
         raise SettingsError(f"{source}: {description.name} = {value!r} is out of range; {description.text()}")
     return value

@@ -37,5 +37,6 @@ def tiny_bag(tmp_path: Path) -> Path:
 def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample, replayed once for all tests."""
     out = tmp_path_factory.mktemp("sample") / "out"
-    replay(sample / "sample" / "bag", sample / "map", sample / "body.yaml", out, PipelineSettings(), os.cpu_count() or 1)
+    bag, jobs = sample / "sample" / "bag", os.cpu_count() or 1
+    replay(bag, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs)
     return out

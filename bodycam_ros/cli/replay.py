@@ -44,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     Console().print(_table(summary))
     share = summary.solved / summary.instants if summary.instants else 0.0
     Console().print(
-        f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without any "
-        f"camera; {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; "
-        f"written to {arguments.output}",
+        f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
+        f"any camera; {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real "
+        f"time; written to {arguments.output}",
         soft_wrap=True,
     )
     return 0

@@ -1,4 +1,4 @@
-"""Settings of a stage as flags: ``--tracker.max_tracks 200``."""
+"""Settings of a stage as flags: ``--tracker.max_track_age 2.0``."""
 
 import argparse
 from pathlib import Path

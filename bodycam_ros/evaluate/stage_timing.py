@@ -36,14 +36,18 @@ class StageTiming:
     images: int = 0
     keyframes: int = 0
     instants: int = 0
-    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("decode", "track", "describe", "register"), 0.0))
+    seconds: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("decode", "track", "describe", "register"), 0.0)
+    )
     solve_s: list[float] = field(default_factory=list)
     bare_opencv: float = 0.0
 
     @property
     def tracker_ratio(self) -> float:
         """Track and describe over the bare OpenCV calls."""
-        return (self.seconds["track"] + self.seconds["describe"]) / self.bare_opencv if self.bare_opencv else float("nan")
+        return (
+            (self.seconds["track"] + self.seconds["describe"]) / self.bare_opencv if self.bare_opencv else float("nan")
+        )
 
     @property
     def solve_ms(self) -> float:
@@ -52,7 +56,11 @@ class StageTiming:
 
 
 def time_stages(
-    recording_path: Path, map_path: Path, body_path: Path, settings: PipelineSettings, on_image: Callable[[], None] = lambda: None
+    recording_path: Path,
+    map_path: Path,
+    body_path: Path,
+    settings: PipelineSettings,
+    on_image: Callable[[], None] = lambda: None,
 ) -> StageTiming:
     """Run all stages over a recording, one after the other on one thread, and time each.
 

@@ -15,20 +15,43 @@ from bodycam_ros.settings import setting
 class MatchingSettings:
     """How alike a track and a landmark must be."""
 
-    radius_px: float = setting(4.0, unit="px", limits=(0.5, 50.0), reason="search around the projection when the frame's pose is fitted already")
-    lost_radius_px: float = setting(20.0, unit="px", limits=(2.0, 300.0), reason="the same when the pose is only extrapolated, or found by RANSAC")
+    radius_px: float = setting(
+        4.0,
+        unit="px",
+        limits=(0.5, 50.0),
+        reason="search around the projection when the frame's pose is fitted already",
+    )
+    lost_radius_px: float = setting(
+        20.0, unit="px", limits=(2.0, 300.0), reason="the same when the pose is only extrapolated, or found by RANSAC"
+    )
     min_visible_scale_px: float = setting(
-        1.0, unit="px", limits=(0.0, 20.0), reason="a landmark whose feature would have a smaller sigma in this image cannot be detected in it"
+        1.0,
+        unit="px",
+        limits=(0.0, 20.0),
+        reason="a landmark whose feature would have a smaller sigma in this image cannot be detected in it",
     )
     max_distance: float = setting(
-        260.0, limits=(50.0, 724.0), reason="between RootSIFT vectors of length 512; near the predicted place the place itself is evidence"
+        260.0,
+        limits=(50.0, 724.0),
+        reason="between RootSIFT vectors of length 512; near the predicted place the place itself is evidence",
     )
     max_distance_lost: float = setting(240.0, limits=(50.0, 724.0), reason="the same for a search of the whole map")
-    ratio: float = setting(0.85, limits=(0.3, 1.0), reason="best to second best distance among other landmarks (Lowe 2004)")
-    max_features_lost: int = setting(300, limits=(20, 20000), reason="features looked up in the whole map; 300 bring some 50 right matches, 12 are needed")
-    max_size_ratio: float = setting(2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts")
+    ratio: float = setting(
+        0.85, limits=(0.3, 1.0), reason="best to second best distance among other landmarks (Lowe 2004)"
+    )
+    max_features_lost: int = setting(
+        300,
+        limits=(20, 20000),
+        reason="features looked up in the whole map; 300 bring some 50 right matches, 12 are needed",
+    )
+    max_size_ratio: float = setting(
+        2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts"
+    )
     max_view_angle_deg: float = setting(
-        60.0, unit="deg", limits=(10.0, 180.0), reason="SIFT stands some 60 degrees of change between the photograph's view and ours"
+        60.0,
+        unit="deg",
+        limits=(10.0, 180.0),
+        reason="SIFT stands some 60 degrees of change between the photograph's view and ours",
     )
 
 
@@ -128,7 +151,11 @@ def _looks_of(
 
 
 def _unambiguous(
-    feature: NDArray[np.int64], landmark: NDArray[np.int64], distance: NDArray[np.floating], max_distance: float, ratio: float
+    feature: NDArray[np.int64],
+    landmark: NDArray[np.int64],
+    distance: NDArray[np.floating],
+    max_distance: float,
+    ratio: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Per feature the landmark with the least distance, unless another landmark is nearly as like it."""
     order = np.lexsort((distance, feature))

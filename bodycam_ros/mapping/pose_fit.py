@@ -22,13 +22,20 @@ class PoseFitSettings:
     """Noise of the measurements, and how outliers are told from them."""
 
     pixel_sigma: float = setting(
-        0.7, unit="px", limits=(0.05, 10.0), reason="flow, SIFT and map together, per axis; sets the weight of a camera against joints and smoothness"
+        0.7,
+        unit="px",
+        limits=(0.05, 10.0),
+        reason="flow, SIFT and map together, per axis; sets the weight of a camera against joints and smoothness",
     )
-    inlier_px: float = setting(2.5, unit="px", limits=(0.5, 20.0), reason="a reprojection error beyond this is no measurement of this landmark")
+    inlier_px: float = setting(
+        2.5, unit="px", limits=(0.5, 20.0), reason="a reprojection error beyond this is no measurement of this landmark"
+    )
     iterations: int = setting(6, limits=(1, 50), reason="from a prediction within a few pixels four suffice")
     start_px: float = setting(
-        10.0, unit="px", limits=(0.5, 100.0),
-        reason="widest scale of the robust kernel; it starts at twice the median error and halves down to inlier_px"
+        10.0,
+        unit="px",
+        limits=(0.5, 100.0),
+        reason="widest scale of the robust kernel; it starts at twice the median error and halves down to inlier_px",
     )
 
 
@@ -83,7 +90,10 @@ def fit_pose(
 
 
 def reprojection_errors(
-    camera: CameraModel, points_world: NDArray[np.floating], pixels: NDArray[np.floating], world_T_camera: NDArray[np.float64]
+    camera: CameraModel,
+    points_world: NDArray[np.floating],
+    pixels: NDArray[np.floating],
+    world_T_camera: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Reprojection errors (N,) [px] of landmarks (N, 3); infinite where the camera cannot see them."""
     projected, valid = camera.project((points_world - world_T_camera[:3, 3]) @ world_T_camera[:3, :3])
@@ -98,7 +108,7 @@ def _normal_equations(
     scale_px: float | None,
     settings: PoseFitSettings,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-    """Weighted Hessian (6, 6), gradient (6,) [px^2], errors (N,) and kernel scale [px] for ``world_T_camera @ exp(xi)``.
+    """Hessian (6, 6), gradient (6,) [px^2], errors (N,) and kernel scale [px] for ``world_T_camera @ exp(xi)``.
 
     Without a scale the errors give it: twice their median, which the right landmarks lie within.
     """

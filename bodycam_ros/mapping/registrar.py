@@ -21,17 +21,31 @@ from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.track_frame import TrackFrame
 
+_DEGENERATE = 1e10
+"""Condition of a pose's information beyond which its landmarks leave some direction open, such as all on one spot."""
+
 
 @dataclass(frozen=True)
 class RegistrarSettings:
     """When a camera counts as registered, and when a track loses its landmark."""
 
     min_inliers: int = setting(
-        12, limits=(4, 500), reason="fewer landmarks in agreement are no registration (the paper asks 50 of images with twice as many pixels)"
+        12,
+        limits=(4, 500),
+        reason="fewer landmarks in agreement are no registration (the paper asks 50 of images with "
+        "twice as many pixels)",
     )
-    max_strikes: int = setting(2, unit="frames", limits=(1, 30), reason="a track whose landmark disagrees on this many frames in a row loses it")
+    max_strikes: int = setting(
+        2,
+        unit="frames",
+        limits=(1, 30),
+        reason="a track whose landmark disagrees on this many frames in a row loses it",
+    )
     max_predicted_frames: int = setting(
-        15, unit="frames", limits=(0, 300), reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched"
+        15,
+        unit="frames",
+        limits=(0, 300),
+        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
     )
 
 
@@ -80,7 +94,7 @@ class Registrar:
     def _register_described(
         self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.int64], PoseFit | None]:
-        """Name the described tracks, around a pose as good as there is: fitted, else extrapolated, else searched for."""
+        """Name the described tracks around the best pose there is: fitted, else extrapolated, else searched for."""
         if fit is None and predicted is not None:
             rows, fit = self._name_tracks(frame, rows, predicted, self._matching.lost_radius_px)
         if fit is None:
@@ -115,15 +129,23 @@ class Registrar:
             return None
         points_world = self.map.points_world[self._carried_landmarks]
         fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit)
-        return fit if fit.inliers.sum() >= self.settings.min_inliers else None
+        agree = fit.inliers.sum() >= self.settings.min_inliers
+        return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
 
     def _name_tracks(
         self, frame: TrackFrame, rows: NDArray[np.int64], pose: NDArray[np.float64], radius_px: float
     ) -> tuple[NDArray[np.int64], PoseFit | None]:
-        """Match the described tracks to landmarks that project near them, and fit the pose to all tracks with a landmark."""
+        """Match the described tracks to landmarks that project near them, and fit the pose to all that carry one."""
         described = frame.described.astype(np.int64)
         named, landmarks = match_near_prediction(
-            self.map, self.camera, pose, frame.pixels[described], frame.descriptors, frame.scales, radius_px, self._matching
+            self.map,
+            self.camera,
+            pose,
+            frame.pixels[described],
+            frame.descriptors,
+            frame.scales,
+            radius_px,
+            self._matching,
         )
         # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
         stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
@@ -138,7 +160,7 @@ class Registrar:
         return rows, self._fit(frame, rows, pose)
 
     def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
-        """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1, absolute camera registration)."""
+        """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1)."""
         for every_view in (False, True):
             named, landmarks = match_everywhere(self.map, frame.descriptors, every_view, self._matching)
             if len(named) < self.settings.min_inliers:
@@ -150,9 +172,13 @@ class Registrar:
         return None
 
     def _strike_out(self, rows: NDArray[np.int64], fit: PoseFit | None) -> NDArray[np.int64]:
-        """Take the landmark from tracks that keep disagreeing; without a pose, from all: a lost camera starts afresh."""
+        """Take the landmark from tracks that keep disagreeing; from all once the camera is lost."""
         if fit is None:
-            keep = np.zeros(len(rows), bool) if self._frames_predicted >= self.settings.max_predicted_frames else np.ones(len(rows), bool)
+            keep = (
+                np.zeros(len(rows), bool)
+                if self._frames_predicted >= self.settings.max_predicted_frames
+                else np.ones(len(rows), bool)
+            )
         else:
             self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
             keep = self._strikes < self.settings.max_strikes
@@ -179,7 +205,7 @@ class Registrar:
         self._world_T_camera = predicted if self._frames_predicted <= self.settings.max_predicted_frames else None
 
     def _matches(self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None) -> LandmarkMatches:
-        covariance = np.full((6, 6), np.nan) if fit is None else np.linalg.inv(fit.information)
+        covariance = np.full((6, 6), np.nan) if fit is None else np.asarray(np.linalg.inv(fit.information), np.float64)
         return LandmarkMatches(
             camera=frame.camera,
             stamp_ns=frame.stamp_ns,

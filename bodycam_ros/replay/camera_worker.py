@@ -68,7 +68,11 @@ WorkerItem = RegisteredImage | SkippedImage | DroppedImages | WorkerFailure | No
 
 
 def run_camera_worker(
-    recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings, outbox: "Queue[WorkerItem]"
+    recording_path: Path,
+    cameras: tuple[str, ...],
+    map_path: Path,
+    settings: PipelineSettings,
+    outbox: "Queue[WorkerItem]",
 ) -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None."""
     # Ctrl-C reaches the whole group; the parent alone answers it, and ends this process by SIGTERM. COLMAP's libraries

@@ -12,8 +12,8 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.mapping.reference_map import ReferenceMap
-from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import diagnostics_message, text_message
 from bodycam_ros.pipeline import BodyOutput, PipelineSettings, SkeletonPipeline
@@ -161,7 +161,9 @@ def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraM
     for camera in sorted(set(recording.cameras) - set(body.mounts)):
         logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
     if silent := sorted(set(body.mounts) - set(recording.cameras)):
-        logger.warning("body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent))
+        logger.warning(
+            "body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent)
+        )
     mounted = [camera for camera in recording.cameras if camera in body.mounts]
     if not mounted:
         raise BodyError(

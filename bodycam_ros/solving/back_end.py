@@ -18,7 +18,9 @@ Key = int
 class BackEnd(Protocol):
     """What the smoother needs of a solver."""
 
-    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+    def update(
+        self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
+    ) -> None:
         """Add one instant's factors and the start values (4, 4) of its poses; drop what is older than the lag."""
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
@@ -46,7 +48,9 @@ class IncrementalBackEnd:
         self._smoother = gtsam.IncrementalFixedLagSmoother(lag_s, parameters)
         self._extra_updates = extra_updates
 
-    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+    def update(
+        self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
+    ) -> None:
         """Add one instant's factors and poses."""
         self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
         for _ in range(self._extra_updates):
@@ -72,7 +76,9 @@ class BatchBackEnd:
         self._smoother = gtsam.BatchFixedLagSmoother(lag_s, gtsam.LevenbergMarquardtParams())
         self._values = gtsam.Values()
 
-    def update(self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float) -> None:
+    def update(
+        self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
+    ) -> None:
         """Add one instant's factors and poses."""
         self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
         self._values = self._smoother.calculateEstimate()

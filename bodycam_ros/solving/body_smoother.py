@@ -36,29 +36,56 @@ _REFUSED = 5.0
 """In units of ``outlier_sigmas``: where the Cauchy kernel has taken 96 % of a camera's weight."""
 
 _ANCHOR_RAD, _ANCHOR_M = 0.5, 0.5
-"""Sigmas of the first instant's anchor: next to a camera nothing, yet not so vague that the system cannot be factored."""
+"""Sigmas of the first instant's anchor: next to a camera nothing, yet not too vague for a Cholesky factor."""
 
 
 @dataclass(frozen=True)
 class SmootherSettings:
     """Length of the window, and how it is solved."""
 
-    window: float = setting(0.5, unit="s", limits=(0.05, 10.0), reason="beyond half a second the past no longer changes an estimate")
-    output_delay: int = setting(
-        4, unit="frames", limits=(0, 60), reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides"
+    window: float = setting(
+        0.5, unit="s", limits=(0.05, 10.0), reason="beyond half a second the past no longer changes an estimate"
     )
-    incremental: bool = setting(True, reason="iSAM2; false solves the whole window by Levenberg-Marquardt at every frame, slower, as a check")
-    max_pause: float = setting(0.3, unit="s", limits=(0.05, 10.0), reason="after a longer silence of all cameras the window begins anew: motion tells nothing across it")
+    output_delay: int = setting(
+        4,
+        unit="frames",
+        limits=(0, 60),
+        reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides",
+    )
+    incremental: bool = setting(
+        True, reason="iSAM2; false solves the whole window by Levenberg-Marquardt at every frame, slower, as a check"
+    )
+    max_pause: float = setting(
+        0.3,
+        unit="s",
+        limits=(0.05, 10.0),
+        reason="after a longer silence of all cameras the window begins anew: motion tells nothing across it",
+    )
     blind_after: float = setting(
-        0.25, unit="s", limits=(0.0, 10.0), reason="a segment unseen for this long starts where its camera says, not where it was predicted"
+        0.25,
+        unit="s",
+        limits=(0.0, 10.0),
+        reason="a segment unseen for this long starts where its camera says, not where it was predicted",
     )
     max_refusals: int = setting(
-        3, unit="frames", limits=(1, 100), reason="a camera far from the body for this many frames in a row is believed: wrong registrations are rarer"
+        3,
+        unit="frames",
+        limits=(1, 100),
+        reason="a camera far from the body for this many frames in a row is believed: wrong registrations are rarer",
     )
-    extra_updates: int = setting(0, limits=(0, 10), reason="Gauss-Newton steps after the one that adds the frame; the next frame brings one anyway")
-    relinearize_threshold: float = setting(0.005, unit="rad, m", limits=(0.0, 1.0), reason="change of a pose beyond which its factors are linearised anew")
+    extra_updates: int = setting(
+        0,
+        limits=(0, 10),
+        reason="Gauss-Newton steps after the one that adds the frame; the next frame brings one anyway",
+    )
+    relinearize_threshold: float = setting(
+        0.005, unit="rad, m", limits=(0.0, 1.0), reason="change of a pose beyond which its factors are linearised anew"
+    )
     outlier_sigmas: float = setting(
-        4.0, limits=(1.0, 100.0), reason="a registration farther than this from the body counts less and less (Cauchy): a wrong one must not bend the limb"
+        4.0,
+        limits=(1.0, 100.0),
+        reason="a registration farther than this from the body counts less and less (Cauchy): a "
+        "wrong one must not bend the limb",
     )
 
 
@@ -96,8 +123,8 @@ class BodySmoother:
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
             raise BodyError(
-                f"body {body.name}: none of the recording's cameras ({', '.join(cameras) or 'there are none'}) is mounted on it; "
-                f"it carries {', '.join(body.mounts)}"
+                f"body {body.name}: none of the recording's cameras ({', '.join(cameras) or 'there are none'}) is on "
+                f"it; it carries {', '.join(body.mounts)}"
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
@@ -127,7 +154,8 @@ class BodySmoother:
         evidence = {
             camera: seen
             for camera, matches in frame.matches.items()
-            if camera in self._cameras and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
+            if camera in self._cameras
+            and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
         }
         states: list[BodyState] = []
         if self._window and frame.stamp_ns - self._window[-1].stamp_ns > 1e9 * self.settings.max_pause:
@@ -208,7 +236,7 @@ class BodySmoother:
         return turns
 
     def _first_poses(self, frame: BodyFrame) -> NDArray[np.float64]:
-        """Segments where their cameras are (A 4.2, forward kinematics from camera poses), the others as in the N-pose."""
+        """Segments where their cameras are (A 4.2, from camera poses), the others as in the N-pose."""
         poses: dict[str, NDArray[np.float64]] = {}
         for camera, matches in frame.matches.items():
             if camera in self._cameras and matches.world_T_camera is not None:
@@ -237,7 +265,9 @@ class BodySmoother:
                     weak[camera] = seen
         return weak
 
-    def _add_camera_factors(self, factors: gtsam.NonlinearFactorGraph, index: int, evidence: Mapping[str, SegmentPose]) -> None:
+    def _add_camera_factors(
+        self, factors: gtsam.NonlinearFactorGraph, index: int, evidence: Mapping[str, SegmentPose]
+    ) -> None:
         """E_r of A eq. 8: each camera's reprojection errors, condensed to its pose and information."""
         kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(self.settings.outlier_sigmas)
         for seen in evidence.values():
@@ -246,7 +276,11 @@ class BodySmoother:
             factors.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(seen.world_T_segment), noise))
 
     def _add_turn_factors(
-        self, factors: gtsam.NonlinearFactorGraph, index: int, turns: Mapping[str, SegmentTurn], predicted: NDArray[np.float64]
+        self,
+        factors: gtsam.NonlinearFactorGraph,
+        index: int,
+        turns: Mapping[str, SegmentTurn],
+        predicted: NDArray[np.float64],
     ) -> None:
         """Second term of A eq. 8: the rotation between frames holds a segment whose cameras are not registered."""
         if not turns:
@@ -259,7 +293,9 @@ class BodySmoother:
             noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([turn.sigma, 10.0], 3))
             factors.add(gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), measured, noise))
 
-    def _add_joint_factors(self, factors: gtsam.NonlinearFactorGraph, index: int, predicted: NDArray[np.float64]) -> None:
+    def _add_joint_factors(
+        self, factors: gtsam.NonlinearFactorGraph, index: int, predicted: NDArray[np.float64]
+    ) -> None:
         """The skeleton (A eq. 3-5) as soft constraints: tight where a joint holds, loose where it turns."""
         for joint, noise in zip(self.body.joints, self._joint_noises, strict=True):
             parent, child = self.body.segment_index[joint.parent], self.body.segment_index[joint.child]
@@ -279,7 +315,9 @@ class BodySmoother:
         noise = gtsam.noiseModel.Diagonal.Sigmas(motion_sigmas(1e-9 * (stamp_ns - latest.stamp_ns), self._motion))
         steps = inverse(self._poses(latest)) @ predicted
         for row, step in enumerate(steps):
-            factors.add(gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), gtsam.Pose3(step), noise))
+            factors.add(
+                gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), gtsam.Pose3(step), noise)
+            )
 
     def _count_refusals(self, evidence: Mapping[str, SegmentPose]) -> None:
         """For how many frames in a row each camera has been far from the body that was solved."""
@@ -288,7 +326,9 @@ class BodySmoother:
             row = self.body.segment_index[seen.segment]
             error = log_se3(inverse(world_T_segment[row]) @ seen.world_T_segment)
             sigmas = float(np.sqrt(error @ np.linalg.solve(seen.covariance, error)))
-            self._refusals[camera] = self._refusals[camera] + 1 if sigmas > _REFUSED * self.settings.outlier_sigmas else 0
+            self._refusals[camera] = (
+                self._refusals[camera] + 1 if sigmas > _REFUSED * self.settings.outlier_sigmas else 0
+            )
 
     def _publish(self, delay: int) -> list[BodyState]:
         states = []

@@ -23,13 +23,21 @@ class EvidenceSettings:
     """How far a camera is trusted."""
 
     mount_rotation_sigma: float = setting(
-        0.001, unit="rad", limits=(0.0, 0.1), reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation"
+        0.001,
+        unit="rad",
+        limits=(0.0, 0.1),
+        reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation",
     )
     mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
     blind_rotation_sigma: float = setting(
-        0.01, unit="rad", limits=(0.0005, 0.5), reason="of the rotation between frames; parallax of near things biases it by some tenths of a degree"
+        0.01,
+        unit="rad",
+        limits=(0.0005, 0.5),
+        reason="of the rotation between frames; parallax of near things biases it by some tenths of a degree",
     )
-    min_weak_landmarks: int = setting(4, limits=(3, 50), reason="an unregistered camera with fewer landmarks in agreement says nothing")
+    min_weak_landmarks: int = setting(
+        4, limits=(3, 50), reason="an unregistered camera with fewer landmarks in agreement says nothing"
+    )
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,7 @@ def weak_evidence(
         return None
     # Directions that the few landmarks leave open must stay open: a vague prior makes the information invertible.
     vague = np.diag(np.repeat([1.0, 1.0], 3))
-    return _on_segment(mount, fit.world_T_camera, np.linalg.inv(fit.information + vague), settings)
+    return _on_segment(mount, fit.world_T_camera, np.asarray(np.linalg.inv(fit.information + vague)), settings)
 
 
 def rotation_evidence(matches: LandmarkMatches, mount: CameraMount, settings: EvidenceSettings) -> SegmentTurn | None:
@@ -99,6 +107,8 @@ def _on_segment(
     )
 
 
-def turned(world_T_segment_before: NDArray[np.float64], turn: SegmentTurn, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(
+    world_T_segment_before: NDArray[np.float64], turn: SegmentTurn, predicted: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The predicted pose (4, 4) with its rotation replaced by the measured one."""
     return rigid(world_T_segment_before[:3, :3] @ turn.previous_R_segment, predicted[:3, 3])

@@ -17,7 +17,10 @@ class AssemblerSettings:
         0.008, unit="s", limits=(0.0, 0.1), reason="stamps this close are one instant; below half a frame at 60 Hz"
     )
     max_wait: float = setting(
-        1.0, unit="s", limits=(0.05, 60.0), reason="a camera silent for this long, in time of the recording, is not waited for any more"
+        1.0,
+        unit="s",
+        limits=(0.05, 60.0),
+        reason="a camera silent for this long, in time of the recording, is not waited for any more",
     )
 
 
@@ -73,14 +76,18 @@ class FrameAssembler:
             return False
         wanted = min(heads)
         return all(
-            queue or self._heard.get(camera, 0) > wanted + self._tolerance_ns or self._newest_ns - wanted > self._max_wait_ns
+            queue
+            or self._heard.get(camera, 0) > wanted + self._tolerance_ns
+            or self._newest_ns - wanted > self._max_wait_ns
             for camera, queue in self._queues.items()
         )
 
     def _take(self) -> BodyFrame:
         stamp_ns = min(queue[0].stamp_ns for queue in self._queues.values() if queue)
         last_ns = stamp_ns + self._tolerance_ns
-        matches = {camera: queue.popleft() for camera, queue in self._queues.items() if queue and queue[0].stamp_ns <= last_ns}
+        matches = {
+            camera: queue.popleft() for camera, queue in self._queues.items() if queue and queue[0].stamp_ns <= last_ns
+        }
         self.assembled += 1
         self._assembled_ns = max(seen.stamp_ns for seen in matches.values())
         return BodyFrame(stamp_ns, matches)

@@ -18,13 +18,19 @@ class MotionSettings:
     """How suddenly a segment may change its motion."""
 
     acceleration_sigma: float = setting(
-        15.0, unit="m/s^2", limits=(0.1, 1000.0), reason="of a segment's origin; walking feet reach 30, heel strikes more"
+        15.0,
+        unit="m/s^2",
+        limits=(0.1, 1000.0),
+        reason="of a segment's origin; walking feet reach 30, heel strikes more",
     )
     angular_acceleration_sigma: float = setting(
         60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
     )
     prediction_damping: float = setting(
-        0.9, limits=(0.0, 1.0), reason="share of the velocity that is carried over a frame, so that a blind limb comes to rest instead of flying off"
+        0.9,
+        limits=(0.0, 1.0),
+        reason="share of the velocity that is carried over a frame, so that a blind limb comes to "
+        "rest instead of flying off",
     )
 
 
@@ -52,7 +58,7 @@ def motion_sigmas(dt_s: float, settings: MotionSettings) -> NDArray[np.float64]:
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same poses (S, 4, 4) with rotations put back onto SO(3): gtsam does not, and extrapolation amplifies the rounding."""
+    """Poses (S, 4, 4) with rotations put back onto SO(3): gtsam does not, and extrapolation amplifies the rounding."""
     mended = poses.copy()
     mended[:, :3, :3] = nearest_rotation(poses[:, :3, :3])
     return mended

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.geometry import log_so3
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
@@ -22,23 +22,42 @@ class TrackerSettings:
     """How many tracks, how old they may grow, and when to look for new ones."""
 
     keyframe_interval: int = setting(
-        12, unit="frames", limits=(1, 300), reason="SIFT costs as much as ten frames of tracking; 0.4 s between fresh names is bearable"
+        12,
+        unit="frames",
+        limits=(1, 300),
+        reason="SIFT costs as much as ten frames of tracking; 0.4 s between fresh names is bearable",
     )
     keyframe_survival: float = setting(
-        0.55, limits=(0.0, 1.0), reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left"
+        0.55,
+        limits=(0.0, 1.0),
+        reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
     )
     keyframe_rotation: float = setting(
-        0.3, unit="rad", limits=(0.01, 6.3), reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly"
+        0.3,
+        unit="rad",
+        limits=(0.01, 6.3),
+        reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
     )
-    min_keyframe_gap: int = setting(3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame")
+    min_keyframe_gap: int = setting(
+        3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame"
+    )
     max_track_age: float = setting(
-        1.5, unit="s", limits=(0.05, 60.0), reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe"
+        1.5,
+        unit="s",
+        limits=(0.05, 60.0),
+        reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe",
     )
     min_distance_px: float = setting(
-        3.0, unit="px", limits=(1.0, 50.0), reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker"
+        3.0,
+        unit="px",
+        limits=(1.0, 50.0),
+        reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker",
     )
     max_view_angle_deg: float = setting(
-        86.0, unit="deg", limits=(20.0, 110.0), reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world"
+        86.0,
+        unit="deg",
+        limits=(20.0, 110.0),
+        reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world",
     )
 
 
@@ -128,12 +147,13 @@ class FeatureTracker:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
             raise RecordingError(
-                f"camera {self.camera.name}: image of {image.shape[1]}x{image.shape[0]} pixels, but its camera_info says "
-                f"{expected[1]}x{expected[0]}; record camera_info at the resolution of the images"
+                f"camera {self.camera.name}: image of {image.shape[1]}x{image.shape[0]} pixels, but its camera_info "
+                f"says {expected[1]}x{expected[0]}; record camera_info at the resolution of the images"
             )
         if stamp_ns <= self._stamp_ns:
             raise RecordingError(
-                f"camera {self.camera.name}: stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; images must come in order of time"
+                f"camera {self.camera.name}: stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; "
+                "images must come in order of time"
             )
 
     def _follow_tracks(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:

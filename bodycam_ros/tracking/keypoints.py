@@ -21,12 +21,19 @@ class KeypointSettings:
     """Where and how finely keypoints are looked for."""
 
     image_scale: float = setting(
-        0.5, limits=(0.25, 1.0),
-        reason="SIFT doubles the image first; at half size it costs a quarter, and what it misses the photographs seldom show"
+        0.5,
+        limits=(0.25, 1.0),
+        reason="SIFT doubles the image first; at half size it costs a quarter, and what it misses "
+        "the photographs seldom show",
     )
-    contrast_threshold: float = setting(0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images")
+    contrast_threshold: float = setting(
+        0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images"
+    )
     max_keypoints: int = setting(
-        500, limits=(50, 20000), reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred hold a pose to millimetres"
+        500,
+        limits=(50, 20000),
+        reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred "
+        "hold a pose to millimetres",
     )
 
 
@@ -48,7 +55,7 @@ class Keypoints:
 
 
 def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Turn (N, 128) SIFT into RootSIFT bytes (Arandjelovic and Zisserman 2012): Euclidean distance becomes Hellinger."""
+    """RootSIFT (N, 128) as bytes of SIFT descriptors (N, 128): Arandjelovic and Zisserman 2012, section 3."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
     return np.asarray(np.clip(np.rint(ROOT_SIFT_SCALE * np.sqrt(descriptors / total)), 0, 255), np.uint8)
 

@@ -13,9 +13,18 @@ from bodycam_ros.settings import setting
 class OpticalFlowSettings:
     """Window, depth of the pyramid and tolerance of the check."""
 
-    window_px: int = setting(13, unit="px", limits=(5, 41), reason="side of the matched patch; larger is steadier, slower and blurs depth edges")
-    pyramid_levels: int = setting(3, limits=(0, 6), reason="3 reach 60 px from the prediction, more than a limb's surprise in 1/30 s")
-    forward_backward_px: float = setting(0.5, unit="px", limits=(0.05, 5.0), reason="a point that does not come back to within this is lost")
+    window_px: int = setting(
+        13,
+        unit="px",
+        limits=(5, 41),
+        reason="side of the matched patch; larger is steadier, slower and blurs depth edges",
+    )
+    pyramid_levels: int = setting(
+        3, limits=(0, 6), reason="3 reach 60 px from the prediction, more than a limb's surprise in 1/30 s"
+    )
+    forward_backward_px: float = setting(
+        0.5, unit="px", limits=(0.05, 5.0), reason="a point that does not come back to within this is lost"
+    )
 
 
 def follow(
@@ -42,13 +51,23 @@ def follow(
         return pixels.reshape(-1, 2), np.zeros(0, bool)
     window = (settings.window_px, settings.window_px)
     forward, found, _ = cv2.calcOpticalFlowPyrLK(
-        previous, current, pixels.reshape(-1, 1, 2), predicted.reshape(-1, 1, 2).copy(),
-        winSize=window, maxLevel=settings.pyramid_levels, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        previous,
+        current,
+        pixels.reshape(-1, 1, 2),
+        predicted.reshape(-1, 1, 2).copy(),
+        winSize=window,
+        maxLevel=settings.pyramid_levels,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     # The way back starts at the answer it should find, so the coarse levels have nothing to add.
     backward, found_back, _ = cv2.calcOpticalFlowPyrLK(
-        current, previous, forward, pixels.reshape(-1, 1, 2).copy(),
-        winSize=window, maxLevel=0, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        current,
+        previous,
+        forward,
+        pixels.reshape(-1, 1, 2).copy(),
+        winSize=window,
+        maxLevel=0,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     forward = forward.reshape(-1, 2)
     height, width = current.shape

@@ -32,4 +32,4 @@ def far_from(pixels: NDArray[np.float32], others: NDArray[np.float32], min_dista
     if len(pixels) == 0 or len(others) == 0:
         return np.ones(len(pixels), bool)
     nearest, _ = cKDTree(others).query(pixels, distance_upper_bound=min_distance_px)
-    return ~np.isfinite(nearest)
+    return np.asarray(~np.isfinite(nearest))

@@ -19,11 +19,18 @@ class RotationSettings:
     """How far a bearing may be from the rotation, and how hard to look for it."""
 
     inlier_angle_deg: float = setting(
-        0.8, unit="deg", limits=(0.05, 5.0),
-        reason="parallax of a limb at 1 m/s and 30 Hz against a wall at 3 m is 0.6 deg, so far points agree and near ones do not",
+        0.8,
+        unit="deg",
+        limits=(0.05, 5.0),
+        reason="parallax of a limb at 1 m/s and 30 Hz against a wall at 3 m is 0.6 deg, so far "
+        "points agree and near ones do not",
     )
-    hypotheses: int = setting(48, limits=(8, 512), reason="pairs sampled; 48 find a clean pair among 70 % outliers with 98 %")
-    min_inliers: int = setting(12, limits=(4, 200), reason="below this many agreeing tracks the rotation is called unknown")
+    hypotheses: int = setting(
+        48, limits=(8, 512), reason="pairs sampled; 48 find a clean pair among 70 % outliers with 98 %"
+    )
+    min_inliers: int = setting(
+        12, limits=(4, 200), reason="below this many agreeing tracks the rotation is called unknown"
+    )
 
 
 def estimate_rotation(
@@ -88,5 +95,6 @@ def _triads(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths (N, 1); a pair that spans no plane, such as a bearing sampled twice, yields no rotation but no NaN either."""
-    return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
+    """Lengths (N, 1), not quite zero: a bearing that was sampled twice yields no rotation, but no NaN either."""
+    lengths: NDArray[np.float64] = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
+    return lengths

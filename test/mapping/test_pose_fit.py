@@ -1,4 +1,4 @@
-"""The robust fit of a camera's pose, against exact landmarks, wrong ones, and the scatter that its information promises."""
+"""The robust fit of a camera's pose: exact landmarks, wrong ones, and the scatter that its information promises."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,10 @@ def test_information_predicts_the_scatter_of_the_pose(camera: CameraModel) -> No
     points, rng = landmarks(80), np.random.default_rng(4)
     settings = PoseFitSettings(pixel_sigma=0.5, inlier_px=20.0, iterations=15)
     pixels = seen(camera, points)
-    fits = [fit_pose(camera, points, pixels + 0.5 * rng.standard_normal(pixels.shape), WORLD_T_CAMERA, settings) for _ in range(300)]
+    fits = [
+        fit_pose(camera, points, pixels + 0.5 * rng.standard_normal(pixels.shape), WORLD_T_CAMERA, settings)
+        for _ in range(300)
+    ]
     errors = np.array([error(fit.world_T_camera) for fit in fits])
     # Squared errors in units of their covariance are chi-square with 6 degrees of freedom: mean 6.
     normalised = np.einsum("ni,nij,nj->n", errors, np.array([fit.information for fit in fits]), errors)

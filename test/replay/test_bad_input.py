@@ -1,4 +1,4 @@
-"""Bad input through the command line: one clear line or a warned and counted skip, no traceback, nothing half-written."""
+"""Bad input through the command line: one clear line or a counted skip, no traceback, nothing half-written."""
 
 import dataclasses
 from pathlib import Path
@@ -71,7 +71,9 @@ def test_a_file_that_is_no_recording_is_named(sample: Path, tmp_path: Path, capf
 def test_a_camera_that_the_body_lacks_is_left_out_with_a_warning(
     sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    body = "".join(line for line in (sample / "body.yaml").read_text().splitlines(True) if "thigh_left: {segment" not in line)
+    body = "".join(
+        line for line in (sample / "body.yaml").read_text().splitlines(True) if "thigh_left: {segment" not in line
+    )
     (tmp_path / "body.yaml").write_text(body)
     bag = write_altered_sample(sample, tmp_path / "bag", frames=3)
     assert run(sample, bag, tmp_path / "out", body=tmp_path / "body.yaml") == 0
@@ -110,13 +112,17 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     warnings = " ".join(caplog.text.split())
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
-    rows = {cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6}
+    rows = {
+        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6
+    }
     assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
     assert "12 of 12 instants solved" in printed.out
     assert "Traceback" not in printed.err
 
 
-def test_a_map_that_is_not_there_or_empty_or_damaged(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_map_that_is_not_there_or_empty_or_damaged(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
     out = tmp_path / "out"
     assert_refused(capfd, run(sample, bag, out, map_path=tmp_path / "nowhere"), out, "nowhere", "bodycam map")
@@ -141,7 +147,9 @@ def test_the_map_of_another_place_registers_nobody_and_says_so(
     assert_refused(capfd, code, tmp_path / "out", "no camera", "map of another place")
 
 
-def test_an_output_that_is_there_is_not_overwritten(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_output_that_is_there_is_not_overwritten(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.txt").write_text("precious")

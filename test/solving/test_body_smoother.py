@@ -40,7 +40,9 @@ def cameras(body: BodyModel) -> dict[str, CameraModel]:
 def true_poses(body: BodyModel, frame: int) -> np.ndarray:
     """world_T_segment (3, 4, 4): walking on while the arm swings and bends."""
     t = frame / 30
-    trunk = rigid(exp_so3(np.array([0.05 * np.sin(4 * t), 0.0, 0.3 * t])), np.array([1.2 * t, 0.1 * np.sin(3 * t), 1.0]))
+    trunk = rigid(
+        exp_so3(np.array([0.05 * np.sin(4 * t), 0.0, 0.3 * t])), np.array([1.2 * t, 0.1 * np.sin(3 * t), 1.0])
+    )
     swing = exp_so3(np.array([0.3 * np.sin(2 * t), 0.8 * np.sin(5 * t), 0.2 * t]))
     bend = body.tree_joints[1].hinge_rotation(np.array(0.6 + 0.5 * np.sin(6 * t)))
     return body.forward_kinematics(trunk, np.stack([swing, bend]))
@@ -65,7 +67,9 @@ def seen_by(
     )  # fmt: skip
 
 
-def run(body, cameras, frames, settings=None, lost=lambda camera, frame: False, wrong=lambda camera, frame: False, seed=0):
+def run(
+    body, cameras, frames, settings=None, lost=lambda camera, frame: False, wrong=lambda camera, frame: False, seed=0
+):
     """All states of a run, by frame number."""
     rng = np.random.default_rng(seed)
     smoother = BodySmoother(body, cameras, settings)

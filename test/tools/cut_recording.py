@@ -24,9 +24,7 @@ def cut_bag(source: Path, target: Path, start_s: float, duration_s: float) -> No
     ):
         begin = reader.start_time + round(1e9 * start_s)
         end = begin + round(1e9 * duration_s)
-        connections = {
-            c.id: writer.add_connection(c.topic, c.msgtype, typestore=typestore) for c in reader.connections
-        }
+        connections = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=typestore) for c in reader.connections}
         info_due = dict.fromkeys(connections, 0)
         for connection, stamp, data in reader.messages():
             if not begin <= stamp < end:

@@ -1,42 +1,35 @@
-"""New tracks are strong, apart, and spread over the image."""
+"""New tracks are strong and keep their distance."""
 
 import numpy as np
 
-from bodycam_ros.tracking.replenish import choose_balanced
-
-SHAPE = (480, 640)
+from bodycam_ros.tracking.replenish import far_from, thin_out
 
 
-def test_fills_the_cells_that_hold_least() -> None:
+def test_thinned_points_keep_their_distance_and_nothing_could_be_added() -> None:
     rng = np.random.default_rng(0)
-    candidates = (rng.random((4000, 2)) * [640, 480]).astype(np.float32)
-    existing = (rng.random((60, 2)) * [320, 480]).astype(np.float32)
-    strengths = np.where(candidates[:, 0] < 320, 1.0, 0.1).astype(np.float32)
-    chosen = choose_balanced(candidates, strengths, existing, SHAPE, 60, cell_px=80, min_distance_px=5.0)
-    assert len(chosen) == 60
-    assert (candidates[chosen, 0] >= 320).sum() > 45
+    points = (rng.random((2000, 2)) * [640, 480]).astype(np.float32)
+    kept = thin_out(points, rng.random(2000).astype(np.float32), 8.0)
+    gaps = np.linalg.norm(points[:, None] - points[kept][None], axis=2)
+    among_kept = gaps[kept]
+    among_kept[np.arange(len(kept)), np.arange(len(kept))] = np.inf
+    assert among_kept.min() > 8.0
+    left_out = np.setdiff1d(np.arange(2000), kept)
+    assert gaps[left_out].min(axis=1).max() <= 8.0
 
 
-def test_keeps_its_distance_from_all() -> None:
-    rng = np.random.default_rng(1)
-    candidates = (rng.random((3000, 2)) * [640, 480]).astype(np.float32)
-    existing = candidates[:50] + 1.0
-    chosen = choose_balanced(candidates, rng.random(3000).astype(np.float32), existing, SHAPE, 500, 64, 8.0)
-    everything = np.concatenate([existing, candidates[chosen]])
-    gaps = np.linalg.norm(everything[:, None] - everything[None], axis=2)
-    newcomers = slice(len(existing), None)
-    gaps[np.arange(len(gaps)), np.arange(len(gaps))] = np.inf
-    assert gaps[newcomers].min() > 8.0
+def test_the_stronger_of_two_stays_and_frees_what_the_weaker_would_have_taken() -> None:
+    line = np.array([[0, 0], [3, 0], [6, 0]], np.float32)
+    assert thin_out(line, np.array([1, 2, 3], np.float32), 4.0).tolist() == [0, 2]
+    assert thin_out(line, np.array([1, 3, 2], np.float32), 4.0).tolist() == [1]
 
 
-def test_the_strongest_of_a_cell_goes_first() -> None:
-    candidates = np.array([[10, 10], [30, 30], [50, 50]], np.float32)
-    chosen = choose_balanced(candidates, np.array([1, 3, 2], np.float32), np.zeros((0, 2), np.float32), SHAPE, 2, 64, 5.0)
-    assert chosen.tolist() == [1, 2]
+def test_points_far_from_others() -> None:
+    points = np.array([[0, 0], [10, 0]], np.float32)
+    assert far_from(points, np.array([[1, 1]], np.float32), 3.0).tolist() == [False, True]
+    assert far_from(points, np.zeros((0, 2), np.float32), 3.0).all()
 
 
-def test_nothing_on_offer_or_nothing_wanted() -> None:
-    some = np.array([[10.0, 10.0]], np.float32)
+def test_of_nothing_comes_nothing() -> None:
     none = np.zeros((0, 2), np.float32)
-    assert len(choose_balanced(none, np.zeros(0, np.float32), some, SHAPE, 5, 64, 5.0)) == 0
-    assert len(choose_balanced(some, np.ones(1, np.float32), none, SHAPE, 0, 64, 5.0)) == 0
+    assert len(thin_out(none, np.zeros(0, np.float32), 5.0)) == 0
+    assert len(far_from(none, none, 5.0)) == 0

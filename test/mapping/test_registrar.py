@@ -1,0 +1,143 @@
+"""Absolute registration of a real camera in the real map of the sample."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import exp_se3, inverse, log_se3
+from bodycam_ros.mapping.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.mapping.pose_fit import reprojection_errors
+from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.mapping.registrar import Registrar
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.camera_image import decode_grey
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+CAMERA = "shin_left"
+
+
+@pytest.fixture(scope="module")
+def reference_map(sample: Path) -> ReferenceMap:
+    """The sample's map."""
+    return ReferenceMap.load(sample / "map")
+
+
+@pytest.fixture(scope="module")
+def seen(sample: Path) -> tuple[CameraModel, list[TrackFrame]]:
+    """A shin's camera and its tracks over the first 25 frames, none of them pruned."""
+    with open_recording(sample / "sample" / "bag") as recording:
+        camera = recording.camera_model(CAMERA)
+        tracker = FeatureTracker(camera)
+        images = [image for image, _ in zip(recording.images([CAMERA]), range(25), strict=False)]
+    return camera, [tracker.track(decode_grey(image), image.stamp_ns) for image in images]
+
+
+def without_names(frame: TrackFrame) -> TrackFrame:
+    """The frame with its descriptors lost."""
+    nothing = np.zeros(0, np.uint32)
+    return dataclasses.replace(
+        frame, described=nothing, descriptors=np.zeros((0, 128), np.uint8), scales=np.zeros(0, np.float32)
+    )
+
+
+def test_registers_from_nothing_and_tracks_carry_their_landmarks(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    names: dict[int, int] = {}
+    for frame in frames:
+        matches = registrar.register(frame)
+        assert matches.world_T_camera is not None
+        errors = reprojection_errors(camera, matches.points_world, matches.pixels, matches.world_T_camera)
+        assert np.median(errors) < 1.2
+        for track, landmark in zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True):
+            assert names.setdefault(track, landmark) == landmark
+        assert len(set(matches.landmark_ids.tolist())) == len(matches.landmark_ids)
+    assert np.sqrt(np.diag(matches.pose_covariance)[3:]).max() < 0.01
+
+
+def test_names_last_without_any_further_descriptor(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    registrar.register(frames[0])
+    poses = [registrar.register(without_names(frame)).world_T_camera for frame in frames[1:12]]
+    assert all(pose is not None for pose in poses)
+
+
+def test_agrees_with_a_registrar_that_searches_every_keyframe_anew(reference_map, seen) -> None:
+    camera, frames = seen
+    running = Registrar(camera, reference_map)
+    for frame in frames:
+        matches = running.register(frame)
+        if frame.keyframe:
+            afresh = Registrar(camera, reference_map).register(frame)
+            step = log_se3(inverse(matches.world_T_camera) @ afresh.world_T_camera)
+            assert np.degrees(np.linalg.norm(step[:3])) < 0.3
+            assert np.linalg.norm(step[3:]) < 0.02
+
+
+def test_a_lost_camera_comes_back_at_the_next_keyframe(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    registrar.register(frames[0])
+    blind = without_names(frames[1])
+    empty = dataclasses.replace(
+        blind, track_ids=blind.track_ids[:0], pixels=blind.pixels[:0], stamp_ns=frames[1].stamp_ns, rotation_inliers=0
+    )
+    assert registrar.register(empty).world_T_camera is None
+    keyframe = next(frame for frame in frames[2:] if frame.keyframe)
+    assert registrar.register(keyframe).world_T_camera is not None
+
+
+def test_a_map_of_noise_registers_nothing(reference_map, seen) -> None:
+    camera, frames = seen
+    rng = np.random.default_rng(0)
+    noise = dataclasses.replace(
+        reference_map, descriptors=rng.integers(0, 100, reference_map.descriptors.shape).astype(np.uint8)
+    )
+    registrar = Registrar(camera, noise)
+    assert [registrar.register(frame).world_T_camera for frame in frames] == [None] * len(frames)
+
+
+def test_guided_matching_finds_the_landmarks_that_an_exhaustive_search_confirms(reference_map, seen) -> None:
+    camera, frames = seen
+    frame = frames[0]
+    matches = Registrar(camera, reference_map).register(frame)
+    pixels = frame.pixels[frame.described.astype(int)]
+    features, landmarks = match_near_prediction(
+        reference_map, camera, matches.world_T_camera, pixels, frame.descriptors, frame.scales, 4.0, MatchingSettings()
+    )
+    projected, _ = camera.project(
+        (reference_map.points_world[landmarks] - matches.world_T_camera[:3, 3]) @ matches.world_T_camera[:3, :3]
+    )
+    assert np.linalg.norm(projected - pixels[features], axis=1).max() <= 4.0
+    assert len(set(landmarks.tolist())) == len(landmarks)
+    assert len(set(features.tolist())) == len(features)
+    for feature, landmark in list(zip(features, landmarks, strict=True))[:40]:
+        looks = reference_map.descriptors[reference_map.descriptor_landmark == landmark].astype(float)
+        distance = np.linalg.norm(looks - frame.descriptors[feature].astype(float), axis=1).min()
+        assert distance < MatchingSettings().max_distance
+
+
+def test_a_search_of_the_whole_map_is_mostly_right(reference_map, seen) -> None:
+    camera, frames = seen
+    frame = frames[0]
+    matches = Registrar(camera, reference_map).register(frame)
+    for every_view in (False, True):
+        features, landmarks = match_everywhere(reference_map, frame.descriptors, every_view, MatchingSettings())
+        pixels = frame.pixels[frame.described.astype(int)[features]]
+        errors = reprojection_errors(camera, reference_map.points_world[landmarks], pixels, matches.world_T_camera)
+        assert (errors < 5).sum() >= 15
+        assert (errors < 5).mean() > 0.6
+
+
+def test_nothing_to_match(reference_map, seen) -> None:
+    camera, _ = seen
+    nothing = np.zeros((0, 128), np.uint8)
+    assert len(match_everywhere(reference_map, nothing, True, MatchingSettings())[0]) == 0
+    behind_all = exp_se3(np.array([0, 0, 0, 1e4, 0, 0]))
+    none = (np.zeros((0, 2), np.float32), nothing, np.zeros(0, np.float32))
+    assert len(match_near_prediction(reference_map, camera, behind_all, *none, 4.0, MatchingSettings())[0]) == 0
