@@ -1,0 +1,159 @@
+"""Real node processes that talk over DDS, and a listener that records what they say. Import it only where rclpy is."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
+
+from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.nodes.message_classes import message_class
+from bodycam_ros.nodes.quality import latched, reliable
+from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
+
+_REPOSITORY = Path(__file__).parent.parent
+_DEPTH = 5000
+_START_S, _GRACE_S = 60.0, 30.0
+
+
+class Started:
+    """A node's process and what it printed."""
+
+    def __init__(self, node: NodeProcess, folder: Path) -> None:
+        self.node = node
+        self._log = folder / f"{node.name}.log"
+        command = [sys.executable, "-m", "bodycam_ros.nodes.start", node.executable, *node.arguments()]
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=_REPOSITORY)
+
+    @property
+    def printed(self) -> str:
+        return self._log.read_text()
+
+    def end(self) -> int:
+        """Exit code; a process that still runs gets SIGINT, twice, as a launch file does."""
+        for _ in range(2):
+            if self.process.poll() is None:
+                self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise
+
+    def cpu_s(self) -> float:
+        """Processor time so far."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class Graph:
+    """Processes under test and the messages that the test has heard, serialized, by topic."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node("listener", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._types: dict[str, str] = {}
+        self.started: list[Started] = []
+        self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
+
+    def start(self, *nodes: NodeProcess) -> list[Started]:
+        """Start processes; the listener must subscribe before."""
+        new = [Started(node, self._folder) for node in nodes]
+        self.started += new
+        return new
+
+    def listen(self, topics: dict[str, str]) -> None:
+        """Keep what is said on topics, given with their types."""
+        for topic, type_name in topics.items():
+            self._types[topic] = type_name
+            quality = latched() if topic in LATCHED_TOPICS else reliable(_DEPTH)
+            self._node.create_subscription(message_class(type_name), topic, self.heard[topic].append, quality, raw=True)
+
+    def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
+        return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
+
+    def call(self, service: str, service_type: Any, **fields: Any) -> Any:
+        """Call a service and wait for its answer."""
+        client = self._node.create_client(service_type, service)
+        assert client.wait_for_service(_START_S), self.report()
+        future = client.call_async(service_type.Request(**fields))
+        self._executor.spin_until_future_complete(future, _GRACE_S)
+        return future.result()
+
+    def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
+        """Listen until something is the case."""
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline_s, f"after {timeout_s:g} s still not: {what}\n{self.report()}"
+            self._executor.spin_once(0.05)
+
+    def messages(self, topic: str) -> list[Any]:
+        """What was said on a topic."""
+        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic]]
+
+    def diagnostics(self, part: str) -> dict[str, Any]:
+        """Level, text and values of the last report on a part; empty if there is none."""
+        for message in reversed(self.messages("/diagnostics")):
+            for status in message.status:
+                if status.name == part:
+                    return {"level": status.level[0], "text": status.message} | {v.key: v.value for v in status.values}
+        return {}
+
+    def write(self, path: Path) -> Path:
+        """What was heard as a bag."""
+        with write_recording(path) as writer:
+            for topic, heard in self.heard.items():
+                for cdr, message in zip(heard, self.messages(topic), strict=True):
+                    stamp = stamp_ns(message.header.stamp) if hasattr(message, "header") else 0
+                    writer.write_serialized(topic, self._types[topic], stamp, cdr)
+        return path
+
+    def report(self) -> str:
+        """What the processes printed, for a failure's message."""
+        texts = (f"--- {each.node.name} ({each.process.poll()})\n{each.printed}" for each in self.started)
+        return "\n".join(text for text in texts)
+
+    def close(self) -> None:
+        for each in self.started:
+            if each.process.poll() is None:
+                each.process.kill()
+                each.process.wait()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+
+@contextmanager
+def running_graph(folder: Path) -> Iterator[Graph]:
+    """A graph without processes yet, on a DDS domain of its own that does not leave the machine."""
+    ours = {
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(_REPOSITORY / "config/fastdds-shm.xml"),
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    }
+    before = {name: os.environ.get(name) for name in ours}
+    os.environ.update(ours)
+    try:
+        graph = Graph(folder)
+        try:
+            yield graph
+        finally:
+            graph.close()
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})

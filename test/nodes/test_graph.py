@@ -1,0 +1,47 @@
+"""Which processes make the graph, and what the launch file makes of it; both without ROS."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from two_cameras import write_body
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.nodes.graph import READERS_OF_INFO, NodeProcess, live_graph, player
+
+LAUNCH_FILE = Path(__file__).parents[2] / "launch/bodycam.launch.py"
+
+
+def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
+    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"))
+    assert [node.executable for node in nodes] == ["tracker", "tracker", "registration", "skeleton_solver"]
+    assert len({node.name for node in nodes}) == len(nodes)
+    assert [node.parameters["camera"] for node in nodes[:2]] == ["left", "right"]
+    assert nodes[2].parameters == {"map": str(tmp_path / "map"), "cameras": ["left", "right"]}
+
+
+def test_some_of_the_cameras(tmp_path: Path) -> None:
+    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["right"])
+    assert [node.name for node in nodes] == ["tracker_right", "registration", "skeleton_solver"]
+    assert nodes[1].parameters["cameras"] == ["right"]
+
+
+def test_a_camera_that_the_body_lacks(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match="no camera hat; it carries left, right"):
+        live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["hat", "left"])
+
+
+def test_arguments_are_yaml_whatever_the_value() -> None:
+    node = NodeProcess("player", "player_2", {"bag": "a folder: with #signs", "rate": 0.5, "cameras": ["a", "b"]})
+    arguments = node.arguments(Path("some.yaml"))
+    assert arguments[:5] == ["--ros-args", "-r", "__node:=player_2", "--params-file", "some.yaml"]
+    given = dict(argument.split(":=", 1) for argument in arguments[6::2])
+    assert {name: yaml.safe_load(value) for name, value in given.items()} == node.parameters
+
+
+def test_the_player_waits_for_the_graph() -> None:
+    assert player(Path("bag"), 0.5).parameters == {"bag": "bag", "rate": 0.5, "readers": READERS_OF_INFO}
+
+
+def test_the_launch_file_compiles() -> None:
+    compile(LAUNCH_FILE.read_text(), str(LAUNCH_FILE), "exec")

@@ -1,0 +1,56 @@
+"""What a user can get wrong when starting a node: one clear line and exit code 1."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from two_cameras import write_body, write_map
+
+from bodycam_ros.nodes.graph import NodeProcess
+
+_START_S = 60.0
+
+
+def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> None:
+    body, reference_map = str(write_body(tmp_path / "body.yaml")), str(write_map(tmp_path / "map"))
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("name: [")
+    cases = {
+        ("tracker",): "the parameter 'camera' is missing",
+        ("tracker", "camera", "left", "transport", "pigeon"): "must be compressed or raw, not 'pigeon'",
+        ("tracker", "camera", "left", "camra", "left"): "there is no parameter 'camra'",
+        ("tracker", "camera", "left", "tracker.keyframes", 3): "there is no setting 'keyframes'",
+        ("tracker", "camera", "left", "traker.keyframe_interval", 3): "there is no group of settings 'traker'",
+        ("tracker", "camera", "left", "tracker.keyframe_interval", 3000): "keyframe_interval = 3000 is out of range",
+        ("tracker", "camera", "left", "image_queue", "many"): "image_queue must be int, not 'many'",
+        ("registration", "body", body): "the parameter 'map' is missing",
+        ("registration", "body", body, "map", str(tmp_path / "nowhere")): "there is no map folder",
+        ("registration", "map", reference_map): "the parameter 'body' is missing",
+        ("skeleton_solver",): "the parameter 'body' is missing",
+        ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
+        ("skeleton_solver", "body", str(broken)): "broken.yaml",
+        ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
+        ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",
+    }
+    nodes = [
+        NodeProcess(executable, f"wrong_{number}", dict(zip(given[::2], given[1::2], strict=True)))
+        for number, (executable, *given) in enumerate(cases)
+    ]
+    # A few at a time: each loads OpenCV and gtsam.
+    started = []
+    for some in range(0, len(nodes), 4):
+        new = graph.start(*nodes[some : some + 4])
+        graph.until(lambda new=new: all(s.process.poll() is not None for s in new), _START_S, "all have ended")
+        started += new
+    for each, message in zip(started, cases.values(), strict=True):
+        assert each.process.returncode == 1, (message, each.printed)
+        assert each.printed.startswith(f"{each.node.executable}: error: "), each.printed
+        assert message in each.printed and len(each.printed.splitlines()) == 1, each.printed
+
+
+@pytest.mark.parametrize("executable", ["tracker", "player"])
+def test_interrupted_while_loading(graph: Any, executable: str) -> None:
+    (started,) = graph.start(NodeProcess(executable, "hasty", {"camera": "left", "bag": "none"}))
+    graph.until(lambda: Path(f"/proc/{started.process.pid}/cmdline").read_bytes().count(b"start"), 5.0, "it runs")
+    started.end()
+    assert "Traceback" not in started.printed

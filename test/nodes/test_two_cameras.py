@@ -1,0 +1,145 @@
+"""The graph over a small bag with faults in it: what arrives, what is left out, and what is said about it."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from tiny_bag import CAMERAS, FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
+from two_cameras import write_body, write_map
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.messages.factory import numbers
+from bodycam_ros.messages.header import header_message, stamp_ns
+from bodycam_ros.nodes.graph import NodeProcess, live_graph, player
+from bodycam_ros.recording.bag_writer import RecordingWriter
+from bodycam_ros.recording.typestore import recorded_messages
+
+FRAMES = 24
+_START_S, _SOON_S = 60.0, 20.0
+_OK, _WARN, _ERROR = 0, 1, 2
+_DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
+
+
+def _landmarks(*cameras: str) -> dict[str, str]:
+    return {f"/{camera}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for camera in cameras}
+
+
+def _add_faults(writer: RecordingWriter) -> None:
+    """Two images that are none, one of a wrong size and two of the past on ``left``; a camera of an unknown kind."""
+    end_ns = START_NS + FRAMES * FRAME_NS
+    make = recorded_messages()
+    large = cv2.imencode(".jpg", np.zeros((2 * HEIGHT, WIDTH), np.uint8))[1].reshape(-1)
+    contents = [np.frombuffer(b"no image", np.uint8), np.zeros(0, np.uint8), large]
+    for number, content in enumerate(contents):
+        header = header_message(make, end_ns + number, "left_optical_frame")
+        image = make("sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=content)
+        writer.write("/left/image_raw/compressed", end_ns + number, image)
+    for number in range(2):
+        write_jpeg(writer, "left", end_ns + 10 + number, START_NS + number, 50)
+    write_camera_info(writer, "odd", START_NS, distortion_model="mystery")
+    # The last words, a second on, so that the next report speaks of all this.
+    for camera in CAMERAS:
+        write_jpeg(writer, camera, end_ns + 20, end_ns + 2_000_000_000, 90)
+
+
+def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
+    body = write_body(tmp_path / "body.yaml", "odd")
+    bag = write_tiny_bag(tmp_path / "bag", FRAMES, alter=_add_faults)
+    graph.listen(_landmarks(*CAMERAS) | _DIAGNOSTICS)
+    nodes = [node for node in live_graph(write_map(tmp_path / "map"), body) if node.name != "tracker_odd"]
+    # /odd has two readers only: the registration and the solver.
+    playing = NodeProcess("player", "player", dict(player(bag, 4.0).parameters) | {"readers": 2})
+    started = {each.node.name: each for each in graph.start(*nodes, playing)}
+
+    graph.until(lambda: started["player"].process.poll() is not None, _START_S, "the bag is played")
+    assert started["player"].process.returncode == 0, graph.report()
+    for camera in CAMERAS:
+        graph.until(lambda c=camera: len(graph.heard[f"/{c}/landmarks"]) >= FRAMES + 1, _SOON_S, "all images arrive")
+        stamps = [stamp_ns(message.header.stamp) for message in graph.messages(f"/{camera}/landmarks")]
+        assert stamps[:-1] == [START_NS + k * FRAME_NS for k in range(FRAMES)], "nothing is lost, not even at the start"
+
+    graph.until(lambda: "images skipped" in graph.diagnostics("tracker left"), _SOON_S, "the tracker reports")
+    report = graph.diagnostics("tracker left")
+    assert (report["level"], report["images skipped"]) == (_WARN, "5")
+    assert graph.diagnostics("tracker right")["level"] == _OK
+    assert graph.diagnostics("camera left")["level"] == _ERROR, "grey images cannot be registered"
+    assert started["tracker_left"].printed.count("[WARN]") == 1
+    assert "cannot be decoded" in started["tracker_left"].printed
+    for name in ("registration", "skeleton_solver"):
+        assert "distortion model 'mystery' is unknown" in started[name].printed
+    assert graph.diagnostics("registration")["cameras refused"] == "odd"
+
+    graph.listen({"/map/points": "sensor_msgs/msg/PointCloud2", "/robot_description": "std_msgs/msg/String"})
+    graph.until(lambda: graph.heard["/map/points"] and graph.heard["/robot_description"], _SOON_S, "latched topics")
+    assert graph.messages("/map/points")[0].width == 30
+    assert graph.messages("/robot_description")[0].data == urdf_text(BodyModel.from_yaml(body))
+
+    assert [each.end() for each in started.values()] == [0] * len(started), graph.report()
+    assert "Traceback" not in graph.report()
+
+
+def test_a_tracker_of_an_unknown_camera_kind_ends(graph: Any, tmp_path: Path) -> None:
+    def add_odd(writer: RecordingWriter) -> None:
+        write_camera_info(writer, "odd", START_NS, distortion_model="mystery")
+        write_jpeg(writer, "odd", START_NS, START_NS, 50)
+
+    bag = write_tiny_bag(tmp_path / "bag", frames=0, alter=add_odd)
+    tracker, _ = graph.start(
+        NodeProcess("tracker", "tracker_odd", {"camera": "odd"}), NodeProcess("player", "player", {"bag": str(bag)})
+    )
+    graph.until(lambda: tracker.process.poll() is not None, _START_S, "the tracker ends")
+    assert tracker.process.returncode == 1
+    assert tracker.printed.startswith("tracker: error: camera 'odd': distortion model 'mystery' is unknown")
+
+
+def test_images_wait_for_camera_info_and_for_a_reader(graph: Any) -> None:
+    """A driver that offers raw images with best effort, and is there before anybody else."""
+    from bodycam_ros.messages.factory import array_sequence
+    from bodycam_ros.nodes.message_classes import node_messages
+    from bodycam_ros.nodes.quality import best_effort, reliable
+
+    make = node_messages()
+    images = graph.publisher("/left/image_raw", "sensor_msgs/msg/Image", best_effort(100))
+    infos = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo", reliable(1))
+    (tracker,) = graph.start(NodeProcess("tracker", "tracker_left", {"camera": "left", "transport": "raw"}))
+    graph.until(lambda: "best effort" in tracker.printed, _START_S, "the tracker adapts to the driver")
+    graph.until(images.get_subscription_count, _SOON_S, "the tracker reads")
+
+    stamps = [START_NS + k * FRAME_NS for k in range(20)]
+    for stamp in stamps:
+        pixels = np.random.default_rng(stamp).integers(0, 255, WIDTH * HEIGHT, dtype=np.uint8)
+        header = header_message(make, stamp, "left_optical_frame")
+        image = make("sensor_msgs/msg/Image", header=header, width=WIDTH, height=HEIGHT, encoding="mono8", step=WIDTH)
+        image.data = array_sequence(pixels)
+        images.publish(image)
+    info = make("sensor_msgs/msg/CameraInfo", width=WIDTH, height=HEIGHT, distortion_model="equidistant")
+    info.d, info.k = [0.0] * 4, [30.0, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0]
+    infos.publish(info)
+    graph.listen({"/left/tracks": "bodycam_msgs/msg/FeatureTracks"})
+    graph.until(lambda: len(graph.heard["/left/tracks"]) == len(stamps), _SOON_S, "the images that waited are tracked")
+    tracks = graph.messages("/left/tracks")
+    assert [stamp_ns(message.header.stamp) for message in tracks] == stamps
+    assert [stamp_ns(message.previous_stamp) for message in tracks] == [0, *stamps[:-1]]
+    assert tracks[0].keyframe and len(numbers(tracks[0].track_ids, np.uint32, len(tracks[0].track_ids))) > 0
+    assert tracker.end() == 0
+
+
+def test_parameters_are_described_ranged_and_fixed(graph: Any) -> None:
+    from rcl_interfaces.srv import DescribeParameters, SetParameters
+
+    given = {"camera": "left", "tracker.keyframe_interval": 7, "tracker.max_track_age": 2}
+    graph.start(NodeProcess("tracker", "tracker_left", given))
+    names = ["camera", "tracker.keyframe_interval", "tracker.max_track_age", "smoother.window"]
+    known = graph.call("/tracker_left/describe_parameters", DescribeParameters, names=names[:3]).descriptors
+    assert [descriptor.name for descriptor in known] == names[:3]
+    assert all(descriptor.description and descriptor.read_only for descriptor in known)
+    assert (known[1].integer_range[0].from_value, known[1].integer_range[0].to_value) == (1, 300)
+    assert known[2].floating_point_range[0].to_value == pytest.approx(60.0)
+    from rclpy.parameter import Parameter
+
+    changed = [Parameter("tracker.keyframe_interval", value=9).to_parameter_msg()]
+    (result,) = graph.call("/tracker_left/set_parameters", SetParameters, parameters=changed).results
+    assert not result.successful
