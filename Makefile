@@ -19,7 +19,7 @@ export PYTHONNOUSERSITE := 1
 
 demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
-	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample -o $(DEMO)_report
+	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
 test: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 Key = int
 
+_SETTLING_UPDATES = 4
+"""Gauss-Newton converges quadratically from where one step has brought it."""
+
 
 class BackEnd(Protocol):
     """What the smoother needs of a solver."""
@@ -22,6 +25,9 @@ class BackEnd(Protocol):
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
     ) -> None:
         """Add one instant's factors and the start values (4, 4) of its poses; drop what is older than the lag."""
+
+    def settle(self) -> None:
+        """Iterate until nothing moves any more; for the last instants, which no later update will improve."""
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4) of poses within the window."""
@@ -53,7 +59,14 @@ class IncrementalBackEnd:
     ) -> None:
         """Add one instant's factors and poses."""
         self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
-        for _ in range(self._extra_updates):
+        self._iterate(self._extra_updates)
+
+    def settle(self) -> None:
+        """Iterate a few times more."""
+        self._iterate(_SETTLING_UPDATES)
+
+    def _iterate(self, count: int) -> None:
+        for _ in range(count):
             self._smoother.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
@@ -82,6 +95,9 @@ class BatchBackEnd:
         """Add one instant's factors and poses."""
         self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
         self._values = self._smoother.calculateEstimate()
+
+    def settle(self) -> None:
+        """Nothing to do: every update iterates until it has converged."""
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4)."""

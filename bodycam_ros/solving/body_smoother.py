@@ -182,6 +182,8 @@ class BodySmoother:
 
     def flush(self) -> list[BodyState]:
         """The states that were still waiting for later frames; the recording is over."""
+        if self._window:
+            self._back_end.settle()
         return self._publish(0)
 
     def _predict(
