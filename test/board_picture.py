@@ -83,7 +83,8 @@ def _texture(board: Board) -> tuple[NDArray[np.float32], float, NDArray[np.float
     texture = np.full((size, size), 0.9, dtype=np.float32)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     for tag, corners in board.corners_board.items():
-        marker = cv2.aruco.generateImageMarker(dictionary, tag, 8 * _TEXELS)
+        draw = getattr(cv2.aruco, "generateImageMarker", None) or cv2.aruco.drawMarker  # the latter in OpenCV 4.6
+        marker = draw(dictionary, tag, 8 * _TEXELS)
         column, row = np.round((corners[0, :2] * [1.0, -1.0] + reach) * texels_per_m).astype(int)
         texture[row : row + 8 * _TEXELS, column : column + 8 * _TEXELS] = 0.05 + 0.85 * (marker > 127)
     return texture, texels_per_m, np.array([reach, reach])

@@ -67,9 +67,12 @@ def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, sett
     """
     if family not in FAMILIES:
         raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILIES[family]))
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    found, tags, _ = detector.detectMarkers(gray)
+    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
+    if hasattr(cv2.aruco, "ArucoDetector"):
+        found, tags, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(gray)
+    else:  # OpenCV 4.6
+        found, tags, _ = cv2.aruco.detectMarkers(gray, dictionary)
     # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
     spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
     views = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.settings import setting
@@ -29,6 +30,9 @@ class PairSettings:
     max_partners: int = setting(
         16, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
     )
+    spanning_trees: int = setting(
+        3, limits=(0, 10), reason="independent ties between groups of photographs, so that one weak tie does no harm"
+    )
 
 
 def probe_overlap(features: Sequence[ImageFeatures], settings: PairSettings) -> Iterator[NDArray[np.int64]]:
@@ -46,13 +50,23 @@ def probe_overlap(features: Sequence[ImageFeatures], settings: PairSettings) -> 
 
 
 def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[tuple[int, int]]:
-    """Pairs (i, j) of rows, i < j, that are among the best partners of either, from counts (K, K)."""
+    """Pairs (i, j) of rows, i < j, from counts (K, K): the best partners of either, and what holds groups together.
+
+    Photographs of one corner may all be each other's best partners. Spanning trees of the largest counts tie such
+    a group to the others.
+    """
     counts = counts + counts.T
     # Ties go to the lower row, on every machine.
     best = np.argsort(-counts, axis=1, kind="stable")[:, : settings.max_partners]
     chosen = np.zeros(counts.shape, dtype=bool)
     np.put_along_axis(chosen, best, True, axis=1)
-    chosen &= counts >= settings.min_probe_matches
+    candidates = np.where(counts >= settings.min_probe_matches, counts, 0)
+    chosen &= candidates > 0
+    for _ in range(settings.spanning_trees):
+        tree = minimum_spanning_tree(-candidates.astype(np.float64)).toarray() != 0.0
+        tree |= tree.T
+        chosen |= tree
+        candidates[tree] = 0
     rows, columns = np.nonzero(np.triu(chosen | chosen.T, k=1))
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
 

@@ -43,11 +43,19 @@ def test_a_photograph_without_features_overlaps_nothing():
 
 def test_pairs_are_the_best_partners_of_either_photograph():
     counts = np.array([[0, 0, 0, 0], [50, 0, 0, 0], [40, 30, 0, 0], [3, 20, 0, 0]])
-    assert promising_pairs(counts, PairSettings(max_partners=2, min_probe_matches=8)) == [
-        (0, 1),
-        (0, 2),
-        (1, 2),
-        (1, 3),
-    ]
+    settings = PairSettings(max_partners=2, min_probe_matches=8, spanning_trees=0)
     # 1-3 is the best that 3 has, though not among the two best of 1.
-    assert promising_pairs(counts, PairSettings(max_partners=2, min_probe_matches=25)) == [(0, 1), (0, 2), (1, 2)]
+    assert promising_pairs(counts, settings) == [(0, 1), (0, 2), (1, 2), (1, 3)]
+    settings = PairSettings(max_partners=2, min_probe_matches=25, spanning_trees=0)
+    assert promising_pairs(counts, settings) == [(0, 1), (0, 2), (1, 2)]
+
+
+def test_groups_are_tied_by_their_best_pairs():
+    counts = np.zeros((8, 8), dtype=int)
+    counts[:4, :4] = counts[4:, 4:] = 100
+    counts[6, 1], counts[7, 2], counts[5, 3] = 30, 20, 10
+    counts = np.tril(counts, -1)
+    inside = {(i, j) for i in range(8) for j in range(i + 1, 8) if (i < 4) == (j < 4)}
+    for trees, ties in [(0, set()), (1, {(1, 6)}), (2, {(1, 6), (2, 7)})]:
+        pairs = promising_pairs(counts, PairSettings(max_partners=3, spanning_trees=trees))
+        assert set(pairs) == inside | ties and len(pairs) == len(set(pairs))
