@@ -156,4 +156,4 @@ def running_graph(folder: Path) -> Iterator[Graph]:
             graph.close()
     finally:
         for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
+            os.environ.pop(name, None) if value is None else os.environ.update({name: value})

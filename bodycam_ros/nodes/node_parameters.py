@@ -25,7 +25,9 @@ class RegistrationParameters:
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
     body: str = setting("", reason="body YAML, which names the cameras; not needed if 'cameras' is given")
-    cameras: tuple[str, ...] = setting((), reason="the cameras to register; those of 'body' if empty")
+    cameras: tuple[str, ...] = setting(
+        (), reason="the cameras to register; those of 'body' if empty; several nodes may share them"
+    )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from rclpy.duration import Duration
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.nodes.node_parameters import PlayerParameters
 from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.stage_node import StageNode, run
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recording_typestore
 

@@ -16,7 +16,8 @@ from bodycam_ros.nodes.camera_models import CameraModels
 from bodycam_ros.nodes.missed_frames import MissedFrames
 from bodycam_ros.nodes.node_parameters import RegistrationParameters
 from bodycam_ros.nodes.quality import STAGE_DEPTH, latched, reliable
-from bodycam_ros.nodes.stage_node import StageNode, run
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -22,7 +22,8 @@ from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.missed_frames import MissedFrames
 from bodycam_ros.nodes.node_parameters import SolverParameters
 from bodycam_ros.nodes.quality import OUTPUT_DEPTH, STAGE_DEPTH, latched, reliable
-from bodycam_ros.nodes.stage_node import StageNode, run
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import BodyOutput, SkeletonPipeline
 
 GROUPS = ("assembler", "smoother", "motion", "evidence", "pose_fit")
@@ -37,7 +38,7 @@ OUTPUTS = {
 """Topic -> type of what ``output_messages`` makes."""
 
 _LOOK_S = 0.5
-_LAST_WORDS = Duration(seconds=2)
+_LAST_WORDS = Duration(nanoseconds=500_000_000)
 
 
 @dataclass

@@ -1,19 +1,12 @@
-"""What every node of the graph has: checked parameters, health reports, and an end without a traceback."""
+"""What every node of the graph has: checked parameters, guarded callbacks, health reports."""
 
-import logging
-import signal
-import sys
 from collections.abc import Callable, Sequence
-from types import FrameType
 from typing import Any, Generic, TypeVar
 
-import cv2
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from bodycam_ros.errors import BodycamError, SettingsError
@@ -25,7 +18,6 @@ from bodycam_ros.nodes.skipped import Skipped
 
 P = TypeVar("P")
 
-FAILED = 1
 _SPIN_S = 0.2
 _REPORT_NS = 1_000_000_000
 _JUMP_NS = 10 * _REPORT_NS
@@ -134,49 +126,6 @@ class StageNode(Node, Generic[P]):
         """Last words before the node goes; publishing still works."""
 
 
-def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
-    """Run a node until it fails or SIGINT or SIGTERM comes; the exit code."""
-    cv2.setNumThreads(1)
-    logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
-    signals = _Signals()
-    try:
-        # Own handlers: rclpy's close the context at once, and a second signal, which a launch file sends, while the
-        # node is being destroyed would end in a traceback.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
-        return _say(name, error)
-    node = None
-    try:
-        node = make_node()
-        node.work(signals.have_come)
-        if node.failure is not None:
-            return _say(name, node.failure)
-        node.finish()
-    except BodycamError as error:
-        return _say(name, error)
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-class _Signals:
-    """Notes SIGINT and SIGTERM."""
-
-    def __init__(self) -> None:
-        self._come = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def have_come(self) -> bool:
-        """Whether one has come."""
-        return self._come
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self._come = True
-
-
 def _executor() -> Executor:
     """The executor that takes half the time per message, where this rclpy has it."""
     try:
@@ -184,8 +133,3 @@ def _executor() -> Executor:
     except ImportError:
         return SingleThreadedExecutor()
     return EventsExecutor()
-
-
-def _say(name: str, error: Exception) -> int:
-    print(f"{name}: error: {error}", file=sys.stderr, flush=True)
-    return FAILED

@@ -14,7 +14,8 @@ from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.nodes.image_source import ImageSource
 from bodycam_ros.nodes.node_parameters import TrackerParameters
 from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.stage_node import StageNode, run
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker
 from bodycam_ros.recording.camera_image import decode_grey
 from bodycam_ros.tracking.feature_tracker import FeatureTracker

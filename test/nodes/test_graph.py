@@ -1,5 +1,6 @@
 """Which processes make the graph, and what the launch file makes of it; both without ROS."""
 
+import runpy
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,19 @@ def test_the_player_waits_for_the_graph() -> None:
 
 def test_the_launch_file_compiles() -> None:
     compile(LAUNCH_FILE.read_text(), str(LAUNCH_FILE), "exec")
+
+
+def test_the_launch_file_starts_the_graph_and_the_player(tmp_path: Path) -> None:
+    pytest.importorskip("launch_ros", reason="launch has no wheels; this test runs where ROS 2 is installed")
+    from launch import LaunchContext
+
+    described = runpy.run_path(str(LAUNCH_FILE))
+    assert described["generate_launch_description"]().entities
+    context = LaunchContext()
+    body = write_body(tmp_path / "body.yaml")
+    given = {"map": "map", "body": str(body), "cameras": "", "bagfile": "bag", "rate": "0.5", "config": "config.yaml"}
+    context.launch_configurations.update(given)
+    nodes = described["_nodes"](context)
+    assert [node.node_executable for node in nodes] == [
+        *("tracker", "tracker", "registration", "skeleton_solver", "player")
+    ]

@@ -1,0 +1,76 @@
+"""A node's life: it starts, works until it fails or is told to stop, and goes without a traceback."""
+
+import logging
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+import cv2
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.signals import SignalHandlerOptions
+
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.nodes.stage_node import StageNode
+
+FAILED = 1
+"""Exit code after an error of the user's."""
+
+
+def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
+    """Run a node until it fails or SIGINT or SIGTERM comes; the exit code."""
+    cv2.setNumThreads(1)
+    logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
+    signals = _Signals()
+    try:
+        # Own handlers: rclpy's close the context at once, and a second signal, which a launch file sends, while the
+        # node is being destroyed would end in a traceback.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
+        return _say(name, error)
+    node = None
+    try:
+        node = make_node()
+        node.work(signals.have_come)
+        if node.failure is not None:
+            return _say(name, node.failure)
+        node.finish()
+    except BodycamError as error:
+        return _say(name, error)
+    finally:
+        # A second signal must not cut the farewell short, not even while Python itself winds up.
+        signals.ignore()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+class _Signals:
+    """Notes SIGINT and SIGTERM."""
+
+    _NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self) -> None:
+        self._come = False
+        for number in self._NUMBERS:
+            signal.signal(number, self._note)
+
+    def ignore(self) -> None:
+        """From now on they do nothing."""
+        for number in self._NUMBERS:
+            signal.signal(number, signal.SIG_IGN)
+
+    def have_come(self) -> bool:
+        """Whether one has come."""
+        return self._come
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._come = True
+
+
+def _say(name: str, error: Exception) -> int:
+    print(f"{name}: error: {error}", file=sys.stderr, flush=True)
+    return FAILED
