@@ -13,8 +13,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_se3, hat
 from bodycam_ros.settings import setting
 
-_CONVERGED = 5e-5
-"""A step below this [rad, m] moves no landmark by more than some hundredths of a pixel."""
+_CONVERGED = 1e-4
+"""A step below this [rad, m] moves landmarks by some hundredths of a pixel; the next one would be far smaller yet."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def fit_pose(
             step = -np.linalg.solve(hessian + 1e-9 * np.eye(6) * max(np.trace(hessian), 1e-9), gradient)
         except np.linalg.LinAlgError:
             break
+        pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
         if scale <= settings.inlier_px and np.abs(step).max() < _CONVERGED:
             break
-        pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
         scale = max(0.5 * scale, settings.inlier_px)
     else:
         hessian, _, errors_px, _ = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px, settings)

@@ -17,6 +17,9 @@ class TrackerParameters:
     image_queue: int = setting(
         60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
     )
+    most_ahead: int = setting(
+        5, unit="frames", limits=(1, 10000), reason="how far the tracker may run ahead of the registration: 0.2 s"
+    )
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
+from bodycam_ros.nodes.answered_frames import AnsweredFrames
 from bodycam_ros.nodes.image_source import ImageSource
 from bodycam_ros.nodes.node_parameters import TrackerParameters
 from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
@@ -49,6 +50,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._convert = _CONVERTERS[transport]
         self._tracker: FeatureTracker | None = None
         self._waiting: deque[Message] = deque()
+        self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._tally = _Tally()
         self._tracks = self.publisher("bodycam_msgs/msg/FeatureTracks", f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self._info: Subscription | None = self.subscription(
@@ -78,13 +80,15 @@ class Tracker(StageNode[TrackerParameters]):
             return f"there is no {self.camera}/camera_info"
         if not self._is_heard():
             return f"nobody reads {self.camera}/tracks"
-        return "images come faster than they can be tracked"
+        return "images come faster than they are tracked and registered"
 
     def _is_heard(self) -> bool:
         return bool(self._tracks.get_subscription_count())
 
     def _track_next(self) -> None:
-        if self._waiting and self._tracker is not None and self._is_heard():
+        if self._tracker is None or not self._is_heard() or self._answers.must_wait():
+            return
+        if self._waiting:
             self._track(self._tracker, self._waiting.popleft())
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
@@ -97,6 +101,7 @@ class Tracker(StageNode[TrackerParameters]):
             self.skipped.add("images skipped", str(error))
         else:
             self._tracks.publish(tracks_message(self.make, frame))
+            self._answers.sent(frame.stamp_ns)
             self._tally.images += 1
             self._tally.tracks += len(frame.track_ids)
             self._tally.keyframes += frame.keyframe
@@ -106,9 +111,13 @@ class Tracker(StageNode[TrackerParameters]):
         if self._tracker is None:
             return
         try:
-            self._tracker.prune(landmark_matches(message, self.camera))
+            matches = landmark_matches(message, self.camera)
         except ValueError as error:
             self.skipped.add("landmarks skipped", f"{self.camera}/landmarks: malformed message ({error})")
+            return
+        self._tracker.prune(matches)
+        self._answers.answered(matches.stamp_ns)
+        self.soon(self._track_next)
 
     def _health(self) -> list[Health]:
         tally, self._tally = self._tally, _Tally()

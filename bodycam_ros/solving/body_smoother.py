@@ -78,6 +78,9 @@ class SmootherSettings:
         limits=(0, 10),
         reason="Gauss-Newton steps after the one that adds the frame; the next frame brings one anyway",
     )
+    covariance_interval: int = setting(
+        5, unit="frames", limits=(1, 100), reason="the root's covariance is evaluated on every so many frames"
+    )
     relinearize_threshold: float = setting(
         0.005, unit="rad, m", limits=(0.0, 1.0), reason="change of a pose beyond which its factors are linearised anew"
     )
@@ -174,8 +177,7 @@ class BodySmoother:
         self._add_motion_factors(factors, index, frame.stamp_ns, predicted)
         poses = {self._key(index, row): predicted[row] for row in range(len(self.body.segments))}
         self._back_end.update(factors, poses, 1e-9 * frame.stamp_ns)
-        # Taken while the instant is the newest, where it costs a fifth; the frames that follow only sharpen it.
-        root_covariance = self._back_end.covariance(self._key(index, self.body.segment_index[self.body.root]))
+        root_covariance = self._root_covariance(index)
         self._window.append(_Instant(index, frame.stamp_ns, len(evidence), root_covariance))
         self._count_refusals(evidence)
         return states + self._publish(self.settings.output_delay)
@@ -323,14 +325,25 @@ class BodySmoother:
 
     def _count_refusals(self, evidence: Mapping[str, SegmentPose]) -> None:
         """For how many frames in a row each camera has been far from the body that was solved."""
-        world_T_segment = self._poses(self._window[-1])
-        for camera, seen in evidence.items():
-            row = self.body.segment_index[seen.segment]
-            error = log_se3(inverse(world_T_segment[row]) @ seen.world_T_segment)
-            sigmas = float(np.sqrt(error @ np.linalg.solve(seen.covariance, error)))
-            self._refusals[camera] = (
-                self._refusals[camera] + 1 if sigmas > _REFUSED * self.settings.outlier_sigmas else 0
-            )
+        if not evidence:
+            return
+        rows = [self.body.segment_index[seen.segment] for seen in evidence.values()]
+        measured = np.stack([seen.world_T_segment for seen in evidence.values()])
+        errors = log_se3(inverse(self._poses(self._window[-1])[rows]) @ measured)
+        whitened = np.linalg.solve(np.stack([seen.covariance for seen in evidence.values()]), errors[:, :, None])
+        sigmas = np.sqrt(np.einsum("ni,ni->n", errors, whitened[:, :, 0]))
+        for camera, refused in zip(evidence, sigmas > _REFUSED * self.settings.outlier_sigmas, strict=True):
+            self._refusals[camera] = self._refusals[camera] + 1 if refused else 0
+
+    def _root_covariance(self, index: int) -> NDArray[np.float64]:
+        """Covariance (6, 6) of the root at the newest instant.
+
+        It costs as much as half an update, and changes slowly: between two evaluations the last one stands. For the
+        delayed state it is cautious, as the frames that follow only sharpen it.
+        """
+        if self._window and index % self.settings.covariance_interval:
+            return self._window[-1].root_covariance
+        return self._back_end.covariance(self._key(index, self.body.segment_index[self.body.root]))
 
     def _publish(self, delay: int) -> list[BodyState]:
         states = []

@@ -22,10 +22,10 @@ class TrackerSettings:
     """How many tracks, how old they may grow, and when to look for new ones."""
 
     keyframe_interval: int = setting(
-        12,
+        20,
         unit="frames",
         limits=(1, 300),
-        reason="SIFT costs as much as ten frames of tracking; 0.4 s between fresh names is bearable",
+        reason="SIFT costs as much as ten frames of tracking; two thirds of a second between fresh names are bearable",
     )
     keyframe_survival: float = setting(
         0.55,
@@ -33,7 +33,7 @@ class TrackerSettings:
         reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
     )
     keyframe_rotation: float = setting(
-        0.3,
+        0.4,
         unit="rad",
         limits=(0.01, 6.3),
         reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",

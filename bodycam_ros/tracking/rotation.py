@@ -26,7 +26,7 @@ class RotationSettings:
         "points agree and near ones do not",
     )
     hypotheses: int = setting(
-        48, limits=(8, 512), reason="pairs sampled; 48 find a clean pair among 70 % outliers with 98 %"
+        24, limits=(8, 512), reason="pairs sampled; 24 find a clean pair among 60 % outliers with 98 %"
     )
     min_inliers: int = setting(
         12, limits=(4, 200), reason="below this many agreeing tracks the rotation is called unknown"
