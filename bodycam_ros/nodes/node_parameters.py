@@ -62,6 +62,9 @@ class PlayerParameters:
         1, limits=(0, 100), reason="wait for so many readers of each camera_info; the whole graph has three a camera"
     )
     reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
+    settle: float = setting(
+        1.0, unit="s", limits=(0.0, 60.0), reason="once they are there, give them time to find each other as well"
+    )
 
 
 ALL: Final = (TrackerParameters, RegistrationParameters, SolverParameters, PlayerParameters)

@@ -49,6 +49,7 @@ class Player(StageNode[PlayerParameters]):
         while self.parameters.readers and not stopped():
             lacking = {topic for topic, each in publishers.items() if each.get_subscription_count() < wanted[topic]}
             if not lacking:
+                time.sleep(self.parameters.settle)
                 return
             if time.monotonic() > deadline_s:
                 raise RecordingError(

@@ -48,8 +48,9 @@ def test_live_joint_states_agree_with_the_replay(graph: Any, sample: Path, tmp_p
     nodes = live_graph(reference_map, body)
     assert sum(node.executable == "tracker" for node in nodes) == len(BodyModel.from_yaml(body).mounts) == 16
     graph.start(*(replace(node, parameters={**node.parameters, **GIVEN[node.executable]}) for node in nodes))
-    waiting = player(bag, RATE)
-    (playing,) = graph.start(replace(waiting, parameters={**waiting.parameters, "reader_wait": _START_S}))
+    patient = {"reader_wait": _START_S, "settle": 5.0}
+    playing_node = player(bag, RATE)
+    (playing,) = graph.start(replace(playing_node, parameters={**playing_node.parameters, **patient}))
 
     graph.until(lambda: any(graph.heard[topic] for topic in landmarks), _START_S + _SOON_S, "the graph runs")
     graph.until(lambda: playing.process.poll() is not None, _PLAY_S, "the bag is played")
