@@ -22,10 +22,10 @@ class TrackerSettings:
     """How many tracks, how old they may grow, and when to look for new ones."""
 
     keyframe_interval: int = setting(
-        20,
+        30,
         unit="frames",
         limits=(1, 300),
-        reason="SIFT costs as much as ten frames of tracking; two thirds of a second between fresh names are bearable",
+        reason="SIFT costs as much as ten frames of tracking, and a camera that hardly turns keeps its tracks",
     )
     keyframe_survival: float = setting(
         0.55,
@@ -33,7 +33,7 @@ class TrackerSettings:
         reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
     )
     keyframe_rotation: float = setting(
-        0.4,
+        0.6,
         unit="rad",
         limits=(0.01, 6.3),
         reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
@@ -86,6 +86,7 @@ class FeatureTracker:
         self._image: NDArray[np.uint8] | None = None
         self._stamp_ns = 0
         self._pixels = np.zeros((0, 2), np.float32)
+        self._bearings = np.zeros((0, 3))
         self._ids = np.zeros(0, np.uint32)
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
@@ -160,12 +161,12 @@ class FeatureTracker:
         """Move the tracks on and drop the lost ones; the rotation between the frames and its inliers."""
         if self._image is None or len(self._pixels) == 0:
             return np.eye(3), 0
-        bearings_previous, _ = self.camera.unproject(self._pixels)
+        bearings_previous = self._bearings
         predicted = self._predict(bearings_previous)
         pixels, alive = follow(self._image, image, self._pixels, predicted, self._flow)
         bearings_current, in_view = self.camera.unproject(pixels)
         alive &= in_view & self._in_mask(pixels)
-        self._pixels = pixels
+        self._pixels, self._bearings = pixels, bearings_current
         self._keep(alive)
         current_R_previous, agree = estimate_rotation(
             bearings_previous[alive], bearings_current[alive], self._rotation, seed=self._next_id
@@ -204,6 +205,7 @@ class FeatureTracker:
         new_ids = np.arange(self._next_id, self._next_id + len(fresh), dtype=np.uint32)
         self._next_id += len(fresh)
         self._pixels = np.concatenate([self._pixels, pixels])
+        self._bearings = np.concatenate([self._bearings, self.camera.unproject(pixels)[0]])
         self._ids = np.concatenate([self._ids, new_ids])
         self._born_ns = np.concatenate([self._born_ns, np.full(len(fresh), self._stamp_ns)])
         self._keyframe_ns = self._stamp_ns
@@ -213,7 +215,8 @@ class FeatureTracker:
         return described, keypoints.descriptors[fresh], keypoints.scales[fresh]
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
-        self._pixels, self._ids, self._born_ns = self._pixels[kept], self._ids[kept], self._born_ns[kept]
+        self._pixels, self._bearings = self._pixels[kept], self._bearings[kept]
+        self._ids, self._born_ns = self._ids[kept], self._born_ns[kept]
 
     def _in_mask(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         columns, rows = np.rint(pixels).astype(int).T if len(pixels) else (np.zeros(0, int), np.zeros(0, int))

@@ -30,7 +30,7 @@ class KeypointSettings:
         0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images"
     )
     max_keypoints: int = setting(
-        400,
+        350,
         limits=(50, 20000),
         reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred "
         "hold a pose to millimetres",

@@ -14,7 +14,7 @@ class OpticalFlowSettings:
     """Window, depth of the pyramid and tolerance of the check."""
 
     window_px: int = setting(
-        13,
+        11,
         unit="px",
         limits=(5, 41),
         reason="side of the matched patch; larger is steadier, slower and blurs depth edges",
