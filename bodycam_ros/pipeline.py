@@ -29,6 +29,7 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
@@ -53,6 +54,7 @@ class PipelineSettings:
     assembler: AssemblerSettings = field(default_factory=AssemblerSettings)
     smoother: SmootherSettings = field(default_factory=SmootherSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
+    trust: TrustSettings = field(default_factory=TrustSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
 
     @classmethod
@@ -103,7 +105,8 @@ class CameraPipeline:
         """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
         tracks = self._tracker.track(image, stamp_ns)
         matches = self._registrar.register(tracks)
-        self._tracker.prune(matches)
+        if matches.world_T_camera is not None:
+            self._tracker.prune(matches.stamp_ns, matches.track_ids)
         return tracks, matches
 
 
@@ -113,7 +116,6 @@ class BodyOutput:
 
     Attributes:
         state: poses of all segments.
-        frame: the registrations that it was solved from.
         joint_names: A names, in constant order.
         positions: (A,) continuous joint angles [rad].
         velocities: (A,) [rad/s].
@@ -121,7 +123,6 @@ class BodyOutput:
     """
 
     state: BodyState
-    frame: BodyFrame
     joint_names: tuple[str, ...]
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -144,11 +145,10 @@ class SkeletonPipeline:
         self.body = body
         self.assembler = FrameAssembler([name for name in cameras if name in body.mounts], settings.assembler)
         self._smoother = BodySmoother(
-            body, cameras, settings.smoother, settings.motion, settings.evidence, settings.pose_fit
+            body, cameras, settings.smoother, settings.motion, settings.evidence, settings.trust, settings.pose_fit
         )
         self._angle_tracker = JointAngleTracker(body)
         self._root = body.segment_index[body.root]
-        self._frames: dict[int, BodyFrame] = {}
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
@@ -163,7 +163,6 @@ class SkeletonPipeline:
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
         for frame in frames:
-            self._frames[frame.stamp_ns] = frame
             outputs += self._outputs(self._smoother.update(frame))
         return outputs
 
@@ -172,11 +171,7 @@ class SkeletonPipeline:
         for state in states:
             positions = self._angle_tracker.angles(state.world_T_segment)
             velocities, root_velocity = self._velocities(state, positions)
-            # Frames before the first registered camera have no state; they go with the first that has.
-            for stamp_ns in [stamp for stamp in self._frames if stamp < state.stamp_ns]:
-                del self._frames[stamp_ns]
-            frame = self._frames.pop(state.stamp_ns)
-            outputs.append(BodyOutput(state, frame, self._angle_tracker.names, positions, velocities, root_velocity))
+            outputs.append(BodyOutput(state, self._angle_tracker.names, positions, velocities, root_velocity))
             self._previous = (state, positions)
         return outputs
 

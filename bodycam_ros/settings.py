@@ -82,10 +82,18 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise SettingsError(f"{path}: cannot be read as YAML: {error}") from error
     try:
-        groups = document["/**"]["ros__parameters"]
-        return {group: dict(values) for group, values in groups.items() if isinstance(values, dict)}
+        parameters = document["/**"]["ros__parameters"].items()
     except (TypeError, KeyError, AttributeError) as error:
         raise SettingsError(f"{path}: expected a ROS parameter file with '/**: ros__parameters:' on top") from error
+    groups: dict[str, dict[str, Any]] = {}
+    for name, value in parameters:
+        # ROS knows two spellings: a mapping under the group's name, and the group joined to the setting by a dot.
+        if isinstance(value, dict):
+            groups.setdefault(name, {}).update(value)
+        elif "." in name:
+            group, setting_name = name.split(".", 1)
+            groups.setdefault(group, {})[setting_name] = value
+    return groups
 
 
 def _checked(description: SettingDescription, value: Any, source: str) -> Any:

@@ -4,8 +4,9 @@ import argparse
 import os
 from pathlib import Path
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
 from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.settings import read_settings_file
 
 
 def add_pipeline_flags(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +30,7 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
     """
     groups = PipelineSettings.groups()
     if arguments.config:
-        check_groups(arguments.config, set(groups))
+        PipelineSettings.from_mapping(read_settings_file(arguments.config), str(arguments.config))
     return PipelineSettings(
         **{
             group: settings_from_flags(arguments, group, settings_type, arguments.config)

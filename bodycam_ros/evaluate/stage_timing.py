@@ -17,8 +17,6 @@ from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline, feature_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_image import CameraImage, decode_grey
-from bodycam_ros.tracking.keypoints import KeypointDetector
-from bodycam_ros.tracking.optical_flow import follow
 
 
 @dataclass
@@ -29,8 +27,9 @@ class StageTiming:
         images: images processed.
         keyframes: of these, how many were described.
         instants: instants of the body solved.
-        seconds: stage -> seconds in all: decode, track, describe, register, and the solver's median per instant.
-        bare_opencv: seconds of the OpenCV calls alone that decode, track and describe rest on.
+        seconds: stage -> seconds over all images: decode, track, describe, register.
+        solve_s: the solver's seconds for each instant.
+        bare_opencv_s: seconds of the OpenCV calls alone that track and describe rest on.
     """
 
     images: int = 0
@@ -40,13 +39,15 @@ class StageTiming:
         default_factory=lambda: dict.fromkeys(("decode", "track", "describe", "register"), 0.0)
     )
     solve_s: list[float] = field(default_factory=list)
-    bare_opencv: float = 0.0
+    bare_opencv_s: float = 0.0
 
     @property
     def tracker_ratio(self) -> float:
         """Track and describe over the bare OpenCV calls."""
         return (
-            (self.seconds["track"] + self.seconds["describe"]) / self.bare_opencv if self.bare_opencv else float("nan")
+            (self.seconds["track"] + self.seconds["describe"]) / self.bare_opencv_s
+            if self.bare_opencv_s
+            else float("nan")
         )
 
     @property
@@ -92,31 +93,59 @@ def _time_camera(
 ) -> Iterator[LandmarkMatches]:
     tracker = feature_tracker(camera, settings)
     camera_registrar = registrar(camera, reference_map, settings)
-    detector = KeypointDetector(settings.keypoints)
-    nowhere_masked = np.full((camera.height, camera.width), 255, np.uint8)
+    bare = _BareOpenCv(settings)
     before: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None
     for image in images:
         with _add_to(timing.seconds, "decode"):
             grey = decode_grey(image)
-        spent = {"track": 0.0, "bare flow": 0.0, "bare keypoints": 0.0}
+        spent = {"track": 0.0, "flow": 0.0, "keypoints": 0.0}
         with _add_to(spent, "track"):
             tracks = tracker.track(grey, image.stamp_ns)
         if before is not None:
-            with _add_to(spent, "bare flow"):
-                follow(before[0], grey, before[1], before[1], settings.flow)
+            with _add_to(spent, "flow"):
+                bare.flow(before[0], grey, before[1])
         if tracks.keyframe:
-            with _add_to(spent, "bare keypoints"):
-                detector.detect(grey, nowhere_masked)
+            with _add_to(spent, "keypoints"):
+                bare.keypoints(grey)
         with _add_to(timing.seconds, "register"):
             matches = camera_registrar.register(tracks)
-        tracker.prune(matches)
-        before = (grey, matches.pixels)
+        followed = tracks.pixels
+        if matches.world_T_camera is not None:
+            tracker.prune(matches.stamp_ns, matches.track_ids)
+            followed = matches.pixels
+        before = (grey, followed)
         timing.images += 1
         timing.keyframes += tracks.keyframe
-        timing.seconds["track"] += spent["track"] - spent["bare keypoints"]
-        timing.seconds["describe"] += spent["bare keypoints"]
-        timing.bare_opencv += spent["bare flow"] + spent["bare keypoints"]
+        # Within a call the tracker does not tell its steps apart; the keypoints alone are what a keyframe costs more.
+        timing.seconds["track"] += spent["track"] - spent["keypoints"]
+        timing.seconds["describe"] += spent["keypoints"]
+        timing.bare_opencv_s += spent["flow"] + spent["keypoints"]
         yield matches
+
+
+class _BareOpenCv:
+    """The calls of OpenCV that the tracker cannot do without, and nothing around them."""
+
+    def __init__(self, settings: PipelineSettings) -> None:
+        window = (settings.flow.window_px, settings.flow.window_px)
+        self._forward = {"winSize": window, "maxLevel": settings.flow.pyramid_levels}
+        self._backward = {"winSize": window, "maxLevel": 0, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
+        self._scale = settings.keypoints.image_scale
+        self._sift = cv2.SIFT_create(
+            nfeatures=settings.keypoints.max_keypoints, contrastThreshold=settings.keypoints.contrast_threshold
+        )
+
+    def flow(self, previous: NDArray[np.uint8], current: NDArray[np.uint8], pixels: NDArray[np.float32]) -> None:
+        """Lucas-Kanade there and back."""
+        if len(pixels):
+            points = pixels.reshape(-1, 1, 2)
+            forward, _, _ = cv2.calcOpticalFlowPyrLK(previous, current, points, None, **self._forward)
+            cv2.calcOpticalFlowPyrLK(current, previous, forward, points.copy(), **self._backward)
+
+    def keypoints(self, image: NDArray[np.uint8]) -> None:
+        """SIFT of the image at the scale that the tracker uses."""
+        small = cv2.resize(image, None, fx=self._scale, fy=self._scale, interpolation=cv2.INTER_AREA)
+        self._sift.detectAndCompute(small, None)
 
 
 def _time_solver(

@@ -104,7 +104,8 @@ class Registrar:
             rows, fit = self._name_tracks(frame, rows, found, self._matching.lost_radius_px)
         if fit is None:
             return rows, None
-        return self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
+        named_rows, named_fit = self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
+        return (named_rows, named_fit) if named_fit else (rows, fit)
 
     def _carry(self, frame: TrackFrame) -> NDArray[np.int64]:
         """Rows of the frame's tracks that carry a landmark from before; ended tracks take theirs along."""
@@ -147,17 +148,22 @@ class Registrar:
             radius_px,
             self._matching,
         )
+        before = self._carried_ids, self._carried_landmarks, self._strikes
         # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
         stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
-        rows = np.concatenate([rows[self._forget(stale)], described[named]])
-        order = np.argsort(rows, kind="stable")
-        self._carried_ids = frame.track_ids[rows[order]]
+        all_rows = np.concatenate([rows[self._forget(stale)], described[named]])
+        order = np.argsort(all_rows, kind="stable")
+        self._carried_ids = frame.track_ids[all_rows[order]]
         self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
         # A fresh match has to prove itself at once; an old one may fail for a moment.
         fresh = np.full(len(landmarks), self.settings.max_strikes - 1)
         self._strikes = np.concatenate([self._strikes, fresh])[order]
-        rows = rows[order]
-        return rows, self._fit(frame, rows, pose)
+        fit = self._fit(frame, all_rows[order], pose)
+        if fit is None:
+            # Names that no pose confirms are worse than none.
+            self._carried_ids, self._carried_landmarks, self._strikes = before
+            return rows, None
+        return all_rows[order], fit
 
     def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
         """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1)."""

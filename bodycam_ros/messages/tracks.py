@@ -11,10 +11,8 @@ from bodycam_ros.messages.pose import (
     quaternion_message,
     rotation_from_message,
 )
+from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import TrackFrame
-
-DESCRIPTOR_LENGTH = 128
-"""Bytes of a RootSIFT descriptor."""
 
 
 def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import CalibrationError, RecordingError
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.camera_image import CameraImage
@@ -107,7 +108,11 @@ class Recording:
         for topic, _, message in self._bag.messages(source):
             camera = source[topic]
             convert = _IMAGE_TOPICS[topic.removeprefix(f"/{camera}")][1]
-            image = convert(message, camera)
+            try:
+                image = convert(message, camera)
+            except RecordingError as error:
+                # One bad image must not cost the others: it is refused where it is decoded.
+                image = CameraImage(camera, stamp_ns(message.header.stamp), error)
             if image.stamp_ns <= latest.get(camera, -1):
                 self._drop(image, latest[camera])
                 continue

@@ -16,20 +16,23 @@ class CameraImage:
     Attributes:
         camera: the camera's name.
         stamp_ns: mid-exposure of the middle row [ns].
-        content: the file's bytes (JPEG or PNG), or the grey pixels (H, W) uint8 of a raw image.
+        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, or the error that says why
+            there are none.
     """
 
     camera: str
     stamp_ns: int
-    content: bytes | NDArray[np.uint8]
+    content: bytes | NDArray[np.uint8] | RecordingError
 
 
 def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
     """Grey pixels (H, W) uint8.
 
     Raises:
-        RecordingError: the bytes are no image that OpenCV can decode.
+        RecordingError: the bytes are no image that OpenCV can decode, or the message was malformed.
     """
+    if isinstance(image.content, RecordingError):
+        raise image.content
     if isinstance(image.content, np.ndarray):
         return image.content
     encoded = np.frombuffer(image.content, dtype=np.uint8)

@@ -63,7 +63,10 @@ class WorkerFailure:
     error: BodycamError
 
 
-WorkerItem = RegisteredImage | SkippedImage | DroppedImages | WorkerFailure | None
+Result = RegisteredImage | SkippedImage | DroppedImages
+"""What became of an image, or of several."""
+
+WorkerItem = Result | WorkerFailure | None
 """What a worker sends; None is its last word."""
 
 
@@ -92,7 +95,7 @@ def run_camera_worker(
 
 def register_images(
     recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings
-) -> Iterator[RegisteredImage | SkippedImage | DroppedImages]:
+) -> Iterator[Result]:
     """Register the images of some cameras in the order in which they were recorded."""
     reference_map = ReferenceMap.load(map_path)
     with open_recording(recording_path) as recording:

@@ -3,8 +3,9 @@
 import multiprocessing
 import os
 import queue
+import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.context import SpawnProcess
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -12,9 +13,7 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.camera_worker import (
-    DroppedImages,
-    RegisteredImage,
-    SkippedImage,
+    Result,
     WorkerFailure,
     WorkerItem,
     run_camera_worker,
@@ -29,11 +28,10 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 def register_recording(
     recording_path: Path, cameras: Sequence[str], map_path: Path, settings: PipelineSettings, jobs: int
-) -> Iterator[RegisteredImage | SkippedImage | DroppedImages]:
+) -> Iterator[Result]:
     """Register all images of a recording in ``jobs`` processes.
 
-    The results come in an order that depends on the recording alone: always from the worker that is furthest behind
-    in the recording's time.
+    The results come in order of their stamps, whatever the number of processes and the pace of each.
 
     Raises:
         BodycamError: what went wrong for the user in a worker.
@@ -41,17 +39,12 @@ def register_recording(
     """
     shares = [tuple(cameras[start::jobs]) for start in range(min(jobs, len(cameras)))]
     with _workers(recording_path, shares, map_path, settings) as workers:
-        reached_ns = dict.fromkeys(range(len(workers)), -1)
-        while reached_ns:
-            behind = min(reached_ns, key=lambda worker: (reached_ns[worker], worker))
-            item = _receive(*workers[behind])
-            if item is None:
-                del reached_ns[behind]
-            elif isinstance(item, WorkerFailure):
-                raise item.error
-            else:
-                reached_ns[behind] = item.stamp_ns
-                yield item
+        pending = {worker: item for worker in range(len(workers)) if (item := _next_result(*workers[worker]))}
+        while pending:
+            earliest = min(pending, key=lambda worker: (pending[worker].stamp_ns, worker))
+            yield pending.pop(earliest)
+            if item := _next_result(*workers[earliest]):
+                pending[earliest] = item
 
 
 @contextmanager
@@ -85,13 +78,26 @@ def _workers(
             process.join()
 
 
+def _next_result(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> Result | None:
+    """The worker's next result, or None when it has sent its last.
+
+    Raises:
+        BodycamError: what went wrong for the user in the worker.
+        RecordingError: the worker was killed.
+    """
+    item = _receive(process, outbox)
+    if isinstance(item, WorkerFailure):
+        raise item.error
+    return item
+
+
 def _receive(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> WorkerItem:
-    while True:
-        try:
+    while process.is_alive():
+        with suppress(queue.Empty):
             return outbox.get(timeout=_POLL_S)
-        except queue.Empty:
-            if not process.is_alive():
-                raise RecordingError(
-                    f"a tracking process ended with exit code {process.exitcode}; if the machine ran out of memory, "
-                    "give fewer processes (--jobs)"
-                ) from None
+    # It may have sent its last word between the look at the queue and the look at the process.
+    with suppress(queue.Empty):
+        return outbox.get(timeout=_POLL_S)
+    killed = process.exitcode == -signal.SIGKILL
+    memory = "; the system killed it, most likely for want of memory: give fewer processes (--jobs)" if killed else ""
+    raise RecordingError(f"a tracking process ended with exit code {process.exitcode}{memory}")

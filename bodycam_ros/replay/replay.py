@@ -38,6 +38,7 @@ class ReplaySummary:
         instants: instants with at least one image.
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
+        late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
@@ -49,6 +50,7 @@ class ReplaySummary:
     solved: int = 0
     predicted: int = 0
     images: Counter[str] = field(default_factory=Counter)
+    late: int = 0
     registered: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
 
@@ -89,15 +91,17 @@ def replay(
     with open_recording(recording_path) as recording:
         cameras = _mounted_cameras(recording, body)
         summary = ReplaySummary(recording.duration_s)
-        start_ns = recording.start_ns
     skeleton = SkeletonPipeline(body, cameras, settings)
     with write_recording(output_path, force) as writer:
         out = _Output(writer, body, RegistrationHealth(cameras), summary)
-        out.write_latched(start_ns, reference_map)
+        start_ns = None
         for item in register_recording(recording_path, list(cameras), map_path, settings, jobs):
             if not isinstance(item, RegisteredImage):
                 _count_skipped(summary, item)
                 continue
+            if start_ns is None:
+                start_ns = item.stamp_ns
+                out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
             out.write_registration(item)
             out.write_states(skeleton.add(item.matches))
@@ -108,7 +112,15 @@ def replay(
                 f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
                 "is it the map of another place, or are the images too dark or blurred?"
             )
+        out.write_health(item.stamp_ns)
         summary.instants = skeleton.assembler.assembled
+        summary.late = skeleton.assembler.late
+        if summary.late:
+            logger.warning(
+                "%d registrations came after their instant had been solved without them; does a camera pause for "
+                "longer than assembler.max_wait?",
+                summary.late,
+            )
     summary.elapsed_s = time.monotonic() - started
     return summary
 
@@ -124,10 +136,11 @@ class _Output:
         self._health = health
         self._summary = summary
         self._make = recorded_messages()
-        self._health_due_ns = 0
+        self._health_due_ns = -1
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap) -> None:
         """What is published once: the robot and the map."""
+        self._health_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
         self._writer.write("/robot_description", stamp_ns, text_message(self._make, urdf_text(self._body)))
         points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
         self._writer.write("/map/points", stamp_ns, points)
@@ -140,8 +153,11 @@ class _Output:
             self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
         if image.stamp_ns >= self._health_due_ns:
             self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
-            report = diagnostics_message(self._make, image.stamp_ns, self._health.report())
-            self._writer.write("/diagnostics", image.stamp_ns, report)
+            self.write_health(image.stamp_ns)
+
+    def write_health(self, stamp_ns: int) -> None:
+        """How the cameras fared since the last report."""
+        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, self._health.report()))
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
         """The body at some instants."""

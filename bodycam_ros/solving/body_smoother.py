@@ -4,7 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.pose_fit import PoseFitSettings
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.back_end import BackEnd, BatchBackEnd, IncrementalBackEnd
+from bodycam_ros.solving.body_factors import BodyFactors, merged
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import (
@@ -30,13 +31,8 @@ from bodycam_ros.solving.camera_evidence import (
     turned,
     weak_evidence,
 )
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, orthonormal, predict
-
-_REFUSED = 5.0
-"""In units of ``outlier_sigmas``: where the Cauchy kernel has taken 96 % of a camera's weight."""
-
-_ANCHOR_RAD, _ANCHOR_M = 0.5, 0.5
-"""Sigmas of the first instant's anchor: next to a camera nothing, yet not too vague for a Cholesky factor."""
+from bodycam_ros.solving.camera_trust import CameraTrust, TrustSettings
+from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
 
 
 @dataclass(frozen=True)
@@ -61,18 +57,6 @@ class SmootherSettings:
         limits=(0.05, 10.0),
         reason="after a longer silence of all cameras the window begins anew: motion tells nothing across it",
     )
-    blind_after: float = setting(
-        0.25,
-        unit="s",
-        limits=(0.0, 10.0),
-        reason="a segment unseen for this long starts where its camera says, not where it was predicted",
-    )
-    max_refusals: int = setting(
-        3,
-        unit="frames",
-        limits=(1, 100),
-        reason="a camera far from the body for this many frames in a row is believed: wrong registrations are rarer",
-    )
     extra_updates: int = setting(
         0,
         limits=(0, 10),
@@ -94,8 +78,11 @@ class SmootherSettings:
 
 @dataclass(frozen=True)
 class _Instant:
+    """An instant of the window: its number, its stamp, each camera's own stamp, and what is known of it already."""
+
     index: int
     stamp_ns: int
+    camera_stamps_ns: Mapping[str, int]
     cameras_used: int
     root_covariance: NDArray[np.float64]
 
@@ -106,7 +93,7 @@ class BodySmoother:
     Args:
         body: segments, joints and mounts.
         cameras: models of the cameras, by name.
-        settings, motion, evidence, pose_fit: settings of the smoother and of its steps.
+        settings, motion, evidence, trust, pose_fit: settings of the smoother and of its steps.
 
     Raises:
         BodyError: no camera is mounted on the body.
@@ -119,6 +106,7 @@ class BodySmoother:
         settings: SmootherSettings | None = None,
         motion: MotionSettings | None = None,
         evidence: EvidenceSettings | None = None,
+        trust: TrustSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
     ) -> None:
         self.body = body
@@ -131,8 +119,9 @@ class BodySmoother:
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
+        self._trust_settings = trust or TrustSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self._joint_noises = [gtsam.noiseModel.Gaussian.Information(joint.information) for joint in body.joints]
+        self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._motion)
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -144,8 +133,7 @@ class BodySmoother:
         )
         self._window: deque[_Instant] = deque(maxlen=max(3, self.settings.output_delay + 1))
         self._published = -1
-        self._seen_ns: dict[str, int] = {}
-        self._refusals: Counter[str] = Counter()
+        self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings)
         self._replaced: set[int] = set()
 
     def update(self, frame: BodyFrame) -> list[BodyState]:
@@ -160,26 +148,26 @@ class BodySmoother:
             if camera in self._cameras
             and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
         }
-        states: list[BodyState] = []
-        if self._window and frame.stamp_ns - self._window[-1].stamp_ns > 1e9 * self.settings.max_pause:
-            states = self.flush()
-            self._begin_anew()
+        states = self._publish_leaving(frame.stamp_ns)
         if not self._window and not evidence:
             return states
         predicted, turns = self._predict(frame, evidence)
         evidence |= self._weak_evidence(frame, set(evidence), predicted)
 
         index = self._window[-1].index + 1 if self._window else 0
-        factors = gtsam.NonlinearFactorGraph()
-        self._add_camera_factors(factors, index, evidence)
-        self._add_turn_factors(factors, index, turns, predicted)
-        self._add_joint_factors(factors, index, predicted)
-        self._add_motion_factors(factors, index, frame.stamp_ns, predicted)
-        poses = {self._key(index, row): predicted[row] for row in range(len(self.body.segments))}
-        self._back_end.update(factors, poses, 1e-9 * frame.stamp_ns)
-        root_covariance = self._root_covariance(index)
-        self._window.append(_Instant(index, frame.stamp_ns, len(evidence), root_covariance))
-        self._count_refusals(evidence)
+        graphs = {
+            "cameras": self._factors.cameras(index, evidence.values()),
+            "turns": self._factors.turns(index, turns),
+            "joints": self._factors.joints(index, predicted),
+            "past": self._past(index, frame.stamp_ns, predicted),
+        }
+        poses = dict(zip(self._factors.keys(index), predicted, strict=True))
+        self._back_end.update(merged(graphs), poses, 1e-9 * frame.stamp_ns)
+
+        root_covariance = self._root_covariance(index, seen=bool(evidence))
+        stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
+        self._window.append(_Instant(index, frame.stamp_ns, stamps_ns, len(evidence), root_covariance))
+        self._trust.compare(evidence, self._poses(self._window[-1]))
         return states + self._publish(self.settings.output_delay)
 
     def flush(self) -> list[BodyState]:
@@ -188,55 +176,65 @@ class BodySmoother:
             self._back_end.settle()
         return self._publish(0)
 
+    def _publish_leaving(self, stamp_ns: int) -> list[BodyState]:
+        """States that cannot wait any longer: after a pause all, else those that the window is about to lose."""
+        if not self._window:
+            return []
+        pause_s = 1e-9 * (stamp_ns - self._window[-1].stamp_ns)
+        if pause_s > min(self.settings.max_pause, self.settings.window):
+            states = self.flush()
+            self._begin_anew()
+            return states
+        leaves_before_ns = stamp_ns - 1e9 * self.settings.window
+        staying = sum(instant.stamp_ns > leaves_before_ns for instant in self._window)
+        return self._publish(staying)
+
     def _predict(
         self, frame: BodyFrame, evidence: Mapping[str, SegmentPose]
-    ) -> tuple[NDArray[np.float64], dict[str, SegmentTurn]]:
+    ) -> tuple[NDArray[np.float64], list[tuple[int, SegmentTurn]]]:
         """Start values (S, 4, 4) of the new instant, and the turns of the segments that no camera is registered on."""
+        turns: list[tuple[int, SegmentTurn]] = []
         if not self._window:
-            predicted, turns = self._first_poses(frame), {}
+            predicted = self._first_poses(frame)
         else:
             predicted = self._predict_motion(frame.stamp_ns)
             turns = self._predict_turns(frame, {seen.segment for seen in evidence.values()}, predicted)
-        self._replaced = set()
-        for camera, seen in evidence.items():
-            # A limb that was blind may have gone anywhere, and from there the robust kernel would refuse its camera for
-            # ever; so it would from a state gone wrong.
-            blind = frame.stamp_ns - self._seen_ns.get(seen.segment, 0) > 1e9 * self.settings.blind_after
-            if blind or self._refusals[camera] >= self.settings.max_refusals:
-                row = self.body.segment_index[seen.segment]
-                predicted[row] = orthonormal(seen.world_T_segment[None])[0]
-                self._replaced.add(row)
-            self._seen_ns[seen.segment] = frame.stamp_ns
+        believed = self._trust.believed(evidence, frame.stamp_ns)
+        for row, world_T_segment in believed.items():
+            predicted[row] = orthonormal(world_T_segment[None])[0]
+        self._replaced = set(believed)
         return predicted, turns
 
     def _predict_motion(self, stamp_ns: int) -> NDArray[np.float64]:
         """Poses (S, 4, 4) at the velocity of the latest two instants."""
         latest = self._window[-1]
+        world_T_segment = self._poses(latest)
         if len(self._window) == 1:
-            return self._poses(latest)
+            return world_T_segment
         before = self._window[-2]
         time_ratio = (stamp_ns - latest.stamp_ns) / (latest.stamp_ns - before.stamp_ns)
-        predicted = predict(self._poses(before), self._poses(latest), time_ratio, self._motion)
+        predicted = predict(self._poses(before), world_T_segment, time_ratio, self._motion)
         # Where a segment was put elsewhere, the step before is no velocity.
         for row in self._replaced:
-            predicted[row] = self._poses(latest)[row]
+            predicted[row] = world_T_segment[row]
         return predicted
 
     def _predict_turns(
         self, frame: BodyFrame, seen: set[str], predicted: NDArray[np.float64]
-    ) -> dict[str, SegmentTurn]:
-        """Turns by camera of the segments that are not seen; their prediction is turned accordingly, in place."""
-        latest = self._window[-1]
-        turns = {}
+    ) -> list[tuple[int, SegmentTurn]]:
+        """Turns of the segments that are not seen, and since which instant; their prediction is turned, in place."""
+        turns = []
         for camera, matches in frame.matches.items():
             mount = self.body.mounts.get(camera)
-            if mount is None or mount.segment in seen or matches.previous_stamp_ns != latest.stamp_ns:
+            if mount is None or mount.segment in seen:
                 continue
+            # By the camera's own stamps: those of other cameras may be off by some milliseconds.
+            since = next((i for i in self._window if i.camera_stamps_ns.get(camera) == matches.previous_stamp_ns), None)
             turn = rotation_evidence(matches, mount, self._evidence)
-            if turn:
+            if since and turn and frame.stamp_ns - since.stamp_ns < 1e9 * self.settings.window:
                 row = self.body.segment_index[mount.segment]
-                turns[camera] = turn
-                predicted[row] = turned(self._poses(latest)[row], turn, predicted[row])
+                turns.append((since.index, turn))
+                predicted[row] = turned(self._poses(since)[row], turn, predicted[row])
         return turns
 
     def _first_poses(self, frame: BodyFrame) -> NDArray[np.float64]:
@@ -269,83 +267,28 @@ class BodySmoother:
                     weak[camera] = seen
         return weak
 
-    def _add_camera_factors(
-        self, factors: gtsam.NonlinearFactorGraph, index: int, evidence: Mapping[str, SegmentPose]
-    ) -> None:
-        """E_r of A eq. 8: each camera's reprojection errors, condensed to its pose and information."""
-        kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(self.settings.outlier_sigmas)
-        for seen in evidence.values():
-            noise = gtsam.noiseModel.Robust.Create(kernel, gtsam.noiseModel.Gaussian.Covariance(seen.covariance))
-            key = self._key(index, self.body.segment_index[seen.segment])
-            factors.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(seen.world_T_segment), noise))
-
-    def _add_turn_factors(
-        self,
-        factors: gtsam.NonlinearFactorGraph,
-        index: int,
-        turns: Mapping[str, SegmentTurn],
-        predicted: NDArray[np.float64],
-    ) -> None:
-        """Second term of A eq. 8: the rotation between frames holds a segment whose cameras are not registered."""
-        if not turns:
-            return
-        world_T_segment = self._poses(self._window[-1])
-        for turn in turns.values():
-            row = self.body.segment_index[turn.segment]
-            previous_t_segment = (inverse(world_T_segment[row]) @ predicted[row])[:3, 3]
-            measured = gtsam.Pose3(gtsam.Rot3(turn.previous_R_segment), previous_t_segment)
-            noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([turn.sigma, 10.0], 3))
-            factors.add(gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), measured, noise))
-
-    def _add_joint_factors(
-        self, factors: gtsam.NonlinearFactorGraph, index: int, predicted: NDArray[np.float64]
-    ) -> None:
-        """The skeleton (A eq. 3-5) as soft constraints: tight where a joint holds, loose where it turns."""
-        for joint, noise in zip(self.body.joints, self._joint_noises, strict=True):
-            parent, child = self.body.segment_index[joint.parent], self.body.segment_index[joint.child]
-            measured = gtsam.Pose3(joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child]))
-            factors.add(gtsam.BetweenFactorPose3(self._key(index, parent), self._key(index, child), measured, noise))
-
-    def _add_motion_factors(
-        self, factors: gtsam.NonlinearFactorGraph, index: int, stamp_ns: int, predicted: NDArray[np.float64]
-    ) -> None:
-        """E_O and E_A of A eq. 10-11, on velocities; the first instant gets a vague anchor instead."""
+    def _past(self, index: int, stamp_ns: int, predicted: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
+        """How the instant hangs on the one before, or what stands in for it at the start."""
         if not self._window:
-            vague = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([_ANCHOR_RAD, _ANCHOR_M], 3))
-            for row, pose in enumerate(predicted):
-                factors.add(gtsam.PriorFactorPose3(self._key(index, row), gtsam.Pose3(pose), vague))
-            return
+            return self._factors.anchor(index, predicted)
         latest = self._window[-1]
-        noise = gtsam.noiseModel.Diagonal.Sigmas(motion_sigmas(1e-9 * (stamp_ns - latest.stamp_ns), self._motion))
-        steps = inverse(self._poses(latest)) @ predicted
-        for row, step in enumerate(steps):
-            factors.add(
-                gtsam.BetweenFactorPose3(self._key(index - 1, row), self._key(index, row), gtsam.Pose3(step), noise)
-            )
+        dt_s = 1e-9 * (stamp_ns - latest.stamp_ns)
+        previous_dt_s = 1e-9 * (latest.stamp_ns - self._window[-2].stamp_ns) if len(self._window) > 1 else dt_s
+        return self._factors.motion(index, inverse(self._poses(latest)) @ predicted, dt_s, previous_dt_s)
 
-    def _count_refusals(self, evidence: Mapping[str, SegmentPose]) -> None:
-        """For how many frames in a row each camera has been far from the body that was solved."""
-        if not evidence:
-            return
-        rows = [self.body.segment_index[seen.segment] for seen in evidence.values()]
-        measured = np.stack([seen.world_T_segment for seen in evidence.values()])
-        errors = log_se3(inverse(self._poses(self._window[-1])[rows]) @ measured)
-        whitened = np.linalg.solve(np.stack([seen.covariance for seen in evidence.values()]), errors[:, :, None])
-        sigmas = np.sqrt(np.einsum("ni,ni->n", errors, whitened[:, :, 0]))
-        for camera, refused in zip(evidence, sigmas > _REFUSED * self.settings.outlier_sigmas, strict=True):
-            self._refusals[camera] = self._refusals[camera] + 1 if refused else 0
-
-    def _root_covariance(self, index: int) -> NDArray[np.float64]:
+    def _root_covariance(self, index: int, seen: bool) -> NDArray[np.float64]:
         """Covariance (6, 6) of the root at the newest instant.
 
-        It costs as much as half an update, and changes slowly: between two evaluations the last one stands. For the
-        delayed state it is cautious, as the frames that follow only sharpen it.
+        It costs as much as half an update and changes slowly while cameras speak: then the last one stands for some
+        frames. While the body is seen it is cautious for the delayed state, which later frames sharpen; while no camera
+        speaks it grows too slowly, because velocity is not a variable of the graph.
         """
-        if self._window and index % self.settings.covariance_interval:
+        if self._window and seen and index % self.settings.covariance_interval:
             return self._window[-1].root_covariance
-        return self._back_end.covariance(self._key(index, self.body.segment_index[self.body.root]))
+        return self._back_end.covariance(self._factors.key(index, self.body.segment_index[self.body.root]))
 
     def _publish(self, delay: int) -> list[BodyState]:
+        """States of the instants that at least ``delay`` others have followed."""
         states = []
         for instant in self._window:
             if self._published < instant.index <= self._window[-1].index - delay:
@@ -363,8 +306,4 @@ class BodySmoother:
         return states
 
     def _poses(self, instant: _Instant) -> NDArray[np.float64]:
-        keys = [self._key(instant.index, row) for row in range(len(self.body.segments))]
-        return orthonormal(self._back_end.poses(keys))
-
-    def _key(self, index: int, row: int) -> int:
-        return index * len(self.body.segments) + row
+        return orthonormal(self._back_end.poses(self._factors.keys(instant.index)))

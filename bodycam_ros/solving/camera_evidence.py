@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import adjoint, inverse, rigid
+from bodycam_ros.geometry import adjoint, inverse, log_se3, rigid
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.mapping.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.settings import setting
@@ -36,7 +36,18 @@ class EvidenceSettings:
         reason="of the rotation between frames; parallax of near things biases it by some tenths of a degree",
     )
     min_weak_landmarks: int = setting(
-        4, limits=(3, 50), reason="an unregistered camera with fewer landmarks in agreement says nothing"
+        6, limits=(3, 50), reason="an unregistered camera with fewer landmarks in agreement says nothing"
+    )
+    min_weak_share: float = setting(
+        0.7,
+        limits=(0.0, 1.0),
+        reason="share of its landmarks that must agree; of wrong ones some always agree by chance",
+    )
+    max_weak_turn: float = setting(
+        0.2, unit="rad", limits=(0.0, 3.2), reason="how far its rotation may be from the body's prediction"
+    )
+    max_weak_shift: float = setting(
+        0.15, unit="m", limits=(0.0, 5.0), reason="how far its position may be from the body's prediction"
     )
 
 
@@ -73,12 +84,18 @@ def weak_evidence(
     pose_fit: PoseFitSettings,
     settings: EvidenceSettings,
 ) -> SegmentPose | None:
-    """What the few landmarks of an unregistered camera say, looked at from where the body should be."""
+    """What the few landmarks of an unregistered camera say, fitted from where the body should be.
+
+    A handful of wrong matches agree on some pose or other: most of them must agree, and not far from the prediction.
+    """
     if len(matches.track_ids) < settings.min_weak_landmarks:
         return None
     start = predicted_world_T_segment @ mount.segment_T_camera
     fit = fit_pose(camera, matches.points_world, matches.pixels, start, pose_fit)
-    if fit.inliers.sum() < settings.min_weak_landmarks:
+    needed = max(settings.min_weak_landmarks, settings.min_weak_share * len(matches.track_ids))
+    moved = log_se3(inverse(start) @ fit.world_T_camera)
+    near = np.linalg.norm(moved[:3]) < settings.max_weak_turn and np.linalg.norm(moved[3:]) < settings.max_weak_shift
+    if fit.inliers.sum() < needed or not near:
         return None
     # Directions that the few landmarks leave open must stay open: a vague prior makes the information invertible.
     vague = np.diag(np.repeat([1.0, 1.0], 3))

@@ -89,5 +89,5 @@ class FrameAssembler:
             camera: queue.popleft() for camera, queue in self._queues.items() if queue and queue[0].stamp_ns <= last_ns
         }
         self.assembled += 1
-        self._assembled_ns = max(seen.stamp_ns for seen in matches.values())
+        self._assembled_ns = max(self._assembled_ns, *(seen.stamp_ns for seen in matches.values()))
         return BodyFrame(stamp_ns, matches)

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
@@ -91,7 +90,7 @@ class FeatureTracker:
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
         self._keyframe_ns = 0
-        self._frames_since_keyframe = 0
+        self._frames_since_keyframe = self.settings.min_keyframe_gap  # the first image is a keyframe
         self._tracks_at_keyframe = 0
         self._turned = 0.0
         self._rotation_per_frame = np.eye(3)
@@ -129,19 +128,18 @@ class FeatureTracker:
             rotation_inliers=rotation_inliers,
         )
 
-    def prune(self, matches: LandmarkMatches) -> None:
-        """Drop the tracks that were offered to the registrar and found no landmark, while the camera is registered.
+    def prune(self, stamp_ns: int, named: NDArray[np.uint32]) -> None:
+        """Drop the tracks that the registrar found no landmark for; call it while the camera is registered.
 
-        Most keypoints are none of the map's landmarks; to follow them would cost more than all the others. It does not
-        matter to the poses when this happens: a live graph may be some frames late.
+        Most keypoints are none of the map's landmarks, and to follow them would cost more than all the others. A live
+        graph may be some frames late with this: unnamed tracks take no part in a pose.
 
         Args:
-            matches: what the registrar made of an earlier frame of this tracker.
+            stamp_ns: the frame that the registrar speaks of [ns].
+            named: (N,) ids of the tracks that carried a landmark in it.
         """
-        if matches.world_T_camera is None:
-            return
-        self._keep(np.isin(self._ids, matches.track_ids) | (self._born_ns > matches.stamp_ns))
-        if matches.stamp_ns == self._keyframe_ns:
+        self._keep(np.isin(self._ids, named) | (self._born_ns > stamp_ns))
+        if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
 
     def _check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
@@ -151,7 +149,7 @@ class FeatureTracker:
                 f"camera {self.camera.name}: image of {image.shape[1]}x{image.shape[0]} pixels, but its camera_info "
                 f"says {expected[1]}x{expected[0]}; record camera_info at the resolution of the images"
             )
-        if stamp_ns <= self._stamp_ns:
+        if self._image is not None and stamp_ns <= self._stamp_ns:
             raise RecordingError(
                 f"camera {self.camera.name}: stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; "
                 "images must come in order of time"
@@ -190,7 +188,7 @@ class FeatureTracker:
             or self._turned > self.settings.keyframe_rotation
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
         )
-        return due and (self._next_id == 1 or self._frames_since_keyframe >= self.settings.min_keyframe_gap)
+        return due and self._frames_since_keyframe >= self.settings.min_keyframe_gap
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""

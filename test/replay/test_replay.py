@@ -49,6 +49,20 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
         assert np.array_equal(one[stamp][1], two[stamp][1])
 
 
+def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_path: Path) -> None:
+    def late(topic: str, number: int, message: object) -> object:
+        return None if topic == "/thigh_left/image_raw/compressed" and number < 40 else message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", late, frames=45)
+    settings = PipelineSettings.from_mapping({"assembler": {"max_wait": 0.5}}, "test")
+    for name, jobs in (("one", 1), ("three", 3)):
+        summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, settings, jobs)
+        assert (summary.solved, summary.late) == (45, 0)
+        assert dict(summary.images) == {"waist_front": 45, "torso_front": 45, "thigh_left": 5}
+    one, three = joint_states(tmp_path / "one"), joint_states(tmp_path / "three")
+    assert all(np.array_equal(one[stamp][1], three[stamp][1]) for stamp in one)
+
+
 def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Path) -> None:
     summary = replay(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
     assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)

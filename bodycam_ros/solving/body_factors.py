@@ -1,0 +1,103 @@
+"""The factors of one instant of the body (A eq. 8, 10-11): gtsam's native ones only, so that it never calls back."""
+
+from collections.abc import Iterable, Mapping
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import inverse
+from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
+
+_ANCHOR_RAD, _ANCHOR_M = 0.5, 0.5
+"""Sigmas of the first instant's anchor: next to a camera nothing, yet not too vague for a Cholesky factor."""
+
+_NO_OPINION_M = 10.0
+"""Sigma of the translation of a factor that speaks of rotation only."""
+
+
+class BodyFactors:
+    """Collects the factors that a new instant brings.
+
+    Args:
+        body: segments and joints.
+        outlier_sigmas: scale of the Cauchy kernel on registrations.
+        motion: sigmas of smoothness.
+    """
+
+    def __init__(self, body: BodyModel, outlier_sigmas: float, motion: MotionSettings) -> None:
+        self._body = body
+        self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(outlier_sigmas)
+        self._motion = motion
+        self._joint_noises = [gtsam.noiseModel.Gaussian.Information(joint.information) for joint in body.joints]
+
+    def key(self, index: int, row: int) -> int:
+        """Variable of a segment (its row in the body) at an instant."""
+        return index * len(self._body.segments) + row
+
+    def keys(self, index: int) -> list[int]:
+        """Variables of all segments at an instant."""
+        return [self.key(index, row) for row in range(len(self._body.segments))]
+
+    def cameras(self, index: int, evidence: Iterable[SegmentPose]) -> gtsam.NonlinearFactorGraph:
+        """E_r of A eq. 8: each camera's reprojection errors, condensed to its pose and information."""
+        graph = gtsam.NonlinearFactorGraph()
+        for seen in evidence:
+            noise = gtsam.noiseModel.Robust.Create(self._kernel, gtsam.noiseModel.Gaussian.Covariance(seen.covariance))
+            key = self.key(index, self._body.segment_index[seen.segment])
+            graph.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(seen.world_T_segment), noise))
+        return graph
+
+    def turns(self, index: int, turns: Iterable[tuple[int, SegmentTurn]]) -> gtsam.NonlinearFactorGraph:
+        """Second term of A eq. 8: rotations since earlier instants hold the segments that no camera is registered on.
+
+        Args:
+            index: of the new instant.
+            turns: index of the earlier instant, and the turn since then.
+        """
+        graph = gtsam.NonlinearFactorGraph()
+        for since, turn in turns:
+            row = self._body.segment_index[turn.segment]
+            measured = gtsam.Pose3(gtsam.Rot3(turn.previous_R_segment), np.zeros(3))
+            noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([turn.sigma, _NO_OPINION_M], 3))
+            graph.add(gtsam.BetweenFactorPose3(self.key(since, row), self.key(index, row), measured, noise))
+        return graph
+
+    def joints(self, index: int, predicted: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
+        """The skeleton (A eq. 3-5) around predicted poses (S, 4, 4): tight where joints hold, loose where they turn."""
+        graph = gtsam.NonlinearFactorGraph()
+        for joint, noise in zip(self._body.joints, self._joint_noises, strict=True):
+            parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
+            measured = gtsam.Pose3(joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child]))
+            graph.add(gtsam.BetweenFactorPose3(self.key(index, parent), self.key(index, child), measured, noise))
+        return graph
+
+    def anchor(self, index: int, start: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
+        """What the first instant has in place of a past: (S, 4, 4) start values, loosely."""
+        graph = gtsam.NonlinearFactorGraph()
+        vague = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([_ANCHOR_RAD, _ANCHOR_M], 3))
+        for row, pose in enumerate(start):
+            graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(pose), vague))
+        return graph
+
+    def motion(
+        self, index: int, steps: NDArray[np.float64], dt_s: float, previous_dt_s: float
+    ) -> gtsam.NonlinearFactorGraph:
+        """E_O and E_A of A eq. 10-11, on velocities: steps (S, 4, 4) from the instant before that keep the velocity."""
+        graph = gtsam.NonlinearFactorGraph()
+        noise = gtsam.noiseModel.Diagonal.Sigmas(motion_sigmas(dt_s, previous_dt_s, self._motion))
+        for row, step in enumerate(steps):
+            graph.add(
+                gtsam.BetweenFactorPose3(self.key(index - 1, row), self.key(index, row), gtsam.Pose3(step), noise)
+            )
+        return graph
+
+
+def merged(graphs: Mapping[str, gtsam.NonlinearFactorGraph]) -> gtsam.NonlinearFactorGraph:
+    """All factors of named graphs in one."""
+    together = gtsam.NonlinearFactorGraph()
+    for graph in graphs.values():
+        together.push_back(graph)
+    return together
