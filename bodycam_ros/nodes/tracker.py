@@ -115,7 +115,8 @@ class Tracker(StageNode[TrackerParameters]):
         except ValueError as error:
             self.skipped.add("landmarks skipped", f"{self.camera}/landmarks: malformed message ({error})")
             return
-        self._tracker.prune(matches)
+        if matches.world_T_camera is not None:
+            self._tracker.prune(matches.stamp_ns, matches.track_ids)
         self._answers.answered(matches.stamp_ns)
         self.soon(self._track_next)
 
