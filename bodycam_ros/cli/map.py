@@ -91,7 +91,7 @@ def _shown_progress() -> Iterator[_ShownProgress]:
 
 def _report(built: "BuiltMap", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
-    console = Console()
+    console = Console(markup=False)
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
     for r in built.registrations:
         table.add_row(
