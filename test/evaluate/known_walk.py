@@ -24,7 +24,6 @@ from bodycam_ros.messages.tracks import landmarks_message, tracks_message
 from bodycam_ros.pipeline import BodyOutput
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -184,7 +183,7 @@ def _body_messages(walk: Walk) -> list[Stamped]:
     for stamp_ns, poses in zip(walk.stamps_ns.tolist(), walk.world_T_segment, strict=True):
         state = BodyState(stamp_ns, walk.body.segments, poses, covariance, cameras_used=2, predicted=False)
         angles = tracker.angles(poses)
-        output = BodyOutput(state, BodyFrame(stamp_ns, {}), tracker.names, angles, np.zeros(len(angles)), np.zeros(6))
+        output = BodyOutput(state, tracker.names, angles, np.zeros(len(angles)), np.zeros(6))
         topics = output_messages(recorded_messages(), output, walk.body)
         messages += [(topic, stamp_ns, message) for topic, message in topics.items()]
     return messages
