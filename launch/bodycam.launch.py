@@ -26,6 +26,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "cameras", default_value="", description="names with commas; all of the body if empty"
             ),
+            DeclareLaunchArgument(
+                "registrations", default_value="4", description="processes that share the registration of the cameras"
+            ),
             DeclareLaunchArgument("bagfile", default_value="", description="ros2 bag or .mcap file to play"),
             DeclareLaunchArgument("rate", default_value="1.0", description="times the recorded speed, for bagfile"),
             DeclareLaunchArgument(
@@ -44,7 +47,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         return LaunchConfiguration(name).perform(context)
 
     cameras = [camera.strip() for camera in value("cameras").split(",") if camera.strip()]
-    nodes = live_graph(Path(value("map")), Path(value("body")), cameras)
+    nodes = live_graph(Path(value("map")), Path(value("body")), cameras, int(value("registrations")))
     if value("bagfile"):
         # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
         nodes.append(player(Path(value("bagfile")), float(value("rate"))))

@@ -40,11 +40,15 @@ class Started:
     def printed(self) -> str:
         return self._log.read_text()
 
-    def end(self) -> int:
-        """Exit code; a process that still runs gets SIGINT, twice, as a launch file does."""
+    def interrupt(self) -> None:
+        """Send SIGINT, twice, as a launch file does."""
         for _ in range(2):
             if self.process.poll() is None:
                 self.process.send_signal(signal.SIGINT)
+
+    def end(self) -> int:
+        """Exit code; a process that still runs is interrupted."""
+        self.interrupt()
         try:
             return self.process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:
@@ -127,6 +131,10 @@ class Graph:
         """What the processes printed, for a failure's message."""
         texts = (f"--- {each.node.name} ({each.process.poll()})\n{each.printed}" for each in self.started)
         return "\n".join(text for text in texts)
+
+    def end(self) -> dict[str, int]:
+        """Interrupt the nodes one after the other; exit codes by node's name."""
+        return {each.node.name: each.end() for each in self.started}
 
     def close(self) -> None:
         for each in self.started:

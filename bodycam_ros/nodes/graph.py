@@ -34,13 +34,16 @@ class NodeProcess:
         return arguments + [part for parameter in given for part in ("-p", parameter)]
 
 
-def live_graph(reference_map: Path, body: Path, cameras: Sequence[str] = ()) -> list[NodeProcess]:
+def live_graph(
+    reference_map: Path, body: Path, cameras: Sequence[str] = (), registrations: int = 1
+) -> list[NodeProcess]:
     """A tracker for each camera, the registration and the solver.
 
     Args:
         reference_map: folder of the map.
         body: body YAML.
         cameras: those to use; all of the body if empty.
+        registrations: processes that share the registration of the cameras among them.
 
     Raises:
         BodyError: the body cannot be read, carries no camera, or lacks one of ``cameras``.
@@ -51,9 +54,14 @@ def live_graph(reference_map: Path, body: Path, cameras: Sequence[str] = ()) -> 
     used = list(cameras) or list(mounted)
     if not used:
         raise BodyError(f"{body}: the body carries no camera")
+    count = min(max(1, registrations), len(used))
+    names = ["registration"] if count == 1 else [f"registration_{number}" for number in range(1, count + 1)]
     return [
         *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
-        NodeProcess("registration", "registration", {"map": str(reference_map), "cameras": used}),
+        *(
+            NodeProcess("registration", name, {"map": str(reference_map), "cameras": used[start::count]})
+            for start, name in enumerate(names)
+        ),
         NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(body)}),
     ]
 

@@ -108,12 +108,9 @@ class Registration(StageNode[RegistrationParameters]):
             "landmarks in the map": len(self.map.landmark_ids),
             **self.skipped.counts,
         }
-        return [
-            Health(
-                "registration", level, "registering" if level == HealthLevel.OK else "registering, with losses", values
-            ),
-            *self._health.report(),
-        ]
+        text = "registering" if level == HealthLevel.OK else "registering, with losses"
+        # Several of these nodes may share the cameras.
+        return [Health(self.get_name(), level, text, values), *self._health.report()]
 
 
 def main() -> int:

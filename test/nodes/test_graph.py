@@ -27,6 +27,20 @@ def test_some_of_the_cameras(tmp_path: Path) -> None:
     assert nodes[1].parameters["cameras"] == ["right"]
 
 
+@pytest.mark.parametrize("registrations, shares", [(1, [["left", "odd", "right"]]), (2, [["left", "odd"], ["right"]])])
+def test_registrations_share_the_cameras(tmp_path: Path, registrations: int, shares: list[list[str]]) -> None:
+    body = write_body(tmp_path / "body.yaml", "odd")
+    nodes = live_graph(tmp_path / "map", body, ["left", "right", "odd"], registrations)
+    registering = [node for node in nodes if node.executable == "registration"]
+    assert [sorted(node.parameters["cameras"]) for node in registering] == shares
+    assert len({node.name for node in nodes}) == len(nodes)
+
+
+def test_no_more_registrations_than_cameras(tmp_path: Path) -> None:
+    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), registrations=8)
+    assert [node.executable for node in nodes].count("registration") == 2
+
+
 def test_a_camera_that_the_body_lacks(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match="no camera hat; it carries left, right"):
         live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["hat", "left"])
@@ -57,6 +71,7 @@ def test_the_launch_file_starts_the_graph_and_the_player(tmp_path: Path) -> None
     context = LaunchContext()
     body = write_body(tmp_path / "body.yaml")
     given = {"map": "map", "body": str(body), "cameras": "", "bagfile": "bag", "rate": "0.5", "config": "config.yaml"}
+    given["registrations"] = "1"
     context.launch_configurations.update(given)
     nodes = described["_nodes"](context)
     assert [node.node_executable for node in nodes] == [
