@@ -1,0 +1,194 @@
+"""What the proportions of people say about the bones of a body: a warning when they say no, never a correction.
+
+Bones are compared with de Leva 1996, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", table 4:
+lengths between joint centres of men 1.741 m and women 1.735 m tall. The better known fractions of Drillis and Contini
+1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1) run between points on the skin: their
+upper arm, 0.186 of the stature, begins at the acromion and is 15 % longer than that between the centres of shoulder
+and elbow, which is what cameras can find. Breadths of hips and shoulders are tabulated from skin to skin only, and
+where a spine bends is a matter of the model, so neither is expected to be anything.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from bodycam_ros.calibration.anatomy import SegmentName, mirrored
+from bodycam_ros.calibration.diagnosis import BoneDiagnosis
+from bodycam_ros.settings import setting
+
+_MEN_M, _WOMEN_M = 1.741, 1.735
+"""Statures behind the lengths of de Leva 1996, table 4."""
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """Length of a bone as a fraction of the stature.
+
+    Attributes:
+        low, high: that of women and of men, the shorter first.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def middle(self) -> float:
+        """Nobody says whether the body is a man's or a woman's."""
+        return 0.5 * (self.low + self.high)
+
+
+def _proportion(men_m: float, women_m: float) -> Proportion:
+    fractions = (men_m / _MEN_M, women_m / _WOMEN_M)
+    return Proportion(min(fractions), max(fractions))
+
+
+PROPORTIONS = {
+    ("upper_arm", frozenset({"shoulder", "elbow"})): _proportion(0.2817, 0.2751),
+    ("forearm", frozenset({"elbow", "wrist"})): _proportion(0.2689, 0.2643),
+    ("thigh", frozenset({"hip", "knee"})): _proportion(0.4222, 0.3685),
+    ("shin", frozenset({"knee", "ankle"})): _proportion(0.4403, 0.4386),
+}
+"""Segment and the joints at its ends, without their sides -> de Leva 1996, table 4."""
+
+
+@dataclass(frozen=True)
+class AnthropometrySettings:
+    """When the length of a bone is worth a warning."""
+
+    tolerance: float = setting(
+        0.10,
+        limits=(0.0, 1.0),
+        reason="share of a bone's expected length by which it may lie outside the range of women and men; people's "
+        "proportions differ by some per cent, a joint found in the wrong place by more",
+    )
+    asymmetry: float = setting(
+        0.015,
+        unit="m",
+        limits=(0.0, 1.0),
+        reason="difference between left and right that needs no warning; legs of healthy people differ by less",
+    )
+    sigmas: float = setting(
+        3.0,
+        limits=(0.0, 100.0),
+        reason="standard deviations that a difference must exceed as well, lest an uncertain length is called odd",
+    )
+    least_bones: int = setting(
+        3, limits=(1, 100), reason="bones of known proportion that make a stature: of three, one may be wrong"
+    )
+
+
+@dataclass(frozen=True)
+class BoneLength:
+    """Distance between two joints of one segment.
+
+    Attributes:
+        segment: that both joints are on.
+        start, end: names of the joints.
+        length_m, sigma_m: with its standard deviation [m].
+    """
+
+    segment: str
+    start: str
+    end: str
+    length_m: float
+    sigma_m: float
+
+    @property
+    def proportion(self) -> Proportion | None:
+        """What is known of such a bone; None for one that is not in the table."""
+        ends = frozenset({SegmentName(self.start).kind, SegmentName(self.end).kind})
+        return PROPORTIONS.get((SegmentName(self.segment).kind, ends))
+
+    @property
+    def words(self) -> str:
+        """As a person says it: left thigh; of several bones of a segment: torso from neck to left shoulder."""
+        segment = SegmentName(self.segment).words
+        if self.proportion is not None:
+            return segment
+        return f"{segment} from {SegmentName(self.start).words} to {SegmentName(self.end).words}"
+
+    def mirrors(self, other: "BoneLength") -> bool:
+        """Whether the other is the same bone on the other side of the body."""
+        ends = {_other_side(self.start), _other_side(self.end)}
+        return other != self and other.segment == _other_side(self.segment) and {other.start, other.end} == ends
+
+
+def expected_stature(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> float | None:
+    """Stature [m] that bones together let expect: the median of what each says, so that an odd one has no say.
+
+    None when fewer than ``least_bones`` of them are of known proportion.
+    """
+    settings = settings or AnthropometrySettings()
+    said = [bone.length_m / known.middle for bone in bones if (known := bone.proportion) is not None]
+    return median(said) if len(said) >= settings.least_bones else None
+
+
+def judge_bones(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> list[BoneDiagnosis]:
+    """Compare each bone with its other side and with the proportions of people; lengths stay as they are.
+
+    Returns:
+        A diagnosis per bone, in their order. Of a pair that differs the one that comes first carries the warning.
+    """
+    settings = settings or AnthropometrySettings()
+    stature_m = expected_stature(bones, settings)
+    judged = []
+    for index, bone in enumerate(bones):
+        partner = next((other for other in bones if bone.mirrors(other)), None)
+        warnings = [_proportion_warning(bone, stature_m, settings)]
+        if partner is not None and partner in bones[index:]:
+            warnings.append(_asymmetry_warning(bone, partner, settings))
+        known = bone.proportion
+        judged.append(
+            BoneDiagnosis(
+                segment=bone.segment,
+                start=bone.start,
+                end=bone.end,
+                length_m=bone.length_m,
+                sigma_m=bone.sigma_m,
+                mirror_m=None if partner is None else partner.length_m,
+                expected_m=None if known is None or stature_m is None else known.middle * stature_m,
+                warning="; ".join(filter(None, warnings)),
+            )
+        )
+    return judged
+
+
+def _proportion_warning(bone: BoneLength, stature_m: float | None, settings: AnthropometrySettings) -> str:
+    known = bone.proportion
+    if known is None or stature_m is None:
+        return ""
+    low_m, high_m = known.low * stature_m, known.high * stature_m
+    outside_m = max(low_m - bone.length_m, bone.length_m - high_m)
+    allowed_m = max(settings.tolerance * known.middle * stature_m, settings.sigmas * bone.sigma_m)
+    if outside_m <= allowed_m:
+        return ""
+    return (
+        f"{bone.words} {_cm(bone.length_m)}: people {stature_m:.2f} m tall have {_cm_range(low_m, high_m)}; repeat "
+        f"the motions of {bone.start} and {bone.end}, and check the straps of the cameras next to them"
+    )
+
+
+def _asymmetry_warning(bone: BoneLength, partner: BoneLength, settings: AnthropometrySettings) -> str:
+    difference_m = abs(bone.length_m - partner.length_m)
+    sigma_m = (bone.sigma_m**2 + partner.sigma_m**2) ** 0.5
+    if difference_m <= max(settings.asymmetry, settings.sigmas * sigma_m):
+        return ""
+    return (
+        f"{bone.words} {_cm(bone.length_m)}, {partner.words} {_cm(partner.length_m)}: they differ by "
+        f"{1e3 * difference_m:.0f} mm; repeat the motions of {bone.start}, {bone.end}, {partner.start} and "
+        f"{partner.end} unless the body is so"
+    )
+
+
+def _other_side(name: str) -> str:
+    """The same name on the other side; a name of the middle is its own."""
+    return mirrored(name) or name
+
+
+def _cm(length_m: float) -> str:
+    return f"{100.0 * length_m:.1f} cm"
+
+
+def _cm_range(low_m: float, high_m: float) -> str:
+    low, high = f"{100.0 * low_m:.0f}", f"{100.0 * high_m:.0f}"
+    return f"{low} cm" if low == high else f"{low} to {high} cm"
