@@ -1,0 +1,203 @@
+"""The figures of a diagnosis as tables of text, the same on a terminal and in a page."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.diagnosis import (
+    BoneDiagnosis,
+    CalibrationDiagnosis,
+    CameraDiagnosis,
+    JointDiagnosis,
+    RefinementGain,
+)
+
+MM_PER_M = 1000.0
+
+
+@dataclass(frozen=True)
+class ReportTable:
+    """One table.
+
+    Attributes:
+        title: what it is about.
+        note: how to read it.
+        columns: headings with units; those in ``text_columns`` hold words, the others numbers.
+        text_columns: indices of columns to be set flush left.
+        rows: cells, empty where a figure is not known.
+        flagged: indices of rows that a warning speaks of.
+    """
+
+    title: str
+    note: str
+    columns: tuple[str, ...]
+    text_columns: frozenset[int]
+    rows: tuple[tuple[str, ...], ...]
+    flagged: frozenset[int] = frozenset()
+
+
+def report_tables(diagnosis: CalibrationDiagnosis) -> list[ReportTable]:
+    """All tables, in the order in which a person should read them."""
+    tables = [
+        _joint_motions(diagnosis.joints),
+        _joint_places(diagnosis.joints),
+        _bones(diagnosis.bones),
+        _cameras(diagnosis.cameras),
+    ]
+    return tables if diagnosis.refinement is None else [*tables, _refinement(diagnosis.refinement)]
+
+
+def summary_line(diagnosis: CalibrationDiagnosis) -> str:
+    """The recording and the person in one sentence."""
+    start_s, end_s = diagnosis.rest_s
+    stature_m = diagnosis.stature_m
+    return (
+        f"{diagnosis.duration_s:.1f} s recorded; N-pose held from {start_s:.1f} to {end_s:.1f} s, facing "
+        f"{math.degrees(diagnosis.heading_rad):.0f} deg from the map's x; "
+        + ("too few bones for a stature" if stature_m is None else f"stature by the bones {stature_m:.2f} m")
+    )
+
+
+def _joint_motions(joints: tuple[JointDiagnosis, ...]) -> ReportTable:
+    rows = [
+        (
+            joint.name,
+            joint.freedom,
+            _triple(np.degrees(joint.exercised_rad), 0),
+            " ".join(f"{math.degrees(low):.0f}..{math.degrees(high):.0f}" for low, high in joint.limits),
+            str(joint.frames),
+            " ".join(joint.cameras),
+        )
+        for joint in joints
+    ]
+    return ReportTable(
+        "joints: motion",
+        "exercised: range about its own three axes; limits: extremes of each joint angle",
+        ("joint", "moves", "exercised [deg]", "limits [deg]", "instants", "cameras"),
+        frozenset({0, 1, 3, 5}),
+        tuple(rows),
+        _flagged(joint.advice for joint in joints),
+    )
+
+
+def _joint_places(joints: tuple[JointDiagnosis, ...]) -> ReportTable:
+    rows = [
+        (
+            joint.name,
+            _triple(joint.singular_values, 2),
+            joint.placed_by,
+            _number(MM_PER_M * joint.residual_m, 1),
+            _number(MM_PER_M * joint.refined_residual_m, 1),
+            _triple(MM_PER_M * joint.sigma_m, 1),
+        )
+        for joint in joints
+    ]
+    return ReportTable(
+        "joints: place",
+        "singular values: 0 where nothing tells the place; gap: between its two segments, median, before and after "
+        "the refinement; sigma: forward, left, up",
+        ("joint", "singular values", "placed by", "gap before [mm]", "gap after [mm]", "sigma [mm]"),
+        frozenset({0, 2}),
+        tuple(rows),
+        _flagged(joint.advice for joint in joints),
+    )
+
+
+def _bones(bones: tuple[BoneDiagnosis, ...]) -> ReportTable:
+    rows = [
+        (
+            SegmentName(bone.segment).words,
+            bone.start,
+            bone.end,
+            _number(MM_PER_M * bone.length_m, 1),
+            _number(MM_PER_M * bone.sigma_m, 1),
+            _millimetres(bone.mirror_m, 1),
+            _millimetres(bone.asymmetry_m, 1, sign="+"),
+            _millimetres(bone.expected_m, 0),
+        )
+        for bone in bones
+    ]
+    return ReportTable(
+        "bones",
+        "difference: less the other side; expected: of people of this stature (de Leva 1996)",
+        (
+            "bone",
+            "from",
+            "to",
+            "length [mm]",
+            "sigma [mm]",
+            "other side [mm]",
+            "difference [mm]",
+            "expected [mm]",
+        ),
+        frozenset({0, 1, 2}),
+        tuple(rows),
+        _flagged(bone.warning for bone in bones),
+    )
+
+
+def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
+    rows = [
+        (
+            camera.camera,
+            camera.segment,
+            str(camera.images),
+            f"{100.0 * camera.registered:.1f}",
+            _number(MM_PER_M * camera.residual_m, 1),
+            _number(math.degrees(camera.residual_rad), 2),
+            _number(MM_PER_M * camera.moved_m, 1),
+            _number(math.degrees(camera.turned_rad), 2),
+            "" if camera.slipped_s is None else f"{camera.slipped_s:.1f}",
+        )
+        for camera in cameras
+    ]
+    return ReportTable(
+        "cameras",
+        "gap: from where a camera was to where the body puts it, median; moved, turned: lasting change on its segment",
+        (
+            "camera",
+            "segment",
+            "images",
+            "registered [%]",
+            "gap [mm]",
+            "gap [deg]",
+            "moved [mm]",
+            "turned [deg]",
+            "slipped at [s]",
+        ),
+        frozenset({0, 1}),
+        tuple(rows),
+        _flagged(camera.warning for camera in cameras),
+    )
+
+
+def _refinement(gain: RefinementGain) -> ReportTable:
+    return ReportTable(
+        "refinement",
+        f"bundle adjustment of {gain.landmarks} landmarks in {gain.instants} instants, {gain.iterations} iterations",
+        ("median of", "before", "after"),
+        frozenset({0}),
+        (
+            ("reprojection error [px]", _number(gain.before_px, 2), _number(gain.after_px, 2)),
+            ("gap of joints [mm]", _number(MM_PER_M * gain.before_gap_m, 1), _number(MM_PER_M * gain.after_gap_m, 1)),
+        ),
+    )
+
+
+def _flagged(warnings: Iterable[str]) -> frozenset[int]:
+    return frozenset(index for index, warning in enumerate(warnings) if warning)
+
+
+def _triple(values: Iterable[float], decimals: int) -> str:
+    return " ".join(_number(value, decimals) or "?" for value in values)
+
+
+def _millimetres(length_m: float | None, decimals: int, sign: str = "") -> str:
+    return "" if length_m is None else _number(MM_PER_M * length_m, decimals, sign)
+
+
+def _number(value: float, decimals: int, sign: str = "") -> str:
+    return f"{value:{sign}.{decimals}f}" if math.isfinite(value) else ""

@@ -1,0 +1,96 @@
+import base64
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from known_calibration import calibrated_body, worrying_diagnosis
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.body_picture import body_png
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+from bodycam_ros.calibration.html_report import html_report, write_html_report
+from bodycam_ros.calibration.report_tables import report_tables
+from bodycam_ros.errors import BodyError
+
+VOID = {"meta", "img"}
+
+
+class Page(HTMLParser):
+    """Reads a page, and refuses one whose tags do not close in the order in which they opened."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.rows: list[list[str]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    return calibrated_body()
+
+
+@pytest.fixture(scope="module")
+def diagnosis(body: BodyModel) -> CalibrationDiagnosis:
+    return worrying_diagnosis(body)
+
+
+def test_tables_and_warnings_are_all_there(body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
+    page = Page(html_report(body, diagnosis))
+    wanted = [list(row) for table in report_tables(diagnosis) for row in (table.columns, *table.rows)]
+    assert page.rows == wanted
+    for warning in diagnosis.warnings:
+        assert warning in page.text
+    assert page.tags.count("li") == len(diagnosis.warnings)
+
+
+def test_the_picture_is_inside_and_nothing_is_fetched_or_run(body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
+    text = html_report(body, diagnosis)
+    page = Page(text)
+    (source,) = [value for name, value in page.attributes if name == "src"]
+    assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == body_png(body, diagnosis)
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert not any(name == "href" or name.startswith("on") for name, _ in page.attributes)
+    assert "http" not in text and "url(" not in text
+
+
+def test_names_are_taken_as_text(body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
+    nasty = '<script>alert("&")</script>'
+    joints = (replace(diagnosis.joints[0], name=nasty, advice=f"{nasty}: look"), *diagnosis.joints[1:])
+    page = Page(html_report(replace(body, name=nasty), replace(diagnosis, joints=joints)))
+    assert "script" not in page.tags
+    assert nasty in [row[0] for row in page.rows]
+    assert f"{nasty}: look" in page.text and f"Body {nasty}" in page.text
+
+
+def test_the_file_is_whole_or_none(body: BodyModel, diagnosis: CalibrationDiagnosis, tmp_path: Path) -> None:
+    path = tmp_path / "body.html"
+    write_html_report(body, diagnosis, path)
+    assert path.read_text(encoding="utf-8").endswith("</html>\n")
+    assert [file.name for file in tmp_path.iterdir()] == ["body.html"]
+    with pytest.raises(BodyError, match=r"missing.*cannot write"):
+        write_html_report(body, diagnosis, tmp_path / "missing" / "body.html")

@@ -1,0 +1,114 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_calibration import (
+    SHORT_THIGH,
+    SLIPPED_CAMERA,
+    STIFF_JOINT,
+    calibrated_body,
+    good_diagnosis,
+    worrying_diagnosis,
+)
+
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+from bodycam_ros.calibration.report_tables import ReportTable, report_tables, summary_line
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> CalibrationDiagnosis:
+    return worrying_diagnosis(calibrated_body())
+
+
+def tables(diagnosis: CalibrationDiagnosis) -> dict[str, ReportTable]:
+    return {table.title: table for table in report_tables(diagnosis)}
+
+
+def column(table: ReportTable, heading: str) -> list[str]:
+    return [row[table.columns.index(heading)] for row in table.rows]
+
+
+def numbers(cell: str) -> list[float]:
+    return [float(word) for word in cell.split()]
+
+
+def test_every_joint_is_there_with_its_figures_in_the_units_of_the_headings(diagnosis: CalibrationDiagnosis) -> None:
+    motion, place = tables(diagnosis)["joints: motion"], tables(diagnosis)["joints: place"]
+    for index, joint in enumerate(diagnosis.joints):
+        assert column(motion, "joint")[index] == column(place, "joint")[index] == joint.name
+        assert numbers(column(motion, "exercised [deg]")[index]) == pytest.approx(
+            np.degrees(joint.exercised_rad), abs=0.5
+        )
+        spoken = [limit.split("..") for limit in column(motion, "limits [deg]")[index].split()]
+        assert [(float(low), float(high)) for low, high in spoken] == [
+            pytest.approx(np.degrees(pair), abs=0.5) for pair in joint.limits
+        ]
+        assert column(motion, "cameras")[index].split() == list(joint.cameras)
+        assert column(motion, "instants")[index] == str(joint.frames)
+        assert numbers(column(place, "singular values")[index]) == pytest.approx(joint.singular_values, abs=0.005)
+        assert float(column(place, "gap before [mm]")[index]) == pytest.approx(1e3 * joint.residual_m, abs=0.05)
+        assert float(column(place, "gap after [mm]")[index]) == pytest.approx(1e3 * joint.refined_residual_m, abs=0.05)
+        assert numbers(column(place, "sigma [mm]")[index]) == pytest.approx(1e3 * joint.sigma_m, abs=0.05)
+
+
+def test_every_bone_is_there_with_its_other_side(diagnosis: CalibrationDiagnosis) -> None:
+    table = tables(diagnosis)["bones"]
+    assert len(table.rows) == len(diagnosis.bones)
+    for index, bone in enumerate(diagnosis.bones):
+        assert (column(table, "from")[index], column(table, "to")[index]) == (bone.start, bone.end)
+        assert float(column(table, "length [mm]")[index]) == pytest.approx(1e3 * bone.length_m, abs=0.05)
+        assert float(column(table, "sigma [mm]")[index]) == pytest.approx(1e3 * bone.sigma_m, abs=0.05)
+        for heading, value in (
+            ("other side [mm]", bone.mirror_m),
+            ("difference [mm]", bone.asymmetry_m),
+            ("expected [mm]", bone.expected_m),
+        ):
+            cell = column(table, heading)[index]
+            assert (cell == "") if value is None else float(cell) == pytest.approx(1e3 * value, abs=0.5)
+    row = next(row for row in table.rows if row[0] == "left thigh")
+    assert "-115.7" in row, "the side that is shorter has the minus"
+
+
+def test_every_camera_is_there_and_the_refinement(diagnosis: CalibrationDiagnosis) -> None:
+    table = tables(diagnosis)["cameras"]
+    for index, camera in enumerate(diagnosis.cameras):
+        assert column(table, "camera")[index] == camera.camera
+        assert float(column(table, "registered [%]")[index]) == pytest.approx(100.0 * camera.registered, abs=0.05)
+        assert float(column(table, "gap [deg]")[index]) == pytest.approx(math.degrees(camera.residual_rad), abs=0.005)
+        assert float(column(table, "moved [mm]")[index]) == pytest.approx(1e3 * camera.moved_m, abs=0.05)
+    slipped = column(table, "slipped at [s]")
+    assert [cell for cell in slipped if cell] == ["41.7"]
+    gain = tables(diagnosis)["refinement"]
+    assert gain.rows == (("reprojection error [px]", "1.37", "0.62"), ("gap of joints [mm]", "4.4", "0.8"))
+
+
+def test_rows_that_a_warning_speaks_of_are_flagged_and_no_others(diagnosis: CalibrationDiagnosis) -> None:
+    found = tables(diagnosis)
+    for title, name in (("joints: motion", STIFF_JOINT), ("joints: place", STIFF_JOINT), ("cameras", SLIPPED_CAMERA)):
+        (index,) = found[title].flagged
+        assert found[title].rows[index][0] == name
+    (index,) = found["bones"].flagged
+    assert diagnosis.bones[index].segment == SHORT_THIGH
+    assert not any(table.flagged for table in report_tables(good_diagnosis(calibrated_body())))
+
+
+def test_what_is_not_known_is_left_empty(diagnosis: CalibrationDiagnosis) -> None:
+    unrefined = replace(
+        diagnosis,
+        joints=tuple(replace(joint, refined_residual_m=math.nan, limits=()) for joint in diagnosis.joints),
+        refinement=None,
+        stature_m=None,
+    )
+    found = tables(unrefined)
+    assert "refinement" not in found
+    assert set(column(found["joints: place"], "gap after [mm]")) == {""}
+    assert set(column(found["joints: motion"], "limits [deg]")) == {""}
+    assert "too few bones" in summary_line(unrefined)
+
+
+def test_the_summary_says_what_was_recorded(diagnosis: CalibrationDiagnosis) -> None:
+    line = summary_line(diagnosis)
+    assert diagnosis.stature_m is not None
+    for part in ("62.0 s", "0.4 to 2.9 s", "18 deg", f"{diagnosis.stature_m:.2f} m"):
+        assert part in line
