@@ -27,3 +27,11 @@ class MapError(BodycamError):
 
 class BodyError(BodycamError):
     """A body description is malformed or does not fit the recording."""
+
+
+class RangeOfMotionError(BodyError):
+    """A range of motion does not tell what a body is like; the message names the joint or camera, and what to repeat."""
+
+
+class ViewError(BodycamError):
+    """The view in a browser cannot be served."""

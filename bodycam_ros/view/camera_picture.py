@@ -1,0 +1,92 @@
+"""A camera's image with the wearer's limbs and the map's landmarks drawn where the body puts them."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.evaluate.picture_style import WARNING, side_colour
+from bodycam_ros.evaluate.stick_figure import Bone
+from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.recording.camera_image import CameraImage, decode_grey
+from bodycam_ros.view.colours import rgb
+
+WIDTH = 640
+"""Of the picture [px]; a larger image is made smaller, which a panel shows anyway."""
+
+_GOOD, _GOOD_PX = "#35e0c4", 3.0
+"""Landmarks this near to where they were seen are drawn as good."""
+
+_POINTS_PER_BONE = 40  # a straight line is bent in a fisheye image
+_SHIFT = 4  # fraction bits of OpenCV's coordinates
+_FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPicture:
+    """What to show of one camera at one instant.
+
+    Attributes:
+        pixels: (H, W, 3) red, green, blue.
+        error_px: median distance between where landmarks were seen and where the body's camera sees them [px]; NaN
+            without landmarks.
+    """
+
+    pixels: NDArray[np.uint8]
+    error_px: float
+
+
+def draw_picture(
+    image: CameraImage,
+    model: CameraModel,
+    world_T_camera: Array,
+    limbs: list[Bone],
+    matches: LandmarkMatches | None,
+) -> CameraPicture:
+    """Draw one image.
+
+    Args:
+        image: what the camera saw.
+        model: its lens.
+        world_T_camera: (4, 4) where the body puts it [m].
+        limbs: lines of the body at this one instant [m].
+        matches: landmarks that were found in the image.
+
+    Raises:
+        RecordingError: the image cannot be decoded.
+    """
+    scale = min(1.0, WIDTH / model.width)
+    size = (round(model.width * scale), round(model.height * scale))
+    grey = cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA)
+    pixels = np.ascontiguousarray(np.repeat(np.asarray(grey, dtype=np.uint8)[:, :, None], 3, axis=2))
+    camera_T_world = inverse(world_T_camera)
+    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
+    for limb in limbs:
+        line_world = (1.0 - along) * limb.start + along * limb.end
+        line = model.project(transform_points(camera_T_world, line_world))[0] * scale
+        _draw_lines(pixels, np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(limb.segment)), 3)
+    if matches is None or not len(matches.pixels):
+        return CameraPicture(pixels, float("nan"))
+    seen = matches.pixels.astype(np.float64)
+    expected, _ = model.project(transform_points(camera_T_world, matches.points_world.astype(np.float64)))
+    errors = np.linalg.norm(expected - seen, axis=1)
+    good = errors <= _GOOD_PX
+    _draw_lines(pixels, np.stack([seen, expected], axis=1)[~good] * scale, rgb(WARNING), 1)
+    for centre, is_good in zip(_fixed(seen * scale), good, strict=True):
+        colour = rgb(_GOOD if is_good else WARNING)
+        cv2.circle(pixels, centre.tolist(), 3 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)
+    known = errors[np.isfinite(errors)]
+    return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))
+
+
+def _draw_lines(pixels: NDArray[np.uint8], ends: Array, colour: tuple[int, int, int], width: int) -> None:
+    """Draw lines (N, 2, 2) whose ends are both near the image; NaN is nowhere."""
+    drawn = ends[(np.abs(ends) < _FAR_PX).all(axis=(1, 2))]
+    cv2.polylines(pixels, list(_fixed(drawn)), False, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def _fixed(points: Array) -> NDArray[np.int32]:
+    return np.round(points * (1 << _SHIFT)).astype(np.int32)

@@ -1,0 +1,85 @@
+"""Writes a corrected body back to the file that it was read from."""
+
+import shutil
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.view.correction import Correction, Move, Part
+
+CORRECTIONS = "corrections"
+"""Key of the body's report: what was moved by hand, the oldest first."""
+
+_DECIMALS = 4  # 0.1 micrometre, 0.1 millidegree
+
+
+class BodyFile:
+    """The file of a body that is being corrected.
+
+    Attributes:
+        path: of the file.
+        original_path: where the first write keeps the file as it was.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.original_path = path.with_name(f"{path.name}.orig")
+        self._read = b""
+
+    def read(self) -> BodyModel:
+        """The body.
+
+        Raises:
+            BodyError: the file is missing, not YAML, or describes no body.
+        """
+        body = BodyModel.from_yaml(self.path)
+        self._read = self._content()
+        return body
+
+    def write(self, correction: Correction) -> BodyModel:
+        """Write the corrected body, whole or not at all; return it with its report, which notes what was moved.
+
+        The first write keeps the file as it was beside it; a file kept before is never replaced.
+
+        Raises:
+            BodyError: somebody else changed the file since, or it cannot be written.
+        """
+        if self._content() != self._read:
+            raise BodyError(
+                f"{self.path}: changed since it was read, so it is not replaced; keep your corrections by copying the "
+                "file elsewhere first, or start 'bodycam view' again on the new one"
+            )
+        body = _noted(correction.body, correction.moves())
+        try:
+            if not self.original_path.exists():
+                shutil.copyfile(self.path, self.original_path)
+        except OSError as error:
+            raise BodyError(f"{self.original_path}: cannot keep the body file as it was: {error}") from error
+        body.to_yaml(self.path)
+        self._read = self._content()
+        return body
+
+    def _content(self) -> bytes:
+        try:
+            return self.path.read_bytes()
+        except OSError as error:
+            raise BodyError(f"{self.path}: cannot read this body file: {error}") from error
+
+
+def _noted(body: BodyModel, moves: Iterable[tuple[Part, Move]]) -> BodyModel:
+    before = body.report.get(CORRECTIONS, [])
+    before = before if isinstance(before, list) else [before]
+    return replace(body, report={**body.report, CORRECTIONS: [*before, *(_note(*moved) for moved in moves)]})
+
+
+def _note(part: Part, move: Move) -> dict[str, Any]:
+    return {part.kind: part.name, "moved_mm": _numbers(move.shift_mm), "turned_deg": _numbers(move.turn_deg)}
+
+
+def _numbers(values: Array) -> list[float]:
+    # Adding zero turns -0.0 into 0.0.
+    return [round(float(value), _DECIMALS) + 0.0 for value in values]

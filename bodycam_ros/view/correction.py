@@ -1,0 +1,157 @@
+"""What a person changes on a body: every step kept, so that each can be taken back."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.view.body_edit import joint_named, move_joint, move_mount, n_pose
+
+_SMALLEST_MM = 1e-6
+_SMALLEST_DEG = 1e-6  # what is less comes from rounding: nobody moved it
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something of the body that can be moved.
+
+    Attributes:
+        kind: "camera" for a mount, or "joint".
+        name: of the camera or joint.
+    """
+
+    kind: Literal["camera", "joint"]
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """How far a part is from where it was, in the axes of the segment that carries it.
+
+    In the N-pose these are x forward, y left, z up (DESIGN 3).
+
+    Attributes:
+        shift_mm: (3,) of its origin [mm].
+        turn_deg: (3,) rotation vector [deg].
+    """
+
+    shift_mm: Array
+    turn_deg: Array
+
+    @property
+    def is_none(self) -> bool:
+        """Whether it stayed where it was."""
+        return bool(np.linalg.norm(self.shift_mm) < _SMALLEST_MM and np.linalg.norm(self.turn_deg) < _SMALLEST_DEG)
+
+
+NO_MOVE = Move(np.zeros(3), np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A body as its file has it, and all states that it went through since.
+
+    Attributes:
+        original: the body as it was read.
+        steps: the bodies after each step, the present one last.
+    """
+
+    original: BodyModel
+    steps: tuple[BodyModel, ...] = ()
+
+    @property
+    def body(self) -> BodyModel:
+        """The body as it is now."""
+        return self.steps[-1] if self.steps else self.original
+
+    def parts(self) -> tuple[Part, ...]:
+        """All that can be moved: cameras, then joints, in the order of the file."""
+        cameras = tuple(Part("camera", camera) for camera in self.original.mounts)
+        return cameras + tuple(Part("joint", joint.name) for joint in self.original.joints)
+
+    def moved_to(self, part: Part, segment_T_part: Array, *, going_on: bool = False) -> "Correction":
+        """The correction with a part elsewhere.
+
+        Args:
+            part: to be moved.
+            segment_T_part: (4, 4) its new pose on the segment that carries it [m].
+            going_on: whether this continues the last step, to be taken back together with it.
+
+        Raises:
+            BodyError: the body has no such part, or the pose is not finite.
+        """
+        move = move_mount if part.kind == "camera" else move_joint
+        kept = self.steps[:-1] if going_on else self.steps
+        return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
+
+    def moved_by(self, part: Part, move: Move, *, going_on: bool = False) -> "Correction":
+        """The correction with a part so far from where the file has it; else as ``moved_to``."""
+        root_T_segment, root_T_part = _in_n_pose(self.original, part)
+        segment_R_root = root_T_segment[:3, :3].T
+        segment_R_part = exp_so3(np.radians(move.turn_deg)) @ segment_R_root @ root_T_part[:3, :3]
+        # From the segment's present origin, which moves along with the joint to its parent.
+        present_origin = _in_n_pose(self.body, part)[0][:3, 3]
+        origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
+        return self.moved_to(part, rigid(segment_R_part, origin), going_on=going_on)
+
+    def undone(self) -> "Correction":
+        """The correction without its last step."""
+        return replace(self, steps=self.steps[:-1])
+
+    def reset(self, part: Part) -> "Correction":
+        """The correction with a part back where the file has it, as one more step."""
+        return self.moved_by(part, NO_MOVE)
+
+    def move_of(self, part: Part) -> Move:
+        """How far a part is from where the file has it in the N-pose.
+
+        A part that another one took along has not moved: in the N-pose it is where it was.
+        """
+        root_T_segment, root_T_was = _in_n_pose(self.original, part)
+        _, root_T_now = _in_n_pose(self.body, part)
+        segment_R_root = root_T_segment[:3, :3].T
+        turn = segment_R_root @ log_so3(root_T_now[:3, :3] @ root_T_was[:3, :3].T)
+        return Move(segment_R_root @ (root_T_now[:3, 3] - root_T_was[:3, 3]) * 1e3, np.degrees(turn))
+
+    def moves(self) -> Iterator[tuple[Part, Move]]:
+        """Every part that is not where the file has it."""
+        for part in self.parts():
+            move = self.move_of(part)
+            if not move.is_none:
+                yield part, move
+
+
+def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
+    """The segment that carries a part, and its pose (4, 4) on it [m].
+
+    Raises:
+        BodyError: the body has no such part.
+    """
+    if part.kind == "joint":
+        joint = joint_named(body, part.name)
+        return joint.parent, joint.parent_T_joint
+    if part.name not in body.mounts:
+        raise BodyError(f"no camera {part.name} on this body; there are {', '.join(body.mounts) or 'none'}")
+    return body.mounts[part.name].segment, body.mounts[part.name].segment_T_camera
+
+
+def can_turn(body: BodyModel, part: Part | None) -> bool:
+    """Whether it means something to turn a part.
+
+    A ball joint that is turned is the same joint: only its angles would be counted from elsewhere.
+    """
+    return part is not None and (part.kind == "camera" or joint_named(body, part.name).type == "hinge")
+
+
+def _in_n_pose(body: BodyModel, part: Part) -> tuple[Array, Array]:
+    """root_T_segment and root_T_part (4, 4) in the N-pose."""
+    segment, segment_T_part = place_of(body, part)
+    root_T_segment: Array = n_pose(body, np.eye(4))[body.segment_index[segment]]
+    return root_T_segment, root_T_segment @ segment_T_part

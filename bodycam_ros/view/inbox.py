@@ -1,0 +1,38 @@
+"""Passes what people do in their browsers to one thread, in order.
+
+The web server calls back on threads of its own, several at once. Here all that changes the view is done by the one
+thread that takes from the inbox, so nothing needs a lock.
+"""
+
+import threading
+from collections.abc import Callable
+
+Action = Callable[[], None]
+
+
+class Inbox:
+    """Actions to be done."""
+
+    def __init__(self) -> None:
+        self._waiting: list[tuple[str | None, Action]] = []
+        self._changed = threading.Condition()
+
+    def put(self, action: Action, instead_of: str | None = None) -> None:
+        """Add an action.
+
+        Args:
+            action: to be done after those that wait already.
+            instead_of: a name; actions put under it before that still wait are dropped, as when a slider is dragged
+                and only its last place counts.
+        """
+        with self._changed:
+            if instead_of is not None:
+                self._waiting = [entry for entry in self._waiting if entry[0] != instead_of]
+            self._waiting.append((instead_of, action))
+            self._changed.notify()
+
+    def take(self, timeout_s: float | None) -> Action | None:
+        """Take the oldest action, waiting for one so long (None: for ever); None if none came."""
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self._waiting), timeout_s)
+            return self._waiting.pop(0)[1] if self._waiting else None

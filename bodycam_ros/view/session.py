@@ -1,0 +1,208 @@
+"""The view: what it shows, and what happens when a person uses it."""
+
+import time
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from rich.console import Console
+
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.geometry import inverse, log_so3
+from bodycam_ros.view.camera_picture import CameraPicture
+from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
+from bodycam_ros.view.correction_panel import CorrectionActions, CorrectionPanel
+from bodycam_ros.view.footage_loader import FootageLoader
+from bodycam_ros.view.gizmo import Gizmo
+from bodycam_ros.view.inbox import Inbox
+from bodycam_ros.view.local_server import LocalServer
+from bodycam_ros.view.picture_panel import PicturePanel
+from bodycam_ros.view.playback import Playback
+from bodycam_ros.view.show_panel import ShowPanel
+from bodycam_ros.view.sources import Sources
+from bodycam_ros.view.stage import Stage
+from bodycam_ros.view.time_panel import TimePanel
+
+_FRAME_S = 1.0 / 30.0
+"""Between two pictures of a recording that is being played."""
+
+_NOTICE_S = 6.0
+_STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that is taken without being moved
+_GREEN: Literal["green"] = "green"
+_RED: Literal["red"] = "red"
+
+
+def view(solved: Path | None, map_path: Path, body_path: Path, recording: Path | None, port: int) -> None:
+    """Show a body in a browser until the program is interrupted.
+
+    Args:
+        solved: bag that ``bodycam replay`` wrote; None: the body in its N-pose.
+        map_path: map folder.
+        body_path: body file, written back when a person asks for it.
+        recording: bag that ``solved`` was made from.
+        port: of this machine; 0 takes any free one.
+
+    Raises:
+        BodycamError: an input is missing or damaged, they do not fit each other, or the port cannot be used.
+    """
+    sources = Sources.read(solved, map_path, body_path, recording)
+    server = LocalServer(port, f"bodycam view: {sources.body.name}")
+    try:
+        session = Session(server, sources)
+        Console(markup=False).print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+        session.run()
+    finally:
+        server.stop()
+
+
+class Session:
+    """One view. All of it is done in the thread that calls ``run``."""
+
+    def __init__(self, server: LocalServer, sources: Sources) -> None:
+        self._server = server
+        self._sources = sources
+        self._correction = Correction(sources.body)
+        self._selected: Part | None = None
+        self._goes_on = False
+        self._camera: str | None = None
+        self._inbox = inbox = Inbox()
+        duration_s = float(sources.motion.seconds[-1])
+        self._playback = Playback(duration_s, time.monotonic)
+        scene, gui = server.scene, server.gui
+        self._stage = Stage(server, sources.body, sources.reference_map, sources.motion, self._click)
+        self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
+        self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
+        actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
+        self._panel = CorrectionPanel(gui, inbox, self._correction.parts(), actions)
+        self._loader: FootageLoader | None = None
+        if sources.recording is not None:
+            self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)
+        self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
+        switches = {"map": self._stage.show_map, "cameras": self._stage.show_cameras}
+        ShowPanel(gui, inbox, switches, knows_registration=bool(sources.motion.registered))
+        self._choose_camera(next(iter(sources.cameras), None))
+        self._show_correction()
+        self._stage.look_at_body(sources.body, 0)
+
+    def run(self) -> None:
+        """Do what people ask for, for ever."""
+        while True:
+            action = self._inbox.take(_FRAME_S if self._playback.is_playing else None)
+            try:
+                if action is not None:
+                    action()
+                if self._playback.is_playing:
+                    self._time.show(self._playback.advance(self._time.seconds))
+                    self._show_instant()
+            except BodycamError as error:
+                self._complain(error)
+
+    @property
+    def _instant(self) -> int:
+        return self._sources.motion.instant_at(self._time.seconds)
+
+    def _show_instant(self) -> None:
+        """Show the body at the time of the slider."""
+        self._stage.show(self._correction.body, self._instant, follow=self._time.follows)
+        self._show_picture()
+
+    def _show_picture(self) -> None:
+        """Show what the chosen camera saw at that time."""
+        footage = None if self._loader is None else self._loader.footage
+        picture = self._stage.show_picture(self._correction.body, self._instant, self._camera, footage)
+        self._picture.show(None if picture is None else picture.pixels, self._remark(picture))
+
+    def _show_correction(self) -> None:
+        """Show the body as it is corrected now."""
+        self._stage.reshape(self._correction.body)
+        self._show_instant()
+        move = None if self._selected is None else self._correction.move_of(self._selected)
+        turns = can_turn(self._correction.body, self._selected)
+        self._panel.show(move, self._correction.moves(), can_turn=turns)
+
+    def _remark(self, picture: CameraPicture | None) -> str:
+        """How well the body explains what the chosen camera saw."""
+        remarks = []
+        if self._camera is not None and self._camera in self._sources.motion.registered:
+            remarks.append(self._gap(self._camera))
+        if picture is not None and np.isfinite(picture.error_px):
+            remarks.append(f"landmarks: {picture.error_px:.1f} px off (median)")
+        if picture is None and self._camera is not None and self._loader is not None:
+            remarks.append("reading the recording" if self._loader.footage is None else "no image at this time")
+        return "\n\n".join(remarks)
+
+    def _gap(self, camera: str) -> str:
+        """How far the camera's own pose is from where the body puts it."""
+        world_T_registered = self._sources.motion.registered_at(camera, self._instant)
+        if world_T_registered is None:
+            return "lost: it does not know where it is"
+        gap = inverse(self._stage.world_T_camera(self._correction.body, self._instant, camera)) @ world_T_registered
+        distance_mm, angle = 1e3 * np.linalg.norm(gap[:3, 3]), np.degrees(np.linalg.norm(log_so3(gap[:3, :3])))
+        return f"its own pose: {distance_mm:.1f} mm and {angle:.2f} deg from the body's"
+
+    def _choose_camera(self, camera: str | None) -> None:
+        self._camera = camera
+        self._picture.choose(camera)
+        if self._loader is not None:
+            self._loader.ask(camera)
+        self._show_picture()
+
+    def _click(self, part: Part) -> None:
+        """A part was clicked, on one of the server's threads."""
+        self._inbox.put(lambda: self._select(part))
+
+    def _select(self, part: Part | None) -> None:
+        self._selected = part
+        self._goes_on = False
+        self._panel.select(part)
+        self._gizmo.select(self._correction.body, part)
+        self._stage.select(self._correction.body, part)
+        if part is not None and part.kind == "camera" and part.name in self._sources.cameras:
+            self._choose_camera(part.name)
+        self._show_correction()
+
+    def _grab(self) -> None:
+        """The gizmo was taken or let go: what follows is a step of its own."""
+        self._goes_on = False
+
+    def _drag(self) -> None:
+        if self._selected is None:
+            return
+        place = self._gizmo.segment_T_part
+        if np.allclose(place, place_of(self._correction.body, self._selected)[1], rtol=0.0, atol=_STILL):
+            return
+        self._correction = self._correction.moved_to(self._selected, place, going_on=self._goes_on)
+        self._goes_on = True
+        self._show_correction()
+
+    def _enter(self, move: Move) -> None:
+        if self._selected is not None:
+            self._change(self._correction.moved_by(self._selected, move))
+
+    def _undo(self) -> None:
+        self._change(self._correction.undone())
+
+    def _reset(self) -> None:
+        if self._selected is not None:
+            self._change(self._correction.reset(self._selected))
+
+    def _change(self, correction: Correction) -> None:
+        """Take over a correction that was not made with the gizmo."""
+        self._correction = correction
+        self._goes_on = False
+        if self._selected is not None:
+            self._gizmo.follow(correction.body, self._selected)
+        self._show_correction()
+
+    def _write(self) -> None:
+        body_file = self._sources.body_file
+        self._change(Correction(body_file.write(self._correction)))
+        self._notify("Written", f"{body_file.path}; as it was first: {body_file.original_path.name}", _GREEN)
+
+    def _complain(self, error: BodycamError) -> None:
+        self._notify("This did not work", str(error), _RED)
+
+    def _notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
+        seconds = None if colour == _RED else _NOTICE_S
+        for client in self._server.get_clients().values():
+            client.add_notification(title, text, auto_close_seconds=seconds, color=colour)

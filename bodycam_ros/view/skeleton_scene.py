@@ -1,0 +1,105 @@
+"""The skeleton: a frame in the scene for every segment, with its bones and joints in it."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from viser import CameraFrustumHandle, CylinderHandle, FrameHandle, IcosphereHandle, SceneApi, SceneNodeHandle
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.evaluate.stick_figure import bones
+from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, transform_points
+from bodycam_ros.view.body_edit import n_pose
+from bodycam_ros.view.colours import SELECTED, rgb, segment_rgb
+from bodycam_ros.view.correction import Part
+from bodycam_ros.view.map_scene import WORLD
+
+_BONE_RADIUS_M = 0.02
+_JOINT_RADIUS_M = 0.032
+_SHORTEST_M = 1e-3  # a bone shorter than that has no direction
+
+
+class SkeletonScene:
+    """Draws a body. Whatever is added under ``segment_name`` moves with that segment."""
+
+    def __init__(self, scene: SceneApi, body: BodyModel, on_click: Callable[[Part], None]) -> None:
+        self._frames: dict[str, FrameHandle] = {
+            segment: scene.add_frame(segment_name(segment), show_axes=False) for segment in body.segments
+        }
+        self._joints: dict[str, IcosphereHandle] = {}
+        for joint in body.joints:
+            ball = scene.add_icosphere(
+                f"{segment_name(joint.parent)}/joint_{joint.name}", _JOINT_RADIUS_M, segment_rgb(joint.child)
+            )
+            when_clicked(ball, partial(on_click, Part("joint", joint.name)))
+            self._joints[joint.name] = ball
+        self._bones: list[CylinderHandle] = [
+            scene.add_cylinder(f"{segment_name(segment)}/bone_{number}", _BONE_RADIUS_M, 1.0, segment_rgb(segment))
+            for number, (segment, _, _) in enumerate(segment_bones(body))
+        ]
+        self.reshape(body)
+
+    def reshape(self, body: BodyModel) -> None:
+        """Show the lengths and joints of a body."""
+        for joint in body.joints:
+            place(self._joints[joint.name], joint.parent_T_joint)
+        for bone, (_, start, end) in zip(self._bones, segment_bones(body), strict=True):
+            length = float(np.linalg.norm(end - start))
+            bone.visible = length >= _SHORTEST_M
+            if bone.visible:
+                bone.height = length
+                place(bone, _halfway(start, end))
+
+    def pose(self, body: BodyModel, world_T_segment: Array) -> None:
+        """Show the segments at their poses (S, 4, 4)."""
+        for segment, world_T_one in zip(body.segments, world_T_segment, strict=True):
+            place(self._frames[segment], world_T_one)
+
+    def select(self, body: BodyModel, part: Part | None) -> None:
+        """Show which joint is selected."""
+        for joint in body.joints:
+            is_selected = part == Part("joint", joint.name)
+            self._joints[joint.name].color = rgb(SELECTED) if is_selected else segment_rgb(joint.child)
+
+
+def segment_name(segment: str) -> str:
+    """Name of a segment's frame in the scene."""
+    return f"{WORLD}/body/{segment}"
+
+
+def place(handle: SceneNodeHandle, parent_T_node: Array) -> None:
+    """Put a node of the scene at a pose (4, 4) in its parent [m]."""
+    handle.position = parent_T_node[:3, 3]
+    handle.wxyz = np.roll(quaternion_xyzw(parent_T_node[:3, :3]), 1)
+
+
+def when_clicked(handle: IcosphereHandle | CameraFrustumHandle, act: Callable[[], None]) -> None:
+    """Call ``act()`` when a person clicks a node of the scene."""
+
+    async def clicked(_: object) -> None:
+        act()
+
+    handle.on_click(clicked)
+
+
+def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
+    """Segment, start (3,) and end (3,) of each line of the body, in that segment's frame [m]."""
+    root_T_segment = dict(zip(body.segments, n_pose(body, np.eye(4))[:, None], strict=True))
+    parents = {joint.child: joint.parent for joint in body.tree_joints}
+    lines = []
+    for bone in bones(root_T_segment, parents):
+        ends = np.concatenate([bone.start, bone.end])
+        start, end = transform_points(inverse(root_T_segment[bone.segment][0]), ends)
+        lines.append((bone.segment, start, end))
+    return lines
+
+
+def _halfway(start: Array, end: Array) -> Array:
+    """(4, 4) pose in the middle of a line whose z axis is along it: a cylinder's."""
+    z = (end - start) / np.linalg.norm(end - start)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    pose[:3, 3] = (start + end) / 2.0
+    return pose
