@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import SegmentName
@@ -27,7 +28,7 @@ _HINGE_DEG = (124.0, 6.0, 3.0)
 
 def calibrated_body() -> BodyModel:
     """The sample's body with hinges where people have them, and with limits."""
-    body = BodyModel.from_yaml(SAMPLE_BODY)
+    body = read_body(SAMPLE_BODY)
     return replace(body, name="ada", joints=tuple(_limited(joint) for joint in body.joints))
 
 

@@ -1,13 +1,12 @@
 """The body: segments, the joints between them, and the cameras strapped to them.
 
 Segments form a tree from the root; a joint whose child already hangs on another joint closes a loop (a foot on a
-pedal). The file format is described in ``body_file``.
+pedal). ``body_file`` reads and writes it.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,27 +69,6 @@ class BodyModel:
             if not np.isfinite(mount.segment_T_camera).all():
                 raise BodyError(f"camera {camera}: its place on segment {mount.segment} is not finite")
         self._check_one_tree()
-
-    @classmethod
-    def from_yaml(cls, path: Path | str) -> "BodyModel":
-        """Read a body file; see ``body_file``.
-
-        Raises:
-            BodyError: the file is missing, not YAML, or describes no body.
-        """
-        from bodycam_ros.body.body_file import read_body
-
-        return read_body(Path(path))
-
-    def to_yaml(self, path: Path | str) -> None:
-        """Write a body file, whole or not at all; see ``body_file``.
-
-        Raises:
-            BodyError: the file cannot be written.
-        """
-        from bodycam_ros.body.body_file import write_body
-
-        write_body(self, Path(path))
 
     @cached_property
     def segment_index(self) -> dict[str, int]:

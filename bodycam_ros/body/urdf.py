@@ -16,6 +16,9 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 
+CAMERA_SUFFIX = "_optical_frame"
+"""End of the name of a camera's link."""
+
 UNKNOWN_LIMITS = (-2.0 * np.pi, 2.0 * np.pi)  # [rad] of a ball's angle: URDF wants some; a swung arm passes pi
 
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
@@ -29,7 +32,7 @@ _COLOURS = {"bone": (0.85, 0.82, 0.75, 1.0), "joint": (0.25, 0.45, 0.7, 1.0), "c
 
 def optical_frame(camera: str) -> str:
     """Frame id of a camera's optical frame."""
-    return f"{camera}_optical_frame"
+    return f"{camera}{CAMERA_SUFFIX}"
 
 
 def urdf_text(body: BodyModel) -> str:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 
 
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write_urdf(source: Path, output: Path) -> None:
-    output.write_text(urdf_text(BodyModel.from_yaml(source)))
+    output.write_text(urdf_text(read_body(source)))
 
 
 FORMATS: dict[str, Callable[[Path, Path], None]] = {"urdf": _write_urdf}

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.evaluate.trajectory import between_neighbours
-from bodycam_ros.evaluate.urdf_tree import CAMERA_SUFFIX, UrdfTree
+from bodycam_ros.evaluate.urdf_tree import UrdfTree
 from bodycam_ros.geometry import Array
 
 _NEIGHBOUR_FRAMES = 1.5
@@ -100,6 +101,6 @@ class SolvedRecording:
     def solved_cameras(self) -> Iterator[tuple[CameraRecord, Array]]:
         """Each camera that the URDF mounts, with its solved poses world_T_camera (T, 4, 4) [m]."""
         for record in self.cameras:
-            link = f"{record.camera}{CAMERA_SUFFIX}"
+            link = optical_frame(record.camera)
             if link in self.world_T_link:
                 yield record, self.world_T_link[link]

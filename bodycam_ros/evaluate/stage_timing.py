@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
@@ -69,7 +70,7 @@ def time_stages(
         BodycamError: see the stages.
     """
     cv2.setNumThreads(1)
-    body = BodyModel.from_yaml(body_path)
+    body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
     timing = StageTiming()
     registered: list[LandmarkMatches] = []

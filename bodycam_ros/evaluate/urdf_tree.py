@@ -10,33 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from bodycam_ros.body.urdf import CAMERA_SUFFIX
+from bodycam_ros.body.urdf_joint import UrdfJoint
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
-
-CAMERA_SUFFIX = "_optical_frame"
-"""End of the name of a camera's link."""
-
-_TURNING = ("revolute", "continuous")
-
-
-@dataclass(frozen=True, eq=False)
-class UrdfJoint:
-    """One joint.
-
-    Attributes:
-        name: of the joint.
-        parent, child: links.
-        parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
-        axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-    """
-
-    name: str
-    parent: str
-    child: str
-    parent_T_joint: Array
-    axis: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +47,9 @@ class UrdfTree:
         """
         try:
             document = ET.fromstring(text)
-            joints = [_joint(element) for element in document.iterfind("joint")]
-        except (ET.ParseError, ValueError, KeyError, AttributeError) as error:
-            raise RecordingError(f"{source}: not a URDF that can be read: {error!r}") from error
+            joints = [UrdfJoint.read(element) for element in document.iterfind("joint")]
+        except (ET.ParseError, ValueError) as error:
+            raise RecordingError(f"{source}: not a URDF that can be read: {error}") from error
         links = {link.attrib.get("name", ""): link for link in document.iterfind("link")}
         roots = sorted(set(links) - {joint.child for joint in joints})
         if len(roots) != 1:
@@ -113,35 +91,6 @@ class UrdfTree:
                 parent_T_child = joint.parent_T_joint @ rigid(turn, np.zeros(3))
             world_T_link[joint.child] = world_T_link[joint.parent] @ parent_T_child
         return world_T_link
-
-
-def _joint(element: ET.Element) -> UrdfJoint:
-    name, kind = element.attrib["name"], element.attrib["type"]
-    if kind not in (*_TURNING, "fixed"):
-        raise ValueError(f"joint {name} is {kind}; a body has {', '.join(_TURNING)} and fixed joints")
-    parent, child = element.find("parent"), element.find("child")
-    if parent is None or child is None:
-        raise ValueError(f"joint {name} lacks its parent or child link")
-    axis = None
-    if kind in _TURNING:
-        axis = _three_numbers(element.find("axis"), "xyz", "1 0 0")
-        axis = axis / np.linalg.norm(axis)
-    return UrdfJoint(name, parent.attrib["link"], child.attrib["link"], _origin(element.find("origin")), axis)
-
-
-def _origin(element: ET.Element | None) -> Array:
-    roll_pitch_yaw = _three_numbers(element, "rpy", "0 0 0")
-    # URDF turns about fixed axes: x, then y, then z.
-    R = np.asarray(Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix(), dtype=np.float64)
-    return rigid(R, _three_numbers(element, "xyz", "0 0 0"))
-
-
-def _three_numbers(element: ET.Element | None, attribute: str, default: str) -> Array:
-    text = default if element is None else element.attrib.get(attribute, default)
-    numbers = np.array([float(word) for word in text.split()])
-    if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise ValueError(f'{attribute}="{text}" is not three numbers')
-    return numbers
 
 
 def _parents_first(joints: list[UrdfJoint], root: str, source: str) -> tuple[UrdfJoint, ...]:

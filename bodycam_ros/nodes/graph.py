@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.errors import BodyError
 
 READERS_OF_INFO = 3
@@ -48,7 +48,7 @@ def live_graph(
     Raises:
         BodyError: the body cannot be read, carries no camera, or lacks one of ``cameras``.
     """
-    mounted = tuple(BodyModel.from_yaml(body).mounts)
+    mounted = tuple(read_body(body).mounts)
     if unknown := [camera for camera in cameras if camera not in mounted]:
         raise BodyError(f"{body}: the body carries no camera {', '.join(unknown)}; it carries {', '.join(mounted)}")
     used = list(cameras) or list(mounted)

@@ -4,7 +4,7 @@ from collections import defaultdict
 from functools import partial
 from pathlib import Path
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.mapping.registrar import Registrar
 from bodycam_ros.messages.factory import Message
@@ -33,7 +33,7 @@ class Registration(StageNode[RegistrationParameters]):
     def __init__(self) -> None:
         super().__init__("registration", RegistrationParameters, GROUPS)
         self.map = ReferenceMap.load(Path(self.required("map")))
-        cameras = self.parameters.cameras or tuple(BodyModel.from_yaml(Path(self.required("body"))).mounts)
+        cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
         self._health = RegistrationHealth(cameras)

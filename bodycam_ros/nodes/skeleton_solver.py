@@ -9,7 +9,7 @@ from pathlib import Path
 from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import BodyError
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
@@ -53,7 +53,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def __init__(self) -> None:
         super().__init__("skeleton_solver", SolverParameters, GROUPS)
-        self.body = BodyModel.from_yaml(Path(self.required("body")))
+        self.body = read_body(Path(self.required("body")))
         if not self.body.mounts:
             raise BodyError(f"{self.parameters.body}: the body carries no camera, so there is nothing to solve it from")
         self._pipeline: SkeletonPipeline | None = None

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
@@ -85,7 +86,7 @@ def replay(
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
-    body = BodyModel.from_yaml(body_path)
+    body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
     started = time.monotonic()
     with open_recording(recording_path) as recording:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
@@ -33,7 +34,7 @@ def recording(request: pytest.FixtureRequest, shared: Path) -> Path:
 def true_body(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> BodyModel:
     path = tmp_path_factory.mktemp("body") / "body.yaml"
     subprocess.run([sys.executable, TOOL, recording, "-o", path], check=True)
-    return BodyModel.from_yaml(path)
+    return read_body(path)
 
 
 @pytest.fixture(scope="module")

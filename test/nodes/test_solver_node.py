@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from two_cameras import write_body
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import rigid
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
@@ -49,7 +50,7 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
 
     make = node_messages()
     path = write_body(tmp_path / "body.yaml")
-    body = BodyModel.from_yaml(path)
+    body = read_body(path)
     delay = SmootherSettings().output_delay
     graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/odometry": "nav_msgs/msg/Odometry"})
     registrations = {

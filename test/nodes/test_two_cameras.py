@@ -9,7 +9,7 @@ import pytest
 from tiny_bag import CAMERAS, FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 from two_cameras import write_body, write_map
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import header_message, stamp_ns
@@ -76,7 +76,7 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
     graph.listen({"/map/points": "sensor_msgs/msg/PointCloud2", "/robot_description": "std_msgs/msg/String"})
     graph.until(lambda: graph.heard["/map/points"] and graph.heard["/robot_description"], _SOON_S, "latched topics")
     assert graph.messages("/map/points")[0].width == 30
-    assert graph.messages("/robot_description")[0].data == urdf_text(BodyModel.from_yaml(body))
+    assert graph.messages("/robot_description")[0].data == urdf_text(read_body(body))
 
     assert graph.end() == {name: int(name == "tracker_odd") for name in started}, graph.report()
     assert "Traceback" not in graph.report()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.evaluate.comparison import compare
 from bodycam_ros.evaluate.read_solved import read_solved
 from bodycam_ros.evaluate.true_motion import read_true_motion
@@ -67,7 +67,7 @@ def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Pat
     summary = replay(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
     assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)
     assert set(summary.images.values()) == {8}
-    body = BodyModel.from_yaml(sample / "body.yaml")
+    body = read_body(sample / "body.yaml")
     with BagFile(tmp_path / "out") as bag:
         types = bag.topics
         assert {topic: types[topic] for topic in types if not topic.startswith(("/waist", "/torso", "/thigh"))} == {

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from bodycam_ros.body.body_file import write_body
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 
@@ -65,7 +66,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="body file to write")
     arguments = parser.parse_args()
     body = body_from_truth(arguments.recording)
-    body.to_yaml(arguments.output)
+    write_body(body, arguments.output)
     print(f"{arguments.output}: {len(body.segments)} segments, {len(body.joints)} joints, {len(body.mounts)} cameras")
 
 

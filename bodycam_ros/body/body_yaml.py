@@ -1,0 +1,191 @@
+"""The body as YAML, for a person to read and to mend.
+
+::
+
+    name: subject
+    root: pelvis
+    segments: [pelvis, thigh_left, shin_left]
+    joints:
+      hip_left: {parent: pelvis, child: thigh_left, type: ball, origin_in_parent: [0.0, 0.095, 0.0], angle_axes: yzx}
+      knee_left: {parent: thigh_left, child: shin_left, type: hinge, origin_in_parent: [0.0, 0.0, -0.426],
+        axis: [0.0, 1.0, 0.0], limits: [0.0, 2.6]}
+    cameras:
+      waist_front: {segment: pelvis, position: [0.144, -0.006, 0.043], quaternion_xyzw: [-0.49, 0.48, -0.58, 0.44]}
+    report: {anything: kept as it is, never used}
+
+========================= ============================================================================================
+of a joint
+========================= ============================================================================================
+parent, child             segments; the joint that is first to name a child hangs it on its parent, later ones close
+                          loops
+type                      ball, hinge or weld
+origin_in_parent          [x, y, z] of the joint in the parent segment [m]
+orientation_in_parent     quaternion x y z w of the joint's axes in the parent segment; default: the segment's axes
+origin_in_child           [x, y, z] of the joint in the child segment [m]; default: the child's origin
+orientation_in_child      quaternion x y z w of the joint's axes in the child segment; default: the segment's axes
+axis                      of a hinge: its direction in the joint's axes
+angle_axes                of a ball: the intrinsic order of its three angles, the child's long axis in the middle;
+                          default yzx
+limits                    of a hinge [low, high], of a ball three such pairs in the order of angle_axes [rad];
+                          default: unknown
+sigmas                    6 numbers, rotation [rad] then translation [m], instead of those of the type; a hinge's
+                          rotations: about its axis first, then across
+========================= ============================================================================================
+
+A camera's position [m] and quaternion are ``segment_T_camera``, of its optical frame (x right, y down, z forward).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import yaml
+
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pose_of
+from bodycam_ros.body.joint import LONG_AXIS_Z, Joint, default_sigmas
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, quaternion_xyzw
+
+_DECIMALS = 9  # 1 nm, 1 nrad
+
+_BODY_KEYS = {"name", "root", "segments", "joints", "cameras"}
+_JOINT_KEYS = {"parent", "child", "type", "origin_in_parent"}
+_JOINT_PLACES = {"orientation_in_parent", "origin_in_child", "orientation_in_child"}
+_JOINT_OPTIONS = {"axis", "angle_axes", "limits", "sigmas", *_JOINT_PLACES}
+_CAMERA_KEYS = {"segment", "position", "quaternion_xyzw"}
+
+
+def body_from_yaml(text: str) -> BodyModel:
+    """The body that a YAML document describes.
+
+    Raises:
+        BodyError: it is not YAML, or describes no body; the message names the place in it.
+    """
+    try:
+        _refuse_duplicates(yaml.compose(text, Loader=yaml.SafeLoader))
+        document = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise BodyError(f"this body file is not YAML: {' '.join(str(error).split())}") from error
+    return _body(document)
+
+
+def yaml_text(body: BodyModel) -> str:
+    """The body as YAML, a line per joint and per camera."""
+    parts = [f"name: {_line(body.name)}\n", f"root: {_line(body.root)}\n", f"segments: {_line(list(body.segments))}\n"]
+    parts.append("joints:\n" if body.joints else "joints: {}\n")
+    parts += [f"  {_line(joint.name)}: {_line(_joint_entry(joint))}\n" for joint in body.joints]
+    parts.append("cameras:\n" if body.mounts else "cameras: {}\n")
+    parts += [f"  {_line(camera)}: {_line(_mount_entry(mount))}\n" for camera, mount in body.mounts.items()]
+    if body.report:
+        parts.append(yaml.safe_dump({"report": dict(body.report)}, sort_keys=False, default_flow_style=None))
+    return "".join(parts)
+
+
+def _refuse_duplicates(node: yaml.Node | None) -> None:
+    """A second camera or joint of one name: PyYAML would keep the last and say nothing."""
+    if isinstance(node, yaml.MappingNode):
+        keys = [key.value for key, _ in node.value]
+        for key, value in node.value:
+            if keys.count(key.value) > 1:
+                problem = f"'{key.value}' is listed twice; names must differ"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            _refuse_duplicates(value)
+
+
+def _body(document: Any) -> BodyModel:
+    check_keys(document, "a body file", _BODY_KEYS, {"report"})
+    joints, cameras = document["joints"], document["cameras"]
+    for name, table in (("joints", joints), ("cameras", cameras)):
+        if not isinstance(table, dict):
+            raise BodyError(f"{name} must be a table of names, not {table!r}; write {{}} for none")
+    report = document.get("report") or {}
+    if not isinstance(report, dict):
+        raise BodyError(f"report must be a table, not {report!r}")
+    segments = document["segments"]
+    if not isinstance(segments, list):
+        raise BodyError(f"segments must be a list of names, not {segments!r}")
+    return BodyModel(
+        name=name_of(document["name"], "name"),
+        root=name_of(document["root"], "root"),
+        segments=tuple(name_of(segment, "segments") for segment in segments),
+        joints=tuple(_joint(name_of(name, "joints"), entry) for name, entry in joints.items()),
+        mounts={name_of(name, "cameras"): _mount(name, entry) for name, entry in cameras.items()},
+        report=report,
+    )
+
+
+def _joint(name: str, entry: Any) -> Joint:
+    where = f"joint {name}"
+    check_keys(entry, where, _JOINT_KEYS, _JOINT_OPTIONS)
+    if entry["type"] == "hinge" and "axis" not in entry:
+        raise BodyError(f"{where}: a hinge needs its axis, such as [0.0, 1.0, 0.0]")
+    options: dict[str, Any] = {}
+    if "axis" in entry:
+        options["axis"] = numbers_of(entry["axis"], 3, f"{where}: axis")
+    if "sigmas" in entry:
+        options["sigmas"] = tuple(numbers_of(entry["sigmas"], 6, f"{where}: sigmas").tolist())
+    if "limits" in entry:
+        options["limits"] = _limits(entry["limits"], f"{where}: limits")
+    return Joint(
+        name=name,
+        parent=name_of(entry["parent"], f"{where}: parent"),
+        child=name_of(entry["child"], f"{where}: child"),
+        type=entry["type"],
+        parent_T_joint=pose_of(entry, "origin_in_parent", "orientation_in_parent", where),
+        child_T_joint=pose_of(entry, "origin_in_child", "orientation_in_child", where),
+        angle_axes=name_of(entry.get("angle_axes", LONG_AXIS_Z), f"{where}: angle_axes"),
+        **options,
+    )
+
+
+def _mount(name: str, entry: Any) -> CameraMount:
+    where = f"camera {name}"
+    check_keys(entry, where, _CAMERA_KEYS, set())
+    return CameraMount(
+        name_of(entry["segment"], f"{where}: segment"), pose_of(entry, "position", "quaternion_xyzw", where)
+    )
+
+
+def _limits(value: Any, where: str) -> tuple[tuple[float, float], ...]:
+    pairs = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
+    return tuple((float(low), float(high)) for low, high in (numbers_of(pair, 2, where) for pair in pairs))
+
+
+def _line(value: Any) -> str:
+    text: str = yaml.safe_dump(value, sort_keys=False, default_flow_style=True, width=math.inf)
+    return text.removesuffix("...\n").strip()  # a bare scalar ends with a document end mark
+
+
+def _joint_entry(joint: Joint) -> dict[str, Any]:
+    entry: dict[str, Any] = {"parent": joint.parent, "child": joint.child, "type": joint.type}
+    entry["origin_in_parent"] = _rounded(joint.parent_T_joint[:3, 3])
+    if not np.array_equal(joint.parent_T_joint[:3, :3], np.eye(3)):
+        entry["orientation_in_parent"] = _rounded(quaternion_xyzw(joint.parent_T_joint[:3, :3]))
+    if joint.child_T_joint[:3, 3].any():
+        entry["origin_in_child"] = _rounded(joint.child_T_joint[:3, 3])
+    if not np.array_equal(joint.child_T_joint[:3, :3], np.eye(3)):
+        entry["orientation_in_child"] = _rounded(quaternion_xyzw(joint.child_T_joint[:3, :3]))
+    if joint.type == "hinge":
+        entry["axis"] = _rounded(joint.axis)
+    if joint.type == "ball":
+        entry["angle_axes"] = joint.angle_axes
+    if joint.sigmas != default_sigmas(joint.type):
+        entry["sigmas"] = list(joint.sigmas or ())
+    if joint.limits is not None:
+        pairs = [_rounded(np.array(pair)) for pair in joint.limits]
+        entry["limits"] = pairs[0] if joint.type == "hinge" else pairs
+    return entry
+
+
+def _mount_entry(mount: CameraMount) -> dict[str, Any]:
+    return {
+        "segment": mount.segment,
+        "position": _rounded(mount.segment_T_camera[:3, 3]),
+        "quaternion_xyzw": _rounded(quaternion_xyzw(mount.segment_T_camera[:3, :3])),
+    }
+
+
+def _rounded(values: Array) -> list[float]:
+    # Adding zero turns -0.0 into 0.0.
+    return [round(float(value), _DECIMALS) + 0.0 for value in values]
