@@ -1,15 +1,17 @@
 """Writes a corrected body back to the file that it was read from."""
 
-import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.view.correction import Correction, Move, Part
+from bodycam_ros.whole_file import write_whole
 
 CORRECTIONS = "corrections"
 """Key of the body's report: what was moved by hand, the oldest first."""
@@ -36,7 +38,7 @@ class BodyFile:
         Raises:
             BodyError: the file is missing, not YAML, or describes no body.
         """
-        body = BodyModel.from_yaml(self.path)
+        body = read_body(self.path)
         self._read = self._content()
         return body
 
@@ -54,14 +56,25 @@ class BodyFile:
                 "file elsewhere first, or start 'bodycam view' again on the new one"
             )
         body = _noted(correction.body, correction.moves())
-        try:
-            if not self.original_path.exists():
-                shutil.copyfile(self.path, self.original_path)
-        except OSError as error:
-            raise BodyError(f"{self.original_path}: cannot keep the body file as it was: {error}") from error
-        body.to_yaml(self.path)
+        with self._original_kept():
+            write_body(body, self.path)
         self._read = self._content()
         return body
+
+    @contextmanager
+    def _original_kept(self) -> Iterator[None]:
+        """Keep the file as it was beside it, if nobody did before and what is done meanwhile succeeds."""
+        kept_before = self.original_path.exists()
+        try:
+            if not kept_before:
+                write_whole(self.original_path, self._read)
+            yield
+        except OSError as error:
+            raise BodyError(f"{self.original_path}: cannot keep the body file as it was: {error}") from error
+        except BodyError:
+            if not kept_before:
+                self.original_path.unlink(missing_ok=True)
+            raise
 
     def _content(self) -> bytes:
         try:
