@@ -58,9 +58,9 @@ def body_from_urdf(text: str) -> BodyModel:
     except ValueError as error:
         raise BodyError(str(error)) from error
     links = [element.attrib.get("name", "") for element in robot.iterfind("link")]
-    inner = {name for name in _inner_links(joints) if robot.find(f"link[@name='{name}']/visual") is None}
+    drawn = {element.attrib.get("name", "") for element in robot.iterfind("link") if element.find("visual") is not None}
     _check_names(links, joints)
-    return _Document(robot.attrib.get("name", ""), links, joints, inner).body()
+    return _Document(robot.attrib.get("name", ""), links, joints, _inner_links(joints) - drawn).body()
 
 
 def _inner_links(joints: Sequence[UrdfJoint]) -> set[str]:
