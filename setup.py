@@ -31,6 +31,7 @@ setup(
         "rich>=13",
         "rosbags>=0.11",
         "scipy>=1.11",
+        "threadpoolctl>=3",
         "viser>=1.1",
     ],
     extras_require={"test": ["pytest"]},

@@ -15,7 +15,7 @@ from rich.logging import RichHandler
 from bodycam_ros import __version__
 from bodycam_ros.errors import BodycamError
 
-COMMANDS = ("map", "replay", "evaluate", "export", "bench", "settings", "view")
+COMMANDS = ("map", "body", "replay", "evaluate", "export", "bench", "settings", "view")
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
 
 FAILED, INTERRUPTED, TERMINATED = 1, 128 + signal.SIGINT, 128 + signal.SIGTERM

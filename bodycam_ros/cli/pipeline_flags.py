@@ -4,16 +4,23 @@ import argparse
 import os
 from pathlib import Path
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.pipeline import PipelineSettings
-from bodycam_ros.settings import read_settings_file
 
 
 def add_pipeline_flags(parser: argparse.ArgumentParser) -> None:
     """Add BAG, --map, --body, --jobs, --config and a flag for every setting."""
+    add_recording_flags(parser)
+    parser.add_argument(
+        "--body", type=Path, required=True, help="body YAML, made by 'bodycam body': segments, joints, camera mounts"
+    )
+
+
+def add_recording_flags(parser: argparse.ArgumentParser) -> None:
+    """Add BAG, --map, --jobs, --config and a flag for every setting."""
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
     parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
-    parser.add_argument("--body", type=Path, required=True, help="body YAML: segments, joints, camera mounts")
     parser.add_argument(
         "--jobs", type=_positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
     )
@@ -30,7 +37,8 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
     """
     groups = PipelineSettings.groups()
     if arguments.config:
-        PipelineSettings.from_mapping(read_settings_file(arguments.config), str(arguments.config))
+        # One file serves every command.
+        check_groups(arguments.config, set(groups) | set(CalibrationSettings.groups()))
     return PipelineSettings(
         **{
             group: settings_from_flags(arguments, group, settings_type, arguments.config)

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import yaml
 
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import describe
 
 _WIDTH = 120
 _TITLE = """\
 # All settings of all stages with their defaults, as 'bodycam settings' prints them. The same file serves every node
-# (--ros-args --params-file FILE) and 'bodycam replay --config FILE'; what a file leaves out keeps its default.
+# (--ros-args --params-file FILE) and --config of every command; what a file leaves out keeps its default.
 """
 
 
@@ -31,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
 def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
     lines = ["/**:", "  ros__parameters:"]
-    for group, settings_type in PipelineSettings.groups().items():
+    for group, settings_type in (PipelineSettings.groups() | CalibrationSettings.groups()).items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):
             lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]

@@ -1,6 +1,7 @@
 """A process that tracks and registers some of the cameras, in order of time."""
 
 import logging
+import math
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_image import decode_grey
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.replay.beat import Beat
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 
 @dataclass(frozen=True)
@@ -70,13 +73,25 @@ WorkerItem = Result | WorkerFailure | None
 """What a worker sends; None is its last word."""
 
 
-def run_camera_worker(
-    recording_path: Path,
-    cameras: tuple[str, ...],
-    map_path: Path,
-    settings: PipelineSettings,
-    outbox: "Queue[WorkerItem]",
-) -> None:
+@dataclass(frozen=True)
+class RegistrationTask:
+    """What is to be registered, and how.
+
+    Attributes:
+        recording_path, map_path: where recording and map are.
+        settings: of the pipeline.
+        max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
+        with_messages: make the messages that a bag keeps of each image.
+    """
+
+    recording_path: Path
+    map_path: Path
+    settings: PipelineSettings
+    max_rate: float = math.inf
+    with_messages: bool = True
+
+
+def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: "Queue[WorkerItem]") -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None."""
     # Ctrl-C reaches the whole group; the parent alone answers it, and ends this process by SIGTERM. COLMAP's libraries
     # would print a stack trace at that, so the plain answer is put back.
@@ -86,46 +101,52 @@ def run_camera_worker(
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
     try:
-        for item in register_images(recording_path, cameras, map_path, settings):
+        for item in register_images(task, cameras):
             outbox.put(item)
         outbox.put(None)
     except BodycamError as error:
         outbox.put(WorkerFailure(error))
 
 
-def register_images(
-    recording_path: Path, cameras: tuple[str, ...], map_path: Path, settings: PipelineSettings
-) -> Iterator[Result]:
+def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterator[Result]:
     """Register the images of some cameras in the order in which they were recorded."""
-    reference_map = ReferenceMap.load(map_path)
-    with open_recording(recording_path) as recording:
+    reference_map = ReferenceMap.load(task.map_path)
+    with open_recording(task.recording_path) as recording:
         pipelines = {
-            camera: CameraPipeline(recording.camera_model(camera), reference_map, settings) for camera in cameras
+            camera: CameraPipeline(recording.camera_model(camera), reference_map, task.settings) for camera in cameras
         }
+        beat = Beat(task.max_rate)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
-            try:
-                tracks, matches = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
-            except RecordingError as error:
-                yield SkippedImage(image.camera, image.stamp_ns, str(error))
+            if not beat.is_due(image.camera, stamp_ns):
                 continue
-            make = recorded_messages()
-            messages = {
-                "tracks": tracks_message(make, tracks),
-                "landmarks": landmarks_message(make, matches),
-                "pose": camera_pose_message(make, matches),
-            }
-            serialized = tuple(
-                SerializedMessage(
-                    f"/{image.camera}/{name}",
-                    message.__msgtype__,
-                    bytes(recording_typestore().serialize_cdr(message, message.__msgtype__)),
-                )
-                for name, message in messages.items()
-                if message is not None
-            )
-            yield RegisteredImage(image.camera, image.stamp_ns, matches, serialized)
+            try:
+                tracks, matches = pipelines[image.camera].process(decode_grey(image), stamp_ns)
+            except RecordingError as error:
+                yield SkippedImage(image.camera, stamp_ns, str(error))
+                continue
+            messages = _serialised(image.camera, tracks, matches) if task.with_messages else ()
+            yield RegisteredImage(image.camera, stamp_ns, matches, messages)
         for camera, count in sorted(recording.dropped.items()):
             if count:
                 yield DroppedImages(camera, stamp_ns, count)
+
+
+def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:
+    """The messages that a bag keeps of one image."""
+    make = recorded_messages()
+    messages = {
+        "tracks": tracks_message(make, tracks),
+        "landmarks": landmarks_message(make, matches),
+        "pose": camera_pose_message(make, matches),
+    }
+    return tuple(
+        SerializedMessage(
+            f"/{camera}/{name}",
+            message.__msgtype__,
+            bytes(recording_typestore().serialize_cdr(message, message.__msgtype__)),
+        )
+        for name, message in messages.items()
+        if message is not None
+    )

@@ -8,11 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.context import SpawnProcess
 from multiprocessing.queues import Queue
-from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.camera_worker import (
+    RegistrationTask,
     Result,
     WorkerFailure,
     WorkerItem,
@@ -26,9 +25,7 @@ _POLL_S = 1.0
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-def register_recording(
-    recording_path: Path, cameras: Sequence[str], map_path: Path, settings: PipelineSettings, jobs: int
-) -> Iterator[Result]:
+def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int) -> Iterator[Result]:
     """Register all images of a recording in ``jobs`` processes.
 
     The results come in order of their stamps, whatever the number of processes and the pace of each.
@@ -38,7 +35,7 @@ def register_recording(
         RecordingError: a worker was killed.
     """
     shares = [tuple(cameras[start::jobs]) for start in range(min(jobs, len(cameras)))]
-    with _workers(recording_path, shares, map_path, settings) as workers:
+    with _workers(task, shares) as workers:
         pending = {worker: item for worker in range(len(workers)) if (item := _next_result(*workers[worker]))}
         while pending:
             earliest = min(pending, key=lambda worker: (pending[worker].stamp_ns, worker))
@@ -49,7 +46,7 @@ def register_recording(
 
 @contextmanager
 def _workers(
-    recording_path: Path, shares: Sequence[tuple[str, ...]], map_path: Path, settings: PipelineSettings
+    task: RegistrationTask, shares: Sequence[tuple[str, ...]]
 ) -> Iterator[list[tuple[SpawnProcess, "Queue[WorkerItem]"]]]:
     context = multiprocessing.get_context("spawn")
     workers = []
@@ -59,9 +56,7 @@ def _workers(
     try:
         for cameras in shares:
             outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
-            process = context.Process(
-                target=run_camera_worker, args=(recording_path, cameras, map_path, settings, outbox), daemon=True
-            )
+            process = context.Process(target=run_camera_worker, args=(task, cameras, outbox), daemon=True)
             process.start()
             workers.append((process, outbox))
     finally:

@@ -21,7 +21,7 @@ from bodycam_ros.pipeline import BodyOutput, PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, SkippedImage
+from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, RegistrationTask, SkippedImage
 from bodycam_ros.replay.front_end import register_recording
 
 logger = logging.getLogger(__name__)
@@ -96,7 +96,7 @@ def replay(
     with write_recording(output_path, force) as writer:
         out = _Output(writer, body, RegistrationHealth(cameras), summary)
         start_ns = None
-        for item in register_recording(recording_path, list(cameras), map_path, settings, jobs):
+        for item in register_recording(RegistrationTask(recording_path, map_path, settings), list(cameras), jobs):
             if not isinstance(item, RegisteredImage):
                 _count_skipped(summary, item)
                 continue

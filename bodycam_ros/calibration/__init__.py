@@ -1,0 +1,1 @@
+"""The body from a range of motion: joints, camera mounts and N-pose out of registered cameras (A 4.2, appendix)."""

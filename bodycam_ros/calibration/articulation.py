@@ -1,0 +1,209 @@
+"""The articulated body as one vector of unknowns: what stays the same over a recording, and what moves (A eq. 3-5).
+
+Every segment has its own rotation at every instant; its position follows from the root's through the joints, so no
+joint ever gapes.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.geometry import exp_se3, exp_so3, hat, inverse, nearest_rotation, rigid, robust_average_pose
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ArticulatedMotion:
+    """A body and its motion, all as arrays.
+
+    Attributes:
+        body: names and tree; the geometry is in the arrays.
+        cameras: (C) names of the mounts' order.
+        offsets: (S, 3) where a segment's joint sits in its parent [m]; zero for the root.
+        mounts: (C, 4, 4) segment_T_camera.
+        root_positions: (T, 3) in the world [m].
+        rotations: (T, S, 3, 3) world_R_segment.
+    """
+
+    body: BodyModel
+    cameras: tuple[str, ...]
+    offsets: Array
+    mounts: Array
+    root_positions: Array
+    rotations: Array
+
+    @cached_property
+    def parent_rows(self) -> tuple[int, ...]:
+        """(S) row of each segment's parent; -1 for the root."""
+        index = self.body.segment_index
+        joints = [self.body.joint_to_parent(segment) for segment in self.body.segments]
+        return tuple(-1 if joint is None else index[joint.parent] for joint in joints)
+
+    @cached_property
+    def carriers(self) -> tuple[int, ...]:
+        """(C) row of the segment that carries each camera."""
+        return tuple(self.body.segment_index[self.body.mounts[camera].segment] for camera in self.cameras)
+
+    @property
+    def moving_count(self) -> int:
+        """Unknowns of one instant: the root's position, then each segment's rotation."""
+        return 3 + 3 * len(self.body.segments)
+
+    @property
+    def lasting_count(self) -> int:
+        """Unknowns of the body: each segment's offset (the root's is held), then each camera's mount."""
+        return 3 * len(self.body.segments) + 6 * len(self.cameras)
+
+    def offset_columns(self, segment_row: int) -> slice:
+        """Where a segment's offset stands among the lasting unknowns."""
+        return slice(3 * segment_row, 3 * segment_row + 3)
+
+    def mount_columns(self, camera_row: int) -> slice:
+        """Where a camera's mount stands among the lasting unknowns: rotation, then translation in camera axes."""
+        start = 3 * len(self.body.segments) + 6 * camera_row
+        return slice(start, start + 6)
+
+    def world_T_segment(self) -> Array:
+        """Poses (T, S, 4, 4) (A eq. 3-4)."""
+        positions = np.empty((*self.rotations.shape[:2], 3))
+        for row, parent in self._parents_first():
+            positions[:, row] = (
+                self.root_positions
+                if parent < 0
+                else positions[:, parent] + self.rotations[:, parent] @ self.offsets[row]
+            )
+        return rigid(self.rotations, positions)
+
+    def world_T_camera(self) -> Array:
+        """Poses (T, C, 4, 4) (A eq. 5)."""
+        poses: Array = self.world_T_segment()[:, list(self.carriers)] @ self.mounts
+        return poses
+
+    def jacobians(self) -> tuple[Array, Array]:
+        """How each camera's pose moves, a tangent in its own axes, with the unknowns of its instant and of the body.
+
+        Returns:
+            (T, C, 6, moving_count) and (T, C, 6, lasting_count); see ``moved`` for the unknowns' meaning.
+        """
+        instants = len(self.rotations)
+        moving = np.zeros((instants, len(self.cameras), 6, self.moving_count))
+        lasting = np.zeros((instants, len(self.cameras), 6, self.lasting_count))
+        for c, carrier in enumerate(self.carriers):
+            R_mount, m = self.mounts[c, :3, :3], self.mounts[c, :3, 3]
+            camera_R_world = np.swapaxes(self.rotations[:, carrier] @ R_mount, -1, -2)
+            moving[:, c, 3:, :3] = camera_R_world
+            moving[:, c, :3, _turn(carrier)] = R_mount.T
+            moving[:, c, 3:, _turn(carrier)] = -R_mount.T @ hat(m)
+            lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
+            row = carrier
+            while (parent := self.parent_rows[row]) >= 0:
+                camera_R_parent = camera_R_world @ self.rotations[:, parent]
+                moving[:, c, 3:, _turn(parent)] += -camera_R_parent @ hat(self.offsets[row])
+                lasting[:, c, 3:, self.offset_columns(row)] = camera_R_parent
+                row = parent
+        return moving, lasting
+
+    def moved(self, moving: Array, lasting: Array) -> "ArticulatedMotion":
+        """The motion after a step.
+
+        Args:
+            moving: (T, moving_count) the root's shift in the world [m], then a rotation vector per segment in its own
+                axes [rad].
+            lasting: (lasting_count) shift of each offset in the parent's axes [m], then a tangent per mount in the
+                camera's axes.
+        """
+        segments, cameras = len(self.body.segments), len(self.cameras)
+        turns = moving[:, 3:].reshape(-1, segments, 3)
+        return replace(
+            self,
+            offsets=self.offsets + lasting[: 3 * segments].reshape(segments, 3),
+            mounts=_orthonormal(self.mounts @ exp_se3(lasting[3 * segments :].reshape(cameras, 6))),
+            root_positions=self.root_positions + moving[:, :3],
+            rotations=nearest_rotation(self.rotations @ exp_so3(turns)),
+        )
+
+    def with_segment_axes(self, old_R_new: Array) -> "ArticulatedMotion":
+        """The same motion with other axes (S, 3, 3) on the segments, about the same origins."""
+        new_R_old = np.swapaxes(old_R_new, -1, -2)
+        parents = [max(parent, 0) for parent in self.parent_rows]
+        new_T_old = rigid(new_R_old, np.zeros(3))
+        return replace(
+            self,
+            offsets=(new_R_old[parents] @ self.offsets[..., None])[..., 0],
+            mounts=new_T_old[list(self.carriers)] @ self.mounts,
+            rotations=self.rotations @ old_R_new,
+        )
+
+    def with_zero_at(self, resting: NDArray[np.bool_], world_R_rest: Array) -> "ArticulatedMotion":
+        """The same motion, with all segments' axes those of the N-pose (3, 3) on average over some instants (T)."""
+        old_R_new = [
+            robust_average_pose(rigid(self.rotations[resting, row], np.zeros(3)))[:3, :3].T @ world_R_rest
+            for row in range(len(self.body.segments))
+        ]
+        return self.with_segment_axes(np.stack(old_R_new))
+
+    def with_body(self, body: BodyModel) -> "ArticulatedMotion":
+        """The same motion of the cameras on a body whose joints or root's origin sit elsewhere on its segments."""
+        root = self.body.segment_index[self.body.root]
+        camera = self.carriers.index(root)
+        mount = body.mounts[self.cameras[camera]].segment_T_camera
+        old_T_new = self.mounts[camera] @ inverse(mount)
+        root_positions = self.root_positions + self.rotations[:, root] @ old_T_new[:3, 3]
+        return articulated(body, self.cameras, root_positions, self.rotations)
+
+    def joints_at_zero(self, joints: Iterable[Joint]) -> dict[str, Array]:
+        """Joint -> (3,) where it is when all segments have the root's axes, in those of the root [m]."""
+        body = self.body_with_geometry()
+        world_T_segment = body.forward_kinematics(np.eye(4), np.stack([np.eye(3)] * len(body.tree_joints)))
+        return {joint.name: world_T_segment[body.segment_index[joint.child], :3, 3] for joint in joints}
+
+    def hinge_axis(self, child: str) -> Array:
+        """(3,) direction on a segment that its joint never turned across, to the left rather than to the right."""
+        row = self.body.segment_index[child]
+        R = np.swapaxes(self.rotations[:, self.parent_rows[row]], -1, -2) @ self.rotations[:, row]
+        axis: Array = np.linalg.svd((R - R.mean(axis=0)).reshape(-1, 3), full_matrices=False)[2][2]
+        return axis if axis[1] >= 0 else -axis
+
+    def body_with_geometry(self) -> BodyModel:
+        """The body with the offsets and mounts of the arrays."""
+        index = self.body.segment_index
+        joints = tuple(
+            replace(joint, parent_T_joint=rigid(np.eye(3), self.offsets[index[joint.child]]))
+            for joint in self.body.joints
+        )
+        mounts = {
+            camera: CameraMount(self.body.mounts[camera].segment, self.mounts[c])
+            for c, camera in enumerate(self.cameras)
+        }
+        return replace(self.body, joints=joints, mounts=mounts)
+
+    def _parents_first(self) -> list[tuple[int, int]]:
+        index = self.body.segment_index
+        rows = [index[self.body.root], *(index[joint.child] for joint in self.body.tree_joints)]
+        return [(row, self.parent_rows[row]) for row in rows]
+
+
+def articulated(
+    body: BodyModel, cameras: tuple[str, ...], root_positions: Array, rotations: Array
+) -> ArticulatedMotion:
+    """The arrays of a body whose segments begin at their joints, and of its motion; see ``ArticulatedMotion``."""
+    offsets = np.zeros((len(body.segments), 3))
+    for joint in body.tree_joints:
+        offsets[body.segment_index[joint.child]] = joint.parent_T_joint[:3, 3]
+    mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
+    return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations)
+
+
+def _turn(row: int) -> slice:
+    """Where a segment's rotation stands among the unknowns of an instant."""
+    return slice(3 + 3 * row, 6 + 3 * row)
+
+
+def _orthonormal(poses: Array) -> Array:
+    return rigid(nearest_rotation(poses[:, :3, :3]), poses[:, :3, 3])

@@ -1,0 +1,323 @@
+"""What a calibration says about itself: figures of every joint, bone and camera, from the refined motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint_angles import JointAngleTracker
+from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
+from bodycam_ros.calibration.anthropometry import AnthropometrySettings, BoneLength, expected_stature, judge_bones
+from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.camera_motion import CameraMotion
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
+from bodycam_ros.calibration.image_evidence import ImageEvidence
+from bodycam_ros.calibration.joint_centre import JointCentre
+from bodycam_ros.calibration.refinement import Refined
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.calibration.strap_slip import Slip
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import inverse, log_se3, log_so3, nearest_rotation, transform_points
+from bodycam_ros.settings import setting
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AssessmentSettings:
+    """When a figure is worth a warning or an error, and how limits are drawn."""
+
+    warn_sigma: float = setting(
+        0.004, unit="m", limits=(0.0, 1.0), reason="a joint known less well is named with what to repeat"
+    )
+    max_sigma: float = setting(
+        0.03,
+        unit="m",
+        limits=(0.001, 1.0),
+        reason="a joint known less well than this is not known: no body is written, since limbs would be of any length",
+    )
+    warn_registered: float = setting(
+        0.5, limits=(0.0, 1.0), reason="a camera registered in a smaller share of its images says little of its segment"
+    )
+    limit_percentile: float = setting(
+        0.5,
+        unit="%",
+        limits=(0.0, 20.0),
+        reason="share of the instants beyond each joint limit: one wrong instant must not open a joint",
+    )
+    limit_margin: float = setting(
+        0.09,
+        unit="rad",
+        limits=(0.0, 3.2),
+        reason="added to the range that was exercised, for the joint limits: people go a little further another day",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the steps of a calibration found; see ``BodyCalibrator``.
+
+    Attributes:
+        rig: names.
+        centres: child segment -> its joint by A eq. 14.
+        hinges: child segment -> (3,) axis of those that turned as hinges, in N-pose axes.
+        slips: camera -> its slip.
+        motion: of the cameras.
+        rows: (N) instants of it that the refinement used.
+        images: their landmarks.
+        first: the motion of the body before refinement, at those instants.
+        refined: after it, in the same frames.
+        zeroed: the refined motion with the N-pose as zero.
+        body: the body of ``zeroed``.
+        straight_sigma: how straight a limb stands in the N-pose [m].
+        rest_s: (from, to) [s] of the N-pose.
+        heading_rad: that the person faced in it.
+        image_counts: camera -> images seen, registered.
+    """
+
+    rig: Rig
+    centres: Mapping[str, JointCentre]
+    hinges: Mapping[str, Array]
+    slips: Mapping[str, Slip]
+    motion: CameraMotion
+    rows: NDArray[np.intp]
+    images: ImageEvidence
+    first: ArticulatedMotion
+    refined: Refined
+    zeroed: ArticulatedMotion
+    body: BodyModel
+    straight_sigma: float
+    rest_s: tuple[float, float]
+    heading_rad: float
+    image_counts: Mapping[str, tuple[int, int]]
+
+    def offset_covariance(self) -> Array:
+        """Covariance (3 S, 3 S) of the joints' places in their parents, in N-pose axes [m^2].
+
+        Along a hinge's axis the motion tells nothing, so that leaving some of it out changes nothing; there the
+        straightness of the limb is all that is known.
+        """
+        refined, zeroed = self.refined.motion, self.zeroed
+        count = 3 * len(self.body.segments)
+        zero_R_refined = np.zeros((count, count))
+        covariance_along = np.zeros((count, count))
+        for row, parent in enumerate(zeroed.parent_rows):
+            columns = zeroed.offset_columns(row)
+            parent = max(parent, 0)
+            zero_R_refined[columns, columns] = zeroed.rotations[0, parent].T @ refined.rotations[0, parent]
+            axis = self.hinges.get(self.body.segments[row])
+            if axis is not None:
+                covariance_along[columns, columns] = self.straight_sigma**2 * np.outer(axis, axis)
+        in_motion = zero_R_refined @ self.refined.covariance[:count, :count] @ zero_R_refined.T
+        return in_motion + covariance_along
+
+
+def assess(
+    findings: Findings, settings: AssessmentSettings, anthropometry: AnthropometrySettings
+) -> tuple[BodyModel, CalibrationDiagnosis]:
+    """The body with its joint limits, and the diagnosis.
+
+    Raises:
+        RangeOfMotionError: a joint is not known well enough, however much it was moved.
+    """
+    limits = _joint_limits(findings, settings)
+    body = replace(
+        findings.body, joints=tuple(replace(joint, limits=limits[joint.name]) for joint in findings.body.joints)
+    )
+    joints = tuple(_joint(findings, joint, settings) for joint in body.tree_joints)
+    _refuse_unknown(joints, settings)
+    bones = bone_lengths(findings)
+    return body, CalibrationDiagnosis(
+        joints=joints,
+        bones=tuple(judge_bones(bones, anthropometry)),
+        cameras=_cameras(findings, settings),
+        refinement=_gain(findings),
+        rest_s=findings.rest_s,
+        heading_rad=findings.heading_rad,
+        duration_s=float(findings.motion.seconds[-1]),
+        stature_m=expected_stature(bones, anthropometry),
+    )
+
+
+def bone_lengths(findings: Findings) -> list[BoneLength]:
+    """Distances between the joints of each segment, with their standard deviations."""
+    body, covariance = findings.body, findings.offset_covariance()
+    bones = []
+    for segment in body.segments:
+        above = body.joint_to_parent(segment)
+        below = [joint for joint in body.tree_joints if joint.parent == segment]
+        # The root has no joint above; hips and shoulders are bones between joints below.
+        pairs = [(above, joint) for joint in below] if above else []
+        pairs += [(left, right) for left in below for right in below if _is_pair(left, right)]
+        for start, end in pairs:
+            vector, by_offsets = np.zeros(3), np.zeros((3, len(covariance)))
+            for joint, sign in ((end, 1.0), (start, 0.0 if start is above else -1.0)):
+                row = body.segment_index[joint.child]
+                vector += sign * joint.parent_T_joint[:3, 3]
+                by_offsets[:, findings.zeroed.offset_columns(row)] = sign * np.eye(3)
+            length_m = float(np.linalg.norm(vector))
+            slope = vector @ by_offsets / max(length_m, 1e-9)
+            variance = float(slope @ covariance @ slope)
+            sigma_m = float(np.sqrt(max(0.0, variance)))
+            bones.append(BoneLength(segment, start.name, end.name, length_m, sigma_m))
+    return bones
+
+
+def _is_pair(left: Joint, right: Joint) -> bool:
+    return left.child.endswith(LEFT) and right.name == mirrored(left.name)
+
+
+def _joint(findings: Findings, joint: Joint, settings: AssessmentSettings) -> JointDiagnosis:
+    centre = findings.centres[joint.child]
+    named = SegmentName(joint.child)
+    columns = findings.zeroed.offset_columns(findings.body.segment_index[joint.child])
+    sigma_m = np.sqrt(np.maximum(np.diag(findings.offset_covariance()[columns, columns]), 0.0))
+    hinge = joint.child in findings.hinges
+    straight = any(other.parent == joint.child for other in findings.body.tree_joints)
+    cameras = (*findings.rig.cameras_on(joint.parent), *findings.rig.cameras_on(joint.child))
+    parent, child = (findings.body.segment_index[segment] for segment in (joint.parent, joint.child))
+    both = findings.refined.weights > 0
+    carriers = np.array(findings.zeroed.carriers)
+    frames = int((both[:, carriers == parent].any(axis=1) & both[:, carriers == child].any(axis=1)).sum())
+    advice = ""
+    # A hinge's place along its axis is no matter of exercise.
+    if _by_motion(sigma_m, joint, findings).max() > settings.warn_sigma:
+        advice = f"joint {joint.name} is known to {1e3 * sigma_m.max():.0f} mm only: {named.exercise}"
+    return JointDiagnosis(
+        name=joint.name,
+        parent=joint.parent,
+        child=joint.child,
+        freedom="hinge" if hinge else "ball",
+        axis=findings.hinges.get(joint.child),
+        exercised_rad=_exercised(findings.zeroed, parent, child),
+        singular_values=centre.singular_values,
+        residual_m=float(np.median(centre.residuals_m)),
+        refined_residual_m=_gap(findings, joint),
+        sigma_m=sigma_m,
+        limits=joint.limits or (),
+        frames=frames,
+        cameras=cameras,
+        placed_by="motion" if not hinge else "collinearity" if straight else "vertical",
+        advice=advice,
+    )
+
+
+def _by_motion(sigma_m: Array, joint: Joint, findings: Findings) -> Array:
+    """Standard deviations (3,) [m] without what straightness has to tell."""
+    axis = findings.hinges.get(joint.child)
+    along = np.zeros(3) if axis is None else findings.straight_sigma * axis
+    return np.sqrt(np.maximum(sigma_m**2 - along**2, 0.0))
+
+
+def _exercised(motion: ArticulatedMotion, parent: int, child: int) -> Array:
+    """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the instants."""
+    R = np.swapaxes(motion.rotations[:, parent], -1, -2) @ motion.rotations[:, child]
+    turns = log_so3(nearest_rotation(R.mean(axis=0)).T @ R)
+    _, _, axes = np.linalg.svd(turns - turns.mean(axis=0), full_matrices=False)
+    low, high = np.percentile(turns @ axes.T, [0.5, 99.5], axis=0)
+    return np.sort(high - low)[::-1]
+
+
+def _gap(findings: Findings, joint: Joint) -> float:
+    """Median distance [m] between a joint's two places when each camera is taken at its own word."""
+    motion, rows, body = findings.motion, findings.rows, findings.body
+    gaps = []
+    for a in findings.rig.cameras_on(joint.parent):
+        for b in findings.rig.cameras_on(joint.child):
+            columns = [motion.cameras.index(camera) for camera in (a, b)]
+            seen = motion.known[rows][:, columns].all(axis=1)
+            world_T_pair = motion.world_T_camera[rows][seen][:, columns]
+            place = []
+            for index, (camera, joint_on_segment) in enumerate(
+                ((a, joint.parent_T_joint[:3, 3]), (b, joint.child_T_joint[:3, 3]))
+            ):
+                segment_T_camera = body.mounts[camera].segment_T_camera
+                camera_p = transform_points(inverse(segment_T_camera), joint_on_segment[None])
+                place.append(transform_points(world_T_pair[:, index], camera_p[None])[:, 0])
+            gaps.append(np.linalg.norm(place[0] - place[1], axis=1))
+    together = np.concatenate(gaps)
+    return float(np.median(together)) if len(together) else float("nan")
+
+
+def _joint_limits(findings: Findings, settings: AssessmentSettings) -> dict[str, tuple[tuple[float, float], ...]]:
+    """Joint -> (low, high) [rad] of each of its angles over the recording."""
+    tracker = JointAngleTracker(findings.body)
+    angles = np.stack([tracker.angles(pose) for pose in findings.zeroed.world_T_segment()])
+    share = settings.limit_percentile
+    low, high = np.percentile(angles, [share, 100.0 - share], axis=0)
+    low, high = np.minimum(low, 0.0) - settings.limit_margin, np.maximum(high, 0.0) + settings.limit_margin
+    columns = {name: column for column, name in enumerate(tracker.names)}
+    return {
+        joint.name: tuple((float(low[columns[name]]), float(high[columns[name]])) for name in joint.angle_names)
+        for joint in findings.body.tree_joints
+    }
+
+
+def _refuse_unknown(joints: tuple[JointDiagnosis, ...], settings: AssessmentSettings) -> None:
+    lost = [joint for joint in joints if not joint.sigma_m.max() <= settings.max_sigma]
+    if lost:
+        lines = [
+            f"joint {joint.name} is known to {1e3 * joint.sigma_m.max():.0f} mm only (at most "
+            f"{1e3 * settings.max_sigma:.0f} will do): {SegmentName(joint.child).exercise}"
+            for joint in lost
+        ]
+        raise RangeOfMotionError(
+            "the range of motion does not tell where every joint is. Repeat it, and\n  " + "\n  ".join(lines)
+        )
+
+
+def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDiagnosis, ...]:
+    seconds = findings.motion.seconds
+    said = findings.motion.world_T_camera[findings.rows]
+    known = findings.motion.known[findings.rows]
+    errors = log_se3(inverse(findings.zeroed.world_T_camera()) @ said)
+    told = []
+    for c, camera in enumerate(findings.motion.cameras):
+        images, registered = findings.image_counts[camera]
+        slip = findings.slips.get(camera)
+        slipped_s = None if slip is None else float(seconds[slip.row])
+        seen = errors[known[:, c], c]
+        share = registered / max(images, 1)
+        warning = ""
+        if slip is not None:
+            warning = (
+                f"camera {camera} slipped after {slipped_s:.1f} s, by {1e3 * slip.moved_m:.0f} mm and "
+                f"{np.degrees(slip.turned_rad):.1f} deg: tighten its strap; what it saw before is left out"
+            )
+        elif share < settings.warn_registered:
+            warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
+        told.append(
+            CameraDiagnosis(
+                camera=camera,
+                segment=findings.rig.cameras[camera],
+                images=images,
+                registered=share,
+                residual_m=float(np.median(np.linalg.norm(seen[:, 3:], axis=1))) if len(seen) else float("nan"),
+                residual_rad=float(np.median(np.linalg.norm(seen[:, :3], axis=1))) if len(seen) else float("nan"),
+                moved_m=slip.moved_m if slip else 0.0,
+                turned_rad=slip.turned_rad if slip else 0.0,
+                slipped_s=slipped_s,
+                warning=warning,
+            )
+        )
+    return tuple(told)
+
+
+def _gain(findings: Findings) -> RefinementGain:
+    before, after = (
+        float(np.median(images.errors_px(motion.world_T_camera())))
+        for images, motion in ((findings.images, findings.first), (findings.refined.images, findings.refined.motion))
+    )
+    joints = findings.body.tree_joints
+    return RefinementGain(
+        instants=len(findings.rows),
+        landmarks=findings.images.measurements,
+        iterations=findings.refined.iterations,
+        before_px=before,
+        after_px=after,
+        before_gap_m=float(np.median([np.median(findings.centres[joint.child].residuals_m) for joint in joints])),
+        after_gap_m=float(np.median([_gap(findings, joint) for joint in joints])),
+    )

@@ -1,0 +1,29 @@
+"""All settings that a body is calibrated with, by group."""
+
+from dataclasses import dataclass, fields
+
+from bodycam_ros.calibration.anthropometry import AnthropometrySettings
+from bodycam_ros.calibration.assessment import AssessmentSettings
+from bodycam_ros.calibration.camera_motion import MotionLogSettings
+from bodycam_ros.calibration.joint_centre import JointCentreSettings
+from bodycam_ros.calibration.refinement import RefinementSettings
+from bodycam_ros.calibration.rest_pose import RestPoseSettings
+from bodycam_ros.calibration.strap_slip import StrapSlipSettings
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """The settings of every step, under the names of their groups in YAML, ROS parameters and flags."""
+
+    motion_log: MotionLogSettings = MotionLogSettings()
+    strap_slip: StrapSlipSettings = StrapSlipSettings()
+    joint_centre: JointCentreSettings = JointCentreSettings()
+    rest_pose: RestPoseSettings = RestPoseSettings()
+    refinement: RefinementSettings = RefinementSettings()
+    assessment: AssessmentSettings = AssessmentSettings()
+    anthropometry: AnthropometrySettings = AnthropometrySettings()
+
+    @classmethod
+    def groups(cls) -> dict[str, type]:
+        """Group -> its settings dataclass."""
+        return {f.name: type(f.default) for f in fields(cls)}

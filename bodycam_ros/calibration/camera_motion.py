@@ -1,0 +1,164 @@
+"""Where every camera was at every instant of a range of motion, on one clock, in bounded memory."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import exp_se3, inverse, log_se3
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.settings import setting
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MotionLogSettings:
+    """What is kept of a range of motion."""
+
+    max_rate: float = setting(
+        15.0,
+        unit="Hz",
+        limits=(2.0, 1000.0),
+        reason="images used per second and camera of a recording; neighbouring images share their errors, and tracking "
+        "them all costs twice the time for joints 0.5 mm better",
+    )
+    max_images: int = setting(
+        1200,
+        limits=(100, 100000),
+        reason="images kept per camera, about 3 kB each; of a longer recording every second, fourth, ... is kept",
+    )
+    max_gap: float = setting(
+        0.15,
+        unit="s",
+        limits=(0.0, 1.0),
+        reason="a camera's pose is interpolated between two registrations this close; a swinging limb bends its path "
+        "by centimetres over longer ones",
+    )
+
+
+class CameraLog:
+    """The registrations of one camera, thinned evenly over time once there are too many.
+
+    Args:
+        camera: its name.
+        settings: how much is kept.
+    """
+
+    def __init__(self, camera: str, settings: MotionLogSettings) -> None:
+        self.camera = camera
+        self.matches: list[LandmarkMatches] = []
+        self.images = 0
+        self.registered = 0
+        self._max_images = settings.max_images
+        self._keep_every = 1
+
+    def add(self, matches: LandmarkMatches) -> None:
+        """Add the next image's registration; one that is not later than the last is left out."""
+        if self.matches and matches.stamp_ns <= self.matches[-1].stamp_ns:
+            return
+        self.images += 1
+        self.registered += matches.world_T_camera is not None
+        if (self.images - 1) % self._keep_every == 0:
+            self.matches.append(matches)
+        if len(self.matches) > self._max_images:
+            self.matches = self.matches[::2]
+            self._keep_every *= 2
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMotion:
+    """Poses of all cameras at common instants.
+
+    Attributes:
+        cameras: (C) names.
+        stamps_ns: (T) instants [ns], those of the camera that was registered most often.
+        world_T_camera: (T, C, 4, 4); of a camera that is not known at an instant, the identity.
+        known: (T, C) whether it is.
+        matches: (T) camera -> the image nearest to the instant, with its landmarks; registered ones only.
+        instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the instant: the
+            identity where all cameras are triggered together.
+    """
+
+    cameras: tuple[str, ...]
+    stamps_ns: NDArray[np.int64]
+    world_T_camera: Array
+    known: NDArray[np.bool_]
+    matches: tuple[Mapping[str, LandmarkMatches], ...]
+    instant_T_image: Array
+
+    @property
+    def seconds(self) -> Array:
+        """(T) instants since the first [s]."""
+        seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
+        return seconds
+
+    def columns(self, cameras: Sequence[str]) -> list[int]:
+        """Where some cameras stand among all."""
+        return [self.cameras.index(camera) for camera in cameras]
+
+    def poses(self, camera: str) -> Array:
+        """Poses (T, 4, 4) of one camera."""
+        poses: Array = self.world_T_camera[:, self.cameras.index(camera)]
+        return poses
+
+    def spread(self, count: int) -> NDArray[np.intp]:
+        """At most so many instants, evenly spread."""
+        instants = len(self.stamps_ns)
+        return np.unique(np.linspace(0, instants - 1, min(count, instants)).round().astype(np.intp))
+
+
+def camera_motion(logs: Sequence[CameraLog], settings: MotionLogSettings) -> CameraMotion:
+    """Bring the registrations of all cameras to common instants.
+
+    Raises:
+        RangeOfMotionError: a camera was never registered.
+    """
+    for log in logs:
+        if not log.registered:
+            raise RangeOfMotionError(
+                f"camera {log.camera}: none of its {log.images} images could be registered in the map, so nothing is "
+                "known of its segment; is the lens covered, or does it look where the map has no landmarks?"
+            )
+    registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
+    clock = max(registered, key=len)
+    stamps_ns = np.array([m.stamp_ns for m in clock], dtype=np.int64)
+    shape = (len(stamps_ns), len(logs))
+    world_T_camera = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
+    instant_T_image = world_T_camera.copy()
+    known = np.zeros(shape, dtype=bool)
+    nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
+    for column, (log, seen) in enumerate(zip(logs, registered, strict=True)):
+        poses, rows, images = _interpolated(seen, stamps_ns, 1e9 * settings.max_gap)
+        world_T_camera[rows, column] = poses
+        known[rows, column] = True
+        for row, image in zip(rows, images, strict=True):
+            nearest[row][log.camera] = seen[image]
+            image_pose = seen[image].world_T_camera
+            if image_pose is not None and seen[image].stamp_ns != stamps_ns[row]:
+                instant_T_image[row, column] = inverse(world_T_camera[row, column]) @ image_pose
+    return CameraMotion(
+        tuple(log.camera for log in logs), stamps_ns, world_T_camera, known, tuple(nearest), instant_T_image
+    )
+
+
+def _interpolated(
+    seen: Sequence[LandmarkMatches], stamps_ns: NDArray[np.int64], max_gap_ns: float
+) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+    """Poses (K, 4, 4) at those instants (K) that lie between two close registrations, and the nearest image (K)."""
+    own_ns = np.array([m.stamp_ns for m in seen], dtype=np.int64)
+    poses = np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None])
+    after = np.searchsorted(own_ns, stamps_ns)
+    exact = (after < len(own_ns)) & (own_ns[np.minimum(after, len(own_ns) - 1)] == stamps_ns)
+    inside = (after > 0) & (after < len(own_ns))
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(own_ns) - 1)
+    gap_ns = np.maximum(own_ns[after] - own_ns[before], 1)
+    rows = np.flatnonzero(exact | (inside & (gap_ns <= max_gap_ns)))
+    share = np.where(exact, 1.0, (stamps_ns - own_ns[before]) / gap_ns)[rows]
+    first, second = poses[before[rows]], poses[after[rows]]
+    steps = log_se3(inverse(first) @ second)
+    between = first @ exp_se3(share[:, None] * steps)
+    between[exact[rows]] = second[exact[rows]]
+    return between, rows, np.where(share < 0.5, before[rows], after[rows])

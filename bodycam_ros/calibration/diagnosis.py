@@ -1,0 +1,156 @@
+"""What a calibration found out about itself: figures for the person who must decide whether to trust the body."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Freedom = Literal["ball", "hinge", "rigid"]
+"""What the singular values say a joint did in the recording."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointDiagnosis:
+    """How well one joint is known.
+
+    Attributes:
+        name, parent, child: of the joint.
+        freedom: what the joint did in the recording, from the singular values.
+        axis: (3,) unit vector of a hinge in the N-pose's axes (x forward, y left, z up); None for others.
+        exercised_rad: (3,) extent of its rotation about its own principal axes, largest first [rad].
+        singular_values: (3,) of A eq. 14 per root of the frames, largest first: about 1 where a direction is moved
+            freely, 0 where the joint never turned across it.
+        residual_m: median distance between the joint on the parent and on the child, over time, before refinement [m].
+        refined_residual_m: the same after it [m].
+        sigma_m: (3,) standard deviation of its place in the parent, in the N-pose's axes, after refinement [m].
+        limits: (low, high) [rad] of each joint angle over the recording, in the order of ``Joint.angle_names``.
+        frames: instants in which both segments were seen.
+        cameras: that say where its two segments were.
+        placed_by: "motion", or for a hinge, along its axis, "collinearity" (A eq. 17) or "vertical".
+        advice: what the user should repeat or look at; empty when nothing.
+    """
+
+    name: str
+    parent: str
+    child: str
+    freedom: Freedom
+    axis: NDArray[np.float64] | None
+    exercised_rad: NDArray[np.float64]
+    singular_values: NDArray[np.float64]
+    residual_m: float
+    refined_residual_m: float
+    sigma_m: NDArray[np.float64]
+    limits: tuple[tuple[float, float], ...]
+    frames: int
+    cameras: tuple[str, ...]
+    placed_by: Literal["motion", "collinearity", "vertical"]
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class BoneDiagnosis:
+    """Distance between two joints of one segment.
+
+    Attributes:
+        segment: that both joints are on.
+        start, end: names of the joints.
+        length_m, sigma_m: with its standard deviation [m].
+        mirror_m: length of the same bone on the other side [m]; None for a bone of the middle, or without its partner.
+        expected_m: what the proportions of people let expect at this body's stature [m]; None where they say nothing.
+        warning: why a person should look at it; empty when nothing.
+    """
+
+    segment: str
+    start: str
+    end: str
+    length_m: float
+    sigma_m: float
+    mirror_m: float | None
+    expected_m: float | None
+    warning: str = ""
+
+    @property
+    def asymmetry_m(self) -> float | None:
+        """Length less that of the other side [m]."""
+        return None if self.mirror_m is None else self.length_m - self.mirror_m
+
+
+@dataclass(frozen=True)
+class CameraDiagnosis:
+    """How a camera sat on its segment.
+
+    Attributes:
+        camera, segment: names.
+        images: of the recording.
+        registered: share of them that were registered, 0 to 1.
+        residual_m, residual_rad: median difference between where it was and where the body puts it, after refinement.
+        moved_m, turned_rad: largest lasting change of its place on the segment [m], [rad]; 0 when it held still, or
+            when it is alone on its segment and so nothing tells.
+        slipped_s: when that change came, seconds after the start; None when it held still.
+        warning: for the user; empty when nothing.
+    """
+
+    camera: str
+    segment: str
+    images: int
+    registered: float
+    residual_m: float
+    residual_rad: float
+    moved_m: float
+    turned_rad: float
+    slipped_s: float | None
+    warning: str = ""
+
+
+@dataclass(frozen=True)
+class RefinementGain:
+    """What the bundle adjustment brought.
+
+    Attributes:
+        instants: of the recording that it used.
+        landmarks: image measurements that it used.
+        iterations: that it took.
+        before_px, after_px: median reprojection error under the articulation [px].
+        before_gap_m, after_gap_m: median distance between the two places of a joint when each camera is taken at
+            its own word [m].
+    """
+
+    instants: int
+    landmarks: int
+    iterations: int
+    before_px: float
+    after_px: float
+    before_gap_m: float
+    after_gap_m: float
+
+
+@dataclass(frozen=True)
+class CalibrationDiagnosis:
+    """All that a calibration says about itself.
+
+    Attributes:
+        joints, bones, cameras: in the order of the body.
+        refinement: None when it was switched off.
+        rest_s: (from, to) seconds after the start in which the N-pose was held.
+        heading_rad: direction that the person faced in the N-pose, about the map's z from its x [rad].
+        duration_s: of the recording.
+        stature_m: height that the bones together let expect [m]; None when too few of them are known.
+    """
+
+    joints: tuple[JointDiagnosis, ...]
+    bones: tuple[BoneDiagnosis, ...]
+    cameras: tuple[CameraDiagnosis, ...]
+    refinement: RefinementGain | None
+    rest_s: tuple[float, float]
+    heading_rad: float
+    duration_s: float
+    stature_m: float | None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Everything that a person should look at, in the order of the body."""
+        said = [joint.advice for joint in self.joints]
+        said += [bone.warning for bone in self.bones]
+        said += [camera.warning for camera in self.cameras]
+        return tuple(text for text in said if text)

@@ -1,0 +1,178 @@
+"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), before any refinement.
+
+In the N-pose all segments have the same axes, x forward, y left, z up, and each begins at the joint that it hangs on
+(DESIGN 3); this fixes every frame.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
+from bodycam_ros.calibration.hinge import shift_to_line
+from bodycam_ros.calibration.joint_centre import JointCentre
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import rigid, transform_points
+
+Array = NDArray[np.float64]
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def joints_in_world(
+    rig: Rig, centres: Mapping[str, JointCentre], world_T_segment: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Joint -> (3,) where it is when the segments' virtual cameras are at the given poses [m].
+
+    Args:
+        centres: child segment -> its joint, in the frames of the virtual cameras.
+        world_T_segment: segment -> (4, 4).
+    """
+    placed = {}
+    for child, centre in centres.items():
+        parent = str(rig.parents[child])
+        on_parent = transform_points(world_T_segment[parent], centre.in_parent[None])[0]
+        on_child = transform_points(world_T_segment[child], centre.in_child[None])[0]
+        placed[SegmentName(child).joint] = 0.5 * (on_parent + on_child)
+    return placed
+
+
+def first_body(
+    name: str,
+    rig: Rig,
+    centres: Mapping[str, JointCentre],
+    virtual_T_camera: Mapping[str, Array],
+    rest_T_virtual: Mapping[str, Array],
+) -> BodyModel:
+    """The body whose zero is the N-pose.
+
+    Args:
+        name: of the body.
+        rig: cameras and segments.
+        centres: child segment -> its joint, in the frames of the virtual cameras.
+        virtual_T_camera: camera -> (4, 4) its place at its segment's virtual camera.
+        rest_T_virtual: segment -> (4, 4) pose of its virtual camera in the N-pose; the rotation in the N-pose's axes.
+    """
+    # A eq. 15 in every segment's own axes: from the joint that it hangs on to the ones that hang on it.
+    origins = {segment: centre.in_child for segment, centre in centres.items()}
+    origins[rig.root] = _root_origin(rig, centres)
+    joints = []
+    for child, centre in centres.items():
+        parent = str(rig.parents[child])
+        offset = rest_T_virtual[parent][:3, :3] @ (centre.in_parent - origins[parent])
+        called = SegmentName(child)
+        joints.append(
+            Joint(called.joint, parent, child, "ball", rigid(np.eye(3), offset), angle_axes=called.angle_axes)
+        )
+    mounts = {}
+    for camera, segment in rig.cameras.items():
+        segment_R_virtual = rest_T_virtual[segment][:3, :3]
+        segment_T_virtual = rigid(segment_R_virtual, -segment_R_virtual @ origins[segment])
+        mounts[camera] = CameraMount(segment, segment_T_virtual @ virtual_T_camera[camera])
+    return BodyModel(name, rig.root, rig.segments, tuple(joints), mounts)
+
+
+def place_hinges(body: BodyModel, axes: Mapping[str, Array]) -> BodyModel:
+    """Move the joints of hinges along their axes to where the N-pose's straight limbs want them (A eq. 16-17).
+
+    Args:
+        body: in N-pose axes.
+        axes: child segment -> (3,) its hinge's axis, in N-pose axes.
+
+    Raises:
+        RangeOfMotionError: the straight limb does not decide.
+    """
+    # Hips before knees: a joint's own place decides where the line of the next one begins.
+    for joint in body.tree_joints:
+        if joint.child in axes:
+            here = body.joint_to_parent(joint.child)
+            offset = here.parent_T_joint[:3, 3] if here else np.zeros(3)
+            line_point, line_direction = straight_line(body, joint.child)
+            try:
+                shift = shift_to_line(offset, axes[joint.child], line_point, line_direction)
+            except ValueError as error:
+                raise RangeOfMotionError(f"joint {joint.name}: {error}") from error
+            body = joint_moved(body, joint.child, shift * axes[joint.child])
+    return body
+
+
+def straight_line(body: BodyModel, child: str) -> tuple[Array, Array]:
+    """Point (3,) and direction (3,) of the line that a straight limb's middle joint is on, in its parent's frame.
+
+    From the joint above to the one below (A eq. 17); where there is none below, straight down from the one above.
+    """
+    joint = body.joint_to_parent(child)
+    below = next((other.parent_T_joint[:3, 3] for other in body.tree_joints if other.parent == child), None)
+    if joint is None or below is None:
+        return np.zeros(3), _UP
+    end = joint.parent_T_joint[:3, 3] + below
+    return end, -end
+
+
+def joint_moved(body: BodyModel, child: str, shift: Array) -> BodyModel:
+    """The body with one joint elsewhere on its two segments, and everything else in the N-pose where it was.
+
+    Args:
+        body: whose segments begin at their joints and share their axes in the N-pose.
+        child: the segment that hangs on the joint.
+        shift: (3,) of the joint, in N-pose axes [m].
+    """
+    joints = tuple(
+        replace(joint, parent_T_joint=_shifted(joint.parent_T_joint, sign * shift))
+        if (sign := (joint.child == child) - (joint.parent == child))
+        else joint
+        for joint in body.joints
+    )
+    mounts = {
+        camera: CameraMount(child, _shifted(mount.segment_T_camera, -shift)) if mount.segment == child else mount
+        for camera, mount in body.mounts.items()
+    }
+    return replace(body, joints=joints, mounts=mounts)
+
+
+def root_at_hips(body: BodyModel) -> BodyModel:
+    """The body with the root's origin midway between its paired joints, the hips (DESIGN 3)."""
+    paired = _paired([(joint.name, joint.parent_T_joint[:3, 3]) for joint in body.joints if joint.parent == body.root])
+    if paired is None:
+        return body
+    joints = tuple(
+        replace(joint, parent_T_joint=_shifted(joint.parent_T_joint, -paired)) if joint.parent == body.root else joint
+        for joint in body.joints
+    )
+    mounts = {
+        camera: CameraMount(body.root, _shifted(mount.segment_T_camera, -paired))
+        if mount.segment == body.root
+        else mount
+        for camera, mount in body.mounts.items()
+    }
+    return replace(body, joints=joints, mounts=mounts)
+
+
+def _root_origin(rig: Rig, centres: Mapping[str, JointCentre]) -> Array:
+    on_root = [
+        (SegmentName(child).joint, centre.in_parent)
+        for child, centre in centres.items()
+        if rig.parents[child] == rig.root
+    ]
+    paired = _paired(on_root)
+    return np.mean([place for _, place in on_root], axis=0) if paired is None else paired
+
+
+def _paired(places: list[tuple[str, Array]]) -> Array | None:
+    """Midpoint (3,) of the joints of the left and their partners of the right; None if there are none."""
+    place_of = dict(places)
+    both = [
+        0.5 * (place + place_of[other])
+        for name, place in places
+        if name.endswith(LEFT) and (other := mirrored(name)) in place_of
+    ]
+    return np.mean(both, axis=0) if both else None
+
+
+def _shifted(pose: Array, shift: Array) -> Array:
+    return rigid(pose[:3, :3], pose[:3, 3] + shift)

@@ -1,0 +1,272 @@
+"""Bundle adjustment of a body over its range of motion: joints, mounts and poses against the image measurements.
+
+Seed A stops at the SVD and a person's corrections. Here the reprojection errors of all landmarks (A eq. 8-9) decide,
+under the articulation (A eq. 3-5). A camera enters as in the solver (``camera_evidence``, DESIGN 4.2): as a pose with
+its information, here linearised anew on its landmarks wherever an iteration puts it, floored and robust. The solver's
+tight joints are exact here, and its smoothness is left out: the instants then depend on each other through the body
+alone, and each is eliminated on its own (Schur complement).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
+from bodycam_ros.settings import setting
+
+Array = NDArray[np.float64]
+
+_HELD = 1e12
+"""Information on what is a matter of choice: each segment's axes, and the root's origin."""
+
+_STIFFENING = 1e-6
+"""Relative to the diagonal: keeps the inverse of an instant in which a segment was not seen."""
+
+
+@dataclass(frozen=True)
+class RefinementSettings:
+    """How the body is refined."""
+
+    max_instants: int = setting(
+        180,
+        limits=(20, 10000),
+        reason="instants used, evenly over the recording; between neighbours tracks keep their errors, so that more "
+        "bring little and cost time",
+    )
+    pose_iterations: int = setting(
+        4, limits=(1, 50), reason="steps on the registrations' own poses, from the joint centres to within a pixel"
+    )
+    image_iterations: int = setting(
+        4, limits=(0, 50), reason="steps on the landmarks in the images; further ones move joints by 0.1 mm"
+    )
+    landmark_sigma: float = setting(
+        0.02,
+        unit="m",
+        limits=(1e-6, 1.0),
+        reason="how well the map knows a landmark; what all cameras see of it over the recording mends the rest",
+    )
+    straight_sigma: float = setting(
+        0.005,
+        unit="m",
+        limits=(0.0001, 0.1),
+        reason="how straight a limb stands in the N-pose: it alone holds a hinge's joint along its axis",
+    )
+    outlier_sigmas: float = setting(
+        4.0,
+        limits=(1.0, 100.0),
+        reason="a camera farther than this from the body counts less and less (Cauchy), as in the solver",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLimb:
+    """What the N-pose says of a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
+
+    Attributes:
+        row: (3 S) derivative of the joint's distance from the line, along the hinge's axis, by all offsets.
+        value: that distance at the first body [m].
+    """
+
+    row: Array
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """The lasting unknowns' normal equations, of each instant and of the priors; the moving ones are eliminated.
+
+    Attributes:
+        hessians: (T, K, K) of each instant.
+        gradients: (T, K).
+        prior_hessian: (K, K) of straight limbs and of what is held.
+        prior_gradient: (K,).
+    """
+
+    hessians: Array
+    gradients: Array
+    prior_hessian: Array
+    prior_gradient: Array
+
+    def step(self, left_out: NDArray[np.bool_] | None = None) -> Array:
+        """The step (K,) of the lasting unknowns, of all instants but some."""
+        kept = slice(None) if left_out is None else ~left_out
+        hessian = self.hessians[kept].sum(axis=0) + self.prior_hessian
+        gradient = self.gradients[kept].sum(axis=0) + self.prior_gradient
+        # A symmetric scaling: radians, metres and held unknowns differ by many powers of ten.
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+        scaled = hessian * scale[:, None] * scale
+        step: Array = -scale * np.linalg.lstsq(scaled, scale * gradient, rcond=1e-12)[0]
+        return step
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A refined motion.
+
+    Attributes:
+        motion: the body and its motion.
+        images: with the landmarks where they are now.
+        covariance: (K, K) of the lasting unknowns, see ``ArticulatedMotion.moved``.
+        weights: (T, C) of the cameras at the instants, 0 where one is not known.
+        iterations: that it took.
+    """
+
+    motion: ArticulatedMotion
+    images: ImageEvidence
+    covariance: Array
+    weights: Array
+    iterations: int
+
+
+def refine(
+    motion: ArticulatedMotion,
+    poses: PoseEvidence,
+    images: ImageEvidence,
+    trust: Array,
+    limbs: Sequence[StraightLimb],
+    settings: RefinementSettings,
+    on_progress: Callable[[float], None] = lambda share: None,
+) -> Refined:
+    """Refine a body and its motion.
+
+    Args:
+        motion: where to start.
+        poses: the registrations' own poses.
+        images: their landmarks in the images.
+        trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
+        limbs: the straight limbs of the N-pose.
+        settings: of the refinement.
+        on_progress: called with the share that is done.
+    """
+    start = motion
+    total = settings.pose_iterations + settings.image_iterations
+    for iteration in range(total):
+        world_T_camera = motion.world_T_camera()
+        if iteration < settings.pose_iterations:
+            hessians, gradients = poses.linearised(world_T_camera)
+        else:
+            images = images.with_landmarks_refined(world_T_camera, settings.landmark_sigma)
+            hessians, gradients = images.linearised(world_T_camera)
+        weights = trust * _cauchy(hessians, gradients, settings)
+        equations, back_substitute = _eliminate_instants(
+            motion, start, weights[..., None, None] * hessians, weights[..., None] * gradients, limbs, settings
+        )
+        lasting = equations.step()
+        motion = motion.moved(back_substitute(lasting), lasting)
+        on_progress((iteration + 1) / total)
+    return Refined(motion, images, jackknife_covariance(equations), weights, total)
+
+
+def jackknife_covariance(equations: NormalEquations, blocks: int = 12) -> Array:
+    """Covariance (K, K) of the lasting unknowns: how much they change when a stretch of time is left out.
+
+    Errors of neighbouring instants go together, because they see the same landmarks; the inverse of the information
+    would not know. Delete-a-block jackknife (Künsch 1989, "The jackknife and the bootstrap for general stationary
+    observations"), each solved by one Gauss-Newton step.
+    """
+    block_of = np.arange(len(equations.hessians)) * blocks // len(equations.hessians)
+    steps = np.stack([equations.step(block_of == block) for block in range(blocks)])
+    apart = steps - steps.mean(axis=0)
+    covariance: Array = (blocks - 1) / blocks * apart.T @ apart
+    return covariance
+
+
+def _eliminate_instants(
+    motion: ArticulatedMotion,
+    start: ArticulatedMotion,
+    hessians: Array,
+    gradients: Array,
+    limbs: Sequence[StraightLimb],
+    settings: RefinementSettings,
+) -> tuple[NormalEquations, Callable[[Array], Array]]:
+    """Normal equations of the lasting unknowns, and the function that gives the moving ones' step for theirs."""
+    J_moving, J_lasting = motion.jacobians()
+    instants = len(J_moving)
+    HJ_moving, HJ_lasting = hessians @ J_moving, hessians @ J_lasting
+    flat = (instants, -1)
+
+    def product(left: Array, right: Array) -> Array:
+        columns = left.shape[-1], right.shape[-1]
+        rows = left.reshape(*flat, columns[0]), right.reshape(*flat, columns[1])
+        out: Array = np.swapaxes(rows[0], 1, 2) @ rows[1]
+        return out
+
+    gradient_column = gradients[..., None]
+    A = product(J_moving, HJ_moving)
+    B = product(J_moving, HJ_lasting)
+    C = product(J_lasting, HJ_lasting)
+    a = product(J_moving, gradient_column)[..., 0]
+    c = product(J_lasting, gradient_column)[..., 0]
+    diagonal = np.einsum("tii->ti", A)
+    A = A + (_STIFFENING * diagonal.mean() * np.eye(A.shape[-1]))
+    A_inverse_B = np.linalg.solve(A, B)
+    A_inverse_a = np.linalg.solve(A, a[..., None])[..., 0]
+    B_transposed = np.swapaxes(B, 1, 2)
+    prior_hessian, prior_gradient = _priors(motion, start, limbs, settings)
+    equations = NormalEquations(
+        hessians=C - B_transposed @ A_inverse_B,
+        gradients=c - (B_transposed @ A_inverse_a[..., None])[..., 0],
+        prior_hessian=prior_hessian,
+        prior_gradient=prior_gradient,
+    )
+    return equations, lambda lasting: -A_inverse_a - A_inverse_B @ lasting
+
+
+def _priors(
+    motion: ArticulatedMotion, start: ArticulatedMotion, limbs: Sequence[StraightLimb], settings: RefinementSettings
+) -> tuple[Array, Array]:
+    """What no image tells: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
+    count = motion.lasting_count
+    hessian, gradient = np.zeros((count, count)), np.zeros(count)
+    held = np.zeros(count, dtype=bool)
+    held[motion.offset_columns(motion.body.segment_index[motion.body.root])] = True
+    first_camera = {carrier: c for c, carrier in reversed(list(enumerate(motion.carriers)))}
+    for carrier, c in first_camera.items():
+        columns = motion.mount_columns(c)
+        is_root = motion.body.segments[carrier] == motion.body.root
+        held[columns.start : columns.stop if is_root else columns.start + 3] = True
+    hessian[held, held] = _HELD
+    shift = (motion.offsets - start.offsets).ravel()
+    for limb in limbs:
+        row = np.zeros(count)
+        row[: len(limb.row)] = limb.row / settings.straight_sigma
+        value = (limb.value + limb.row @ shift) / settings.straight_sigma
+        hessian += np.outer(row, row)
+        gradient += row * value
+    return hessian, gradient
+
+
+def _cauchy(hessians: Array, gradients: Array, settings: RefinementSettings) -> Array:
+    """Weights (T, C) by each camera's distance from where the body puts it, in its own sigmas."""
+    traces = np.trace(hessians, axis1=-2, axis2=-1)
+    regular = hessians + (1e-12 * traces + (traces == 0))[..., None, None] * np.eye(6)
+    squared = np.einsum("tci,tci->tc", gradients, np.linalg.solve(regular, gradients[..., None])[..., 0])
+    distances = np.sqrt(np.maximum(squared, 0.0))
+    known = traces > 0
+    usual = float(np.median(distances[known])) if known.any() else 1.0
+    # While the body is far from right all cameras are far from it; then the usual distance is no outlier's.
+    scale = settings.outlier_sigmas * max(1.0, usual)
+    weights: Array = known / (1.0 + (distances / scale) ** 2)
+    return weights
+
+
+def limb_residual_row(motion: ArticulatedMotion, residual: Callable[[Array], float]) -> StraightLimb:
+    """A straight limb's residual, linearised numerically at the first body.
+
+    Args:
+        residual: offsets (S, 3) -> distance of the hinge's joint from the straight limb's line, along its axis [m].
+    """
+    step = 1e-6
+    flat = motion.offsets.ravel()
+    unit = np.eye(len(flat))
+    shape = motion.offsets.shape
+    row = np.array(
+        [
+            (residual((flat + step * e).reshape(shape)) - residual((flat - step * e).reshape(shape))) / (2 * step)
+            for e in unit
+        ]
+    )
+    return StraightLimb(row, residual(motion.offsets))

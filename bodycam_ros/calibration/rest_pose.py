@@ -1,0 +1,139 @@
+"""The N-pose at the start of a recording: when it was held, and which way the person faced."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.calibration.anatomy import LEFT, mirrored
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import inverse, log_so3, robust_average_pose
+from bodycam_ros.settings import setting
+
+Array = NDArray[np.float64]
+
+_UP = np.array([0.0, 0.0, 1.0])
+_LEVEL = 0.3
+"""A line from right to left that rises more than this (17 degrees) is no hip or shoulder line of someone who stands."""
+
+
+@dataclass(frozen=True)
+class RestPoseSettings:
+    """What counts as standing still."""
+
+    max_turn: float = setting(
+        0.06, unit="rad", limits=(0.005, 0.5), reason="people sway by a degree or two; a limb that sets out turns more"
+    )
+    max_shift: float = setting(
+        0.04,
+        unit="m",
+        limits=(0.005, 0.5),
+        reason="people sway by a centimetre or two; registrations err by half of one",
+    )
+    min_duration: float = setting(
+        0.5, unit="s", limits=(0.1, 60.0), reason="shorter stillness may be the turning point of a motion"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """The N-pose.
+
+    Attributes:
+        instants: (K) rows of the instants in which it was held.
+        world_T_segment: segment -> (4, 4) its average pose then, in the frame of its virtual camera.
+    """
+
+    instants: NDArray[np.intp]
+    world_T_segment: Mapping[str, Array]
+
+
+def find_rest_pose(
+    seconds: Array,
+    world_T_segment: Mapping[str, Array],
+    known: Mapping[str, NDArray[np.bool_]],
+    settings: RestPoseSettings,
+) -> RestPose:
+    """Find how long the body stands still at the start, and how.
+
+    Args:
+        seconds: (T) instants [s].
+        world_T_segment: segment -> (T, 4, 4) poses.
+        known: segment -> (T) where they are known.
+        settings: thresholds.
+
+    Raises:
+        RangeOfMotionError: the recording begins with motion, or a segment is not seen while the body stands still.
+    """
+    end = len(seconds)
+    ended_by = ""
+    for segment, poses in world_T_segment.items():
+        if (still := _still_until(seconds, poses, known[segment], settings)) < end:
+            end, ended_by = still, segment
+    if end == 0 or seconds[end - 1] < settings.min_duration:
+        moved = f"{ended_by} moves after {seconds[end] if end < len(seconds) else 0.0:.1f} s"
+        raise RangeOfMotionError(
+            f"the recording does not begin with the N-pose: {moved}; stand still, arms down, for 1.5 s, then begin "
+            "the range of motion"
+        )
+    if end == len(seconds):
+        raise RangeOfMotionError("nothing moves in this recording; a range of motion of every joint is needed")
+    instants = np.arange(end)
+    average = {}
+    for segment, poses in world_T_segment.items():
+        seen = known[segment][:end]
+        if not seen.any():
+            raise RangeOfMotionError(
+                f"segment {segment}: none of its cameras is registered while the body stands still in the N-pose "
+                f"(the first {seconds[end - 1]:.1f} s), so its zero is not known; begin where the cameras see the map"
+            )
+        average[segment] = robust_average_pose(poses[:end][seen])
+    return RestPose(instants, average)
+
+
+def facing_direction(joints_world: Mapping[str, Array]) -> float:
+    """Heading of a standing person [rad], about z from x: across the lines from right joints to their left ones.
+
+    Args:
+        joints_world: joint -> (3,) where it is in the N-pose.
+
+    Raises:
+        RangeOfMotionError: no joint has a partner on the other side.
+    """
+    leftward = np.zeros(3)
+    for name, left in joints_world.items():
+        right = joints_world.get(mirrored(name) or "")
+        if name.endswith(LEFT) and right is not None:
+            line = left - right
+            # Longer lines tell the direction better, and weigh more here.
+            if abs(line[2]) < _LEVEL * np.linalg.norm(line):
+                leftward += line
+    if np.linalg.norm(leftward[:2]) == 0:
+        raise RangeOfMotionError(
+            "no level line from a right to a left joint (hips, shoulders) tells which way the person faces in the "
+            "N-pose; say it with --facing, in degrees about the map's z from its x"
+        )
+    forward = np.cross(leftward, _UP)
+    return float(np.arctan2(forward[1], forward[0]))
+
+
+def heading_rotation(heading_rad: float) -> Array:
+    """Rotation world_R_rest (3, 3) of the N-pose's axes: x forward, y left, z up (DESIGN 3)."""
+    c, s = np.cos(heading_rad), np.sin(heading_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _still_until(seconds: Array, poses: Array, known: NDArray[np.bool_], settings: RestPoseSettings) -> int:
+    """Number of instants from the start in which a segment holds still; all of them if it never moves."""
+    opening = np.flatnonzero(known & (seconds <= settings.min_duration))
+    if len(opening) == 0:
+        return len(seconds)
+    start = robust_average_pose(poses[opening])
+    moved = inverse(start) @ poses
+    turns = np.linalg.norm(log_so3(moved[:, :3, :3]), axis=1)
+    shifts = np.linalg.norm(poses[:, :3, 3] - start[:3, 3], axis=1)
+    away = known & ((turns > settings.max_turn) | (shifts > settings.max_shift))
+    # A single instant is a wrong registration; motion lasts.
+    lasting = np.flatnonzero(away[:-2] & (away[1:-1] | ~known[1:-1]) & (away[2:] | ~known[2:]))
+    return int(lasting[0]) if len(lasting) else len(seconds)

@@ -1,0 +1,112 @@
+"""The rig: which camera is strapped to which segment, and which segment hangs on which. All that a user must say.
+
+::
+
+    cameras: {waist_front: pelvis, thigh_left: thigh_left}
+    segments: {pelvis: null, thigh_left: pelvis}
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bodycam_ros.body.checked_fields import check_keys, name_of
+from bodycam_ros.errors import BodyError
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Cameras on segments, and segments in a tree.
+
+    Attributes:
+        cameras: camera -> the segment that carries it.
+        parents: segment -> the one that it hangs on; None for the root.
+
+    Raises:
+        BodyError: the segments make no tree, or one that others hang on carries no camera.
+    """
+
+    cameras: Mapping[str, str]
+    parents: Mapping[str, str | None]
+
+    def __post_init__(self) -> None:
+        if not self.cameras:
+            raise BodyError("the rig names no camera; write one line per camera, such as head: head")
+        for camera, segment in self.cameras.items():
+            if segment not in self.parents:
+                raise BodyError(f"camera {camera}: its segment {segment} is not among the segments")
+        for segment, parent in self.parents.items():
+            if parent is not None and parent not in self.parents:
+                raise BodyError(f"segment {segment}: hangs on {parent}, which is not among the segments")
+        roots = [segment for segment, parent in self.parents.items() if parent is None]
+        if len(roots) != 1:
+            raise BodyError(f"one segment must be the root, with null as its parent, not {len(roots)}: {roots}")
+        for segment in self.parents:
+            self._path_to_root(segment)
+        if bare := [segment for segment in self.segments if not self.cameras_on(segment)]:
+            raise BodyError(
+                f"segments {', '.join(bare)} carry no camera, but others hang on them: what a joint between two "
+                "segments does is seen by cameras on both; strap one on, or leave out what hangs on it"
+            )
+
+    @classmethod
+    def from_yaml(cls, path: Path | str) -> "Rig":
+        """Read a rig file.
+
+        Raises:
+            BodyError: the file is missing, not YAML, or describes no rig; the message names the file.
+        """
+        try:
+            document = yaml.safe_load(Path(path).read_text())
+        except (OSError, UnicodeDecodeError) as error:
+            raise BodyError(f"{path}: cannot read this rig file: {error}") from error
+        except yaml.YAMLError as error:
+            raise BodyError(f"{path}: this rig file is not YAML: {' '.join(str(error).split())}") from error
+        try:
+            check_keys(document, "a rig file", {"cameras", "segments"}, set())
+            cameras, parents = _table(document, "cameras"), _table(document, "segments")
+            return cls(
+                cameras={name_of(camera, "cameras"): name_of(on, f"camera {camera}") for camera, on in cameras.items()},
+                parents={
+                    name_of(segment, "segments"): None if parent is None else name_of(parent, f"segment {segment}")
+                    for segment, parent in parents.items()
+                },
+            )
+        except BodyError as error:
+            raise BodyError(f"{path}: {error}") from error
+
+    @property
+    def root(self) -> str:
+        """The segment that hangs on no other."""
+        return next(segment for segment, parent in self.parents.items() if parent is None)
+
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Segments that carry a camera or lead to one, parents first; hands without a camera are left out."""
+        leading = {name for segment in self.cameras.values() for name in self._path_to_root(segment)}
+        ordered: list[str] = []
+        for segment in self.parents:
+            ordered += [name for name in reversed(self._path_to_root(segment)) if name in leading - set(ordered)]
+        return tuple(ordered)
+
+    def cameras_on(self, segment: str) -> tuple[str, ...]:
+        """Names of the cameras on a segment."""
+        return tuple(camera for camera, carrier in self.cameras.items() if carrier == segment)
+
+    def _path_to_root(self, segment: str) -> list[str]:
+        path = [segment]
+        while (parent := self.parents[path[-1]]) is not None:
+            if parent in path:
+                raise BodyError(f"segments {', '.join(path)} hang on each other in a circle")
+            path.append(parent)
+        return path
+
+
+def _table(document: dict[str, Any], key: str) -> dict[Any, Any]:
+    table = document[key]
+    if not isinstance(table, dict):
+        raise BodyError(f"{key} must be a table of names, not {table!r}")
+    return table

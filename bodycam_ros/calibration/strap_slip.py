@@ -1,0 +1,107 @@
+"""A slipped strap: a camera whose place on its segment changes during the recording and stays changed.
+
+Two cameras on one segment should never move against each other. Where they do, of three or more the one that moved
+against all others is to blame; of two, the caller must tell by other means.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import inverse, log_se3, robust_average_pose
+from bodycam_ros.settings import setting
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StrapSlipSettings:
+    """What counts as a slip."""
+
+    min_shift: float = setting(
+        0.025, unit="m", limits=(0.001, 0.5), reason="registrations err by half of this for a second or two"
+    )
+    min_turn: float = setting(
+        0.03, unit="rad", limits=(0.001, 1.0), reason="soft tissue gives by a degree and comes back; a strap does not"
+    )
+    min_stay: float = setting(
+        1.0, unit="s", limits=(0.1, 60.0), reason="a change must last this long on either side; blur passes sooner"
+    )
+    weight: float = setting(
+        0.1,
+        limits=(0.0, 1.0),
+        reason="of a slipped camera after its slip, beside the ones that hold; before it, it counts nothing",
+    )
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A lasting change: at which instant's row, by how much."""
+
+    row: int
+    moved_m: float
+    turned_rad: float
+
+
+def lasting_change(poses: Array, seconds: Array, settings: StrapSlipSettings) -> Slip | None:
+    """The greatest lasting change of poses that should stay the same; None if there is none worth the name.
+
+    Args:
+        poses: (N, 4, 4) of one camera seen from another on the same segment.
+        seconds: (N) when [s].
+        settings: thresholds.
+    """
+    if len(poses) < 2 or seconds[-1] - seconds[0] < 2 * settings.min_stay:
+        return None
+    offsets = log_se3(inverse(robust_average_pose(poses)) @ poses)
+    best: Slip | None = None
+    best_size = 1.0
+    splits = np.arange(seconds[0] + settings.min_stay, seconds[-1] - settings.min_stay, settings.min_stay / 4)
+    for row in np.searchsorted(seconds, splits):
+        change = np.median(offsets[row:], axis=0) - np.median(offsets[:row], axis=0)
+        turned_rad, moved_m = float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:]))
+        size = max(turned_rad / settings.min_turn, moved_m / settings.min_shift)
+        if size > best_size:
+            best, best_size = Slip(int(row), moved_m, turned_rad), size
+    return best
+
+
+def slips_on_segment(
+    names: tuple[str, ...],
+    world_T_camera: Array,
+    known: NDArray[np.bool_],
+    seconds: Array,
+    settings: StrapSlipSettings,
+) -> Mapping[str, Slip]:
+    """Cameras of a segment that moved against others, as far as the segment alone tells: of two that differ, both.
+
+    Args:
+        names: (K) of the cameras.
+        world_T_camera: (T, K, 4, 4).
+        known: (T, K).
+        seconds: (T) [s].
+        settings: thresholds.
+
+    Returns:
+        Camera -> its slip; rows count the T instants.
+    """
+    changes: dict[tuple[int, int], Slip] = {}
+    for a, b in combinations(range(len(names)), 2):
+        rows = np.flatnonzero(known[:, a] & known[:, b])
+        if slip := lasting_change(inverse(world_T_camera[rows, a]) @ world_T_camera[rows, b], seconds[rows], settings):
+            changes[a, b] = Slip(int(rows[slip.row]), slip.moved_m, slip.turned_rad)
+    accused = {k: [change for pair, change in changes.items() if k in pair] for k in range(len(names))}
+    most = max((len(found) for found in accused.values()), default=0)
+    return {
+        names[k]: max(found, key=lambda slip: slip.moved_m)
+        for k, found in accused.items()
+        if most and len(found) == most
+    }
+
+
+def trust_after_slip(known: NDArray[np.bool_], slip_row: int, settings: StrapSlipSettings) -> Array:
+    """Weights (T) of a slipped camera: its place after the slip is where it will be in the next recording."""
+    return np.where(np.arange(len(known)) < slip_row, 0.0, settings.weight) * known

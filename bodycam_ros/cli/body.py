@@ -1,0 +1,115 @@
+"""bodycam body: a recorded range of motion in, a body out: skeleton and camera mounts, with a report."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
+from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
+from bodycam_ros.errors import BodyError
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "body", help="estimate skeleton and camera mounts from a range of motion", description=__doc__
+    )
+    add_recording_flags(parser)
+    parser.add_argument(
+        "--rig", type=Path, required=True, help="YAML: camera -> segment that it is strapped to, segment -> parent"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="BODY", help="body YAML to write")
+    parser.add_argument(
+        "--report", type=Path, metavar="HTML", help="page with figures and a picture (default: BODY with .html)"
+    )
+    parser.add_argument("--name", help="name of the body (default: that of BODY)")
+    parser.add_argument(
+        "--facing",
+        type=float,
+        metavar="DEGREES",
+        help="where the person faces in the N-pose, about the map's z from its x (default: by hips and shoulders)",
+    )
+    parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
+    for group, settings_type in CalibrationSettings.groups().items():
+        add_settings_flags(parser, group, settings_type)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from bodycam_ros.body.body_file import write_body
+    from bodycam_ros.calibration.body_report import body_report
+    from bodycam_ros.calibration.html_report import write_html_report
+    from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.calibration.terminal_report import print_report
+    from bodycam_ros.replay.calibrate import calibrate
+
+    output: Path = arguments.output
+    page = arguments.report or output.with_suffix(".html")
+    _check_output(output, arguments.force)
+    _check_folder(page)
+    pipeline = pipeline_settings(arguments)
+    settings = CalibrationSettings(
+        **{
+            group: settings_from_flags(arguments, group, kind, arguments.config)
+            for group, kind in CalibrationSettings.groups().items()
+        }
+    )
+    with _shown_progress() as progress:
+        calibrated = calibrate(
+            arguments.recording,
+            arguments.map,
+            Rig.from_yaml(arguments.rig),
+            arguments.name or output.stem,
+            pipeline,
+            settings,
+            jobs=arguments.jobs,
+            facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
+            on_progress=_Bars(progress).show,
+        )
+    body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
+    write_body(body, output)
+    write_html_report(body, calibrated.diagnosis, page)
+    print_report(calibrated.diagnosis)
+    Console().print(f"\nbody written to {output}, report to {page}", markup=False, soft_wrap=True)
+    return 0
+
+
+class _Bars:
+    """A bar per step, in the order in which they begin."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._tasks: dict[str, TaskID] = {}
+
+    def show(self, step: str, share: float) -> None:
+        for name, task in self._tasks.items():
+            if name != step:
+                self._progress.update(task, completed=1.0)
+        if step not in self._tasks:
+            self._tasks[step] = self._progress.add_task(step, total=1.0)
+        self._progress.update(self._tasks[step], completed=share)
+
+
+def _shown_progress() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True)
+
+
+def _check_output(path: Path, force: bool) -> None:
+    """Refuse what cannot be written before the work is done."""
+    if path.exists() and not path.is_file():
+        raise BodyError(f"{path}: is a folder; give a file for the body, such as body.yaml")
+    if path.exists() and not force:
+        raise BodyError(f"{path}: is there already; give --force to replace it, or another name")
+    _check_folder(path)
+
+
+def _check_folder(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise BodyError(f"{path}: its folder is not there; make it first")
