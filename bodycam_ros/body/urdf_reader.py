@@ -10,7 +10,6 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,22 +23,6 @@ from bodycam_ros.geometry import Array, inverse
 
 _EXACT = 1e-9  # rounding of the document
 _INNER_LINK, _CHILD_FRAME = "_link", "_joint_frame"
-
-
-def read_urdf(path: Path | str) -> BodyModel:
-    """Read a URDF file.
-
-    Raises:
-        BodyError: the file is missing, not a URDF, or not that of a body; the message names the file.
-    """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BodyError(f"{path}: cannot read this URDF: {error}") from error
-    try:
-        return body_from_urdf(text)
-    except BodyError as error:
-        raise BodyError(f"{path}: {error}") from error
 
 
 def body_from_urdf(text: str) -> BodyModel:

@@ -12,7 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint, default_sigmas
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.body.urdf_reader import body_from_urdf, read_urdf
+from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError
 
 EXACT = 1e-9
@@ -104,7 +104,6 @@ def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -
     for name in ("body.urdf", "BODY.URDF"):
         (tmp_path / name).write_text(text)
         assert_same_body(read_body(tmp_path / name), body)
-    assert_same_body(read_urdf(tmp_path / "body.urdf"), body)
     (tmp_path / "body.yaml").write_text(text)
     with pytest.raises(BodyError, match=r"body\.yaml: .*a body file"):
         read_body(tmp_path / "body.yaml")
@@ -179,6 +178,5 @@ def test_other_documents_are_refused(text: str, complaint: str) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    for read in (read_urdf, read_body):
-        with pytest.raises(BodyError, match=r"nobody\.urdf: cannot read"):
-            read(tmp_path / "nobody.urdf")
+    with pytest.raises(BodyError, match=r"nobody\.urdf: cannot read"):
+        read_body(tmp_path / "nobody.urdf")
