@@ -38,7 +38,7 @@ _LABEL_ROOM_M = 0.13  # between the body and the column of labels beside it
 _LABEL_STEP_M = 0.052  # between two labels of a column
 _BONE_LABEL_M = 0.032  # from a bone to its label
 _SIGMAS = 3.0
-_RING_M = 0.03  # radius that most rings stay below when magnified
+_RING_M = 0.03  # radius that half of the rings stay below when magnified
 _LARGEST_RING_M = 0.15
 _MAGNIFICATIONS = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 
@@ -91,7 +91,7 @@ def draw_views(front: Axes, side: Axes, body: BodyModel, diagnosis: CalibrationD
 def _magnification(diagnosis: CalibrationDiagnosis) -> float:
     """How many times larger than life rings are drawn: three sigma of a good joint is less than a pixel."""
     radii = _SIGMAS * np.array([joint.sigma_m.max() for joint in diagnosis.joints])
-    usual = float(np.percentile(radii[np.isfinite(radii)], 75)) if np.isfinite(radii).any() else np.inf
+    usual = float(np.median(radii[np.isfinite(radii)])) if np.isfinite(radii).any() else np.inf
     return next((times for times in _MAGNIFICATIONS if times * usual <= _RING_M), 1.0)
 
 

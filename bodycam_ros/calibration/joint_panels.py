@@ -4,14 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from bodycam_ros.calibration.diagnosis import JointDiagnosis
 from bodycam_ros.calibration.report_tables import MM_PER_M
 from bodycam_ros.evaluate.picture_style import FAINT, WARNING, panel_title, side_colour
+from bodycam_ros.geometry import Array
 
 _BAR_HEIGHT = 0.2
 _BAR_SHADES = (1.0, 0.6, 0.35)
+_GAP_TICKS_MM = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+_ROOM = 1.4  # beyond the least and the greatest gap, as a factor
 _LEAST_GAP_MM = 0.01  # a logarithm needs an end; nobody measures less
 
 
@@ -51,22 +54,31 @@ def draw_singular_values(axes: Axes, joints: Sequence[JointDiagnosis]) -> None:
 
 def draw_gaps(axes: Axes, joints: Sequence[JointDiagnosis]) -> None:
     """From the gap between its two segments before the refinement to that after it, median [mm]."""
-    for row, joint in enumerate(joints):
+    gaps_mm = MM_PER_M * np.array([(joint.residual_m, joint.refined_residual_m) for joint in joints])
+    gaps_mm = np.maximum(gaps_mm, _LEAST_GAP_MM)  # what is not known stays so, and is not drawn
+    for row, (joint, (before, after)) in enumerate(zip(joints, gaps_mm, strict=True)):
         colour = WARNING if joint.advice else side_colour(joint.name)
-        before, after = (max(MM_PER_M * gap_m, _LEAST_GAP_MM) for gap_m in (joint.residual_m, joint.refined_residual_m))
         axes.plot([before, after], [row, row], color=colour, linewidth=1.2, alpha=0.6)
         axes.plot(before, row, "o", markersize=5.5, markerfacecolor="white", markeredgecolor=colour)
         axes.plot(after, row, "o", markersize=5.5, color=colour)
+    low, high = _ends(gaps_mm)
     axes.set_xscale("log")
-    low, high = axes.get_xlim()
-    axes.set_xlim(min(low, 0.5), max(high, 10.0))
-    axes.xaxis.set_major_locator(LogLocator(numticks=5))
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(FixedLocator([tick for tick in _GAP_TICKS_MM if low <= tick <= high]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_xlabel("[mm] \N{WHITE CIRCLE} before \N{BLACK CIRCLE} after")
     _rows(axes, len(joints))
     _without_names(axes)
     panel_title(axes, "Gap", "median")
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    """Of a logarithmic scale that holds all known values with room around them, and a decade at least."""
+    known = values[np.isfinite(values)] if np.isfinite(values).any() else np.ones(1)
+    middle = float(np.sqrt(known.min() * known.max()))
+    factor = float(max(_ROOM * np.sqrt(known.max() / known.min()), np.sqrt(10.0)))
+    return middle / factor, middle * factor
 
 
 def _rows(axes: Axes, count: int) -> None:
