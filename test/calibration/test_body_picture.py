@@ -44,8 +44,6 @@ def texts(figure: Figure) -> list[Text]:
         unseen |= {label for label in axes.get_xticklabels() if not low <= label.get_position()[0] <= high}
         if not axes.axison:
             unseen |= {*axes.get_xticklabels(), *axes.get_yticklabels()}
-        if not axes.yaxis.get_tick_params()["labelleft"]:
-            unseen |= {*axes.get_yticklabels()}
     found = [text for text in figure.findobj(Text) if text.get_text().strip() and text not in unseen]
     return [text for text in found if text.get_visible() and text.get_window_extent().width > 0.0]
 
