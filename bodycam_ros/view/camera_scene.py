@@ -16,7 +16,7 @@ _FIELD_OF_VIEW = np.radians(60.0)
 _ASPECT = 4.0 / 3.0
 _SIZE_M = 0.05
 _LINE_M = 0.005  # the pyramid stands for a camera; the field of view of a real wide angle lens would hide the body
-_SHOWN_SIZE_M = 0.11  # of the one with an image in it
+_SHOWN_SIZE_M = 0.08  # of the one with an image in it
 
 
 class CameraScene:

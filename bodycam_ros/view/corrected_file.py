@@ -9,14 +9,11 @@ from typing import Any
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
 from bodycam_ros.view.correction import Correction, Move, Part
 from bodycam_ros.whole_file import write_whole
 
 CORRECTIONS = "corrections"
 """Key of the body's report: what was moved by hand, the oldest first."""
-
-_DECIMALS = 4  # 0.1 micrometre, 0.1 millidegree
 
 
 class BodyFile:
@@ -90,9 +87,5 @@ def _noted(body: BodyModel, moves: Iterable[tuple[Part, Move]]) -> BodyModel:
 
 
 def _note(part: Part, move: Move) -> dict[str, Any]:
-    return {part.kind: part.name, "moved_mm": _numbers(move.shift_mm), "turned_deg": _numbers(move.turn_deg)}
-
-
-def _numbers(values: Array) -> list[float]:
-    # Adding zero turns -0.0 into 0.0.
-    return [round(float(value), _DECIMALS) + 0.0 for value in values]
+    noted = move.rounded()
+    return {part.kind: part.name, "moved_mm": noted.shift_mm.tolist(), "turned_deg": noted.turn_deg.tolist()}

@@ -11,6 +11,9 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 from bodycam_ros.view.body_edit import joint_named, move_joint, move_mount, n_pose
 
+DECIMALS = 3
+"""Of the millimetres and degrees that a person sees."""
+
 _SMALLEST_MM = 1e-6
 _SMALLEST_DEG = 1e-6  # what is less comes from rounding: nobody moved it
 
@@ -49,6 +52,16 @@ class Move:
     def is_none(self) -> bool:
         """Whether it stayed where it was."""
         return bool(np.linalg.norm(self.shift_mm) < _SMALLEST_MM and np.linalg.norm(self.turn_deg) < _SMALLEST_DEG)
+
+    def rounded(self) -> "Move":
+        """The move as it is shown to a person and noted: to the micrometre and the thousandth of a degree."""
+        # Adding zero turns -0.0 into 0.0.
+        return Move(np.round(self.shift_mm, DECIMALS) + 0.0, np.round(self.turn_deg, DECIMALS) + 0.0)
+
+    def looks_like(self, other: "Move") -> bool:
+        """Whether a person sees no difference."""
+        one, two = self.rounded(), other.rounded()
+        return np.array_equal(one.shift_mm, two.shift_mm) and np.array_equal(one.turn_deg, two.turn_deg)
 
 
 NO_MOVE = Move(np.zeros(3), np.zeros(3))

@@ -16,7 +16,6 @@ NOTHING = "nothing"
 
 _UNDO, _RESET = "last step", "this part"
 _STEP_MM, _STEP_DEG = 0.1, 0.01
-_DECIMALS = 3
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,9 @@ class CorrectionPanel:
 
     def show(self, move: Move | None, moves: Iterable[tuple[Part, Move]], *, can_turn: bool) -> None:
         """Show how far the selected part (None: no part) and all others are from where the file has them."""
-        shown = NO_MOVE if move is None else move
+        shown = (NO_MOVE if move is None else move).rounded()
         for field, values in ((self._shift, shown.shift_mm), (self._turn, shown.turn_deg)):
-            x, y, z = (np.round(values, _DECIMALS) + 0.0).tolist()  # adding zero turns -0.0 into 0.0
+            x, y, z = values.tolist()
             set_value(field, (x, y, z))
         self._shift.disabled = move is None
         self._turn.disabled = not can_turn

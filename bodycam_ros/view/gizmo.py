@@ -10,7 +10,8 @@ from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 from bodycam_ros.view.correction import Part, can_turn, place_of
 from bodycam_ros.view.skeleton_scene import place, segment_name
 
-_SIZE_M = 0.16
+SIZE_M = 0.22
+"""Length of its arrows."""
 
 
 class Gizmo:
@@ -31,7 +32,7 @@ class Gizmo:
             return
         segment, _ = place_of(body, part)
         controls = self._scene.add_transform_controls(
-            f"{segment_name(segment)}/gizmo", _SIZE_M, disable_rotations=not can_turn(body, part), depth_test=False
+            f"{segment_name(segment)}/gizmo", SIZE_M, disable_rotations=not can_turn(body, part), depth_test=False
         )
 
         # A coroutine, because the server runs others on several threads and out of order.

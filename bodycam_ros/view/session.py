@@ -176,7 +176,8 @@ class Session:
         self._show_correction()
 
     def _enter(self, move: Move) -> None:
-        if self._selected is not None:
+        # A field that is left says its number again.
+        if self._selected is not None and not move.looks_like(self._correction.move_of(self._selected)):
             self._change(self._correction.moved_by(self._selected, move))
 
     def _undo(self) -> None:

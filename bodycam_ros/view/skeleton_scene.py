@@ -7,7 +7,7 @@ import numpy as np
 from viser import CameraFrustumHandle, CylinderHandle, FrameHandle, IcosphereHandle, SceneApi, SceneNodeHandle
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.evaluate.stick_figure import bones
+from bodycam_ros.evaluate.stick_figure import Bone, bones
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, transform_points
 from bodycam_ros.view.body_edit import n_pose
 from bodycam_ros.view.colours import SELECTED, rgb, segment_rgb
@@ -92,6 +92,15 @@ def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
         start, end = transform_points(inverse(root_T_segment[bone.segment][0]), ends)
         lines.append((bone.segment, start, end))
     return lines
+
+
+def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
+    """The lines of the body at one instant [m]."""
+    limbs = []
+    for segment, start, end in segment_bones(body):
+        ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
+        limbs.append(Bone(segment, ends[:1], ends[1:]))
+    return limbs
 
 
 def _halfway(start: Array, end: Array) -> Array:

@@ -6,8 +6,7 @@ import numpy as np
 from viser import ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.evaluate.stick_figure import Bone
-from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.camera_scene import CameraScene
@@ -15,8 +14,8 @@ from bodycam_ros.view.correction import Part
 from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.map_scene import WORLD, add_map
 from bodycam_ros.view.motion import Motion
-from bodycam_ros.view.opening_view import look_at_body
-from bodycam_ros.view.skeleton_scene import SkeletonScene, segment_bones
+from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView
+from bodycam_ros.view.skeleton_scene import SkeletonScene, limbs_of
 
 
 class Stage:
@@ -63,9 +62,11 @@ class Stage:
     def look_at_body(self, body: BodyModel, instant: int) -> None:
         """Let browsers look at the body at an instant when they open the view."""
         world_T_segment = self._motion.segments_at(body, instant)
-        ends_world = np.concatenate([[limb.start[0], limb.end[0]] for limb in _limbs(body, world_T_segment)])
+        ends_world = np.concatenate([[limb.start[0], limb.end[0]] for limb in limbs_of(body, world_T_segment)])
         root = world_T_segment[body.segment_index[body.root]]
-        look_at_body(self._server, root, ends_world + np.array(self._world.position))
+        opening = OpeningView.of_body(root, ends_world + np.array(self._world.position))
+        camera = self._server.initial_camera
+        camera.fov, camera.look_at, camera.position = FIELD_OF_VIEW, opening.look_at, opening.position
 
     def show_picture(
         self, body: BodyModel, instant: int, camera: str | None, footage: Footage | None
@@ -99,15 +100,6 @@ class Stage:
         image = footage.image_at(at_ns, self._motion.frame_ns // 2)
         if image is None:
             return None
-        limbs = _limbs(body, self._motion.segments_at(body, instant))
+        limbs = limbs_of(body, self._motion.segments_at(body, instant))
         world_T_camera = self.world_T_camera(body, instant, footage.camera)
         return draw_picture(image, footage.model, world_T_camera, limbs, footage.matches.get(image.stamp_ns))
-
-
-def _limbs(body: BodyModel, world_T_segment: Array) -> list[Bone]:
-    """The lines of the body at one instant [m]."""
-    limbs = []
-    for segment, start, end in segment_bones(body):
-        ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
-        limbs.append(Bone(segment, ends[:1], ends[1:]))
-    return limbs

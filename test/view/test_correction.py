@@ -50,8 +50,9 @@ def test_undo_goes_back_step_by_step(rider: BodyModel) -> None:
 
 
 def test_a_drag_is_one_step(rider: BodyModel) -> None:
-    _, was = place_of(rider, SHIN)
-    drag = Correction(rider).moved_by(KNEE, MOVE).moved_to(SHIN, was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001])))
+    before = Correction(rider).moved_by(KNEE, MOVE)
+    _, was = place_of(before.body, SHIN)
+    drag = before.moved_to(SHIN, was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001])))
     for step in range(2, 6):
         target = was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001 * step]))
         drag = drag.moved_to(SHIN, target, going_on=True)

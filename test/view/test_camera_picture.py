@@ -1,0 +1,108 @@
+"""What is drawn over a camera's image, pixel by pixel where it must be."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.evaluate.stick_figure import Bone
+from bodycam_ros.geometry import exp_so3, rigid, transform_points
+from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.recording.camera_image import CameraImage
+from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
+from bodycam_ros.view.colours import segment_rgb
+from bodycam_ros.view.footage import read_footage
+from bodycam_ros.view.read_motion import read_motion
+from bodycam_ros.view.skeleton_scene import limbs_of
+
+WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
+GREY = 90
+
+
+@pytest.fixture
+def camera() -> CameraModel:
+    return camera_from_info("cam", 1280, 960, "equidistant", [0.01, 0.0, 0.0, 0.0], [600, 0, 640, 0, 600, 480, 0, 0, 1])
+
+
+def in_world(points_camera: list[list[float]]) -> NDArray[np.float64]:
+    return transform_points(WORLD_T_CAMERA, np.array(points_camera))
+
+
+def matches(points_world: NDArray[np.float64], pixels: NDArray[np.float64]) -> LandmarkMatches:
+    ids = np.arange(len(pixels), dtype=np.uint32)
+    return LandmarkMatches(
+        camera="cam",
+        stamp_ns=1,
+        previous_stamp_ns=0,
+        track_ids=ids,
+        landmark_ids=ids,
+        pixels=pixels.astype(np.float32),
+        points_world=points_world.astype(np.float32),
+        world_T_camera=None,
+        pose_covariance=np.eye(6),
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+    )
+
+
+def drawn(camera: CameraModel, limbs: list[Bone], found: LandmarkMatches | None) -> CameraPicture:
+    image = CameraImage("cam", 1, np.full((camera.height, camera.width), GREY, np.uint8))
+    return draw_picture(image, camera, WORLD_T_CAMERA, limbs, found)
+
+
+def test_limbs_are_drawn_in_their_side_s_colour_where_the_lens_puts_them(camera: CameraModel) -> None:
+    ends = in_world([[-0.5, 0.2, 1.0], [0.4, 0.3, 1.2]])
+    picture = drawn(camera, [Bone("shin_left", ends[:1], ends[1:])], None)
+    assert picture.pixels.shape == (480, 640, 3)  # half of the image
+    middle, _ = camera.project(np.array([[-0.05, 0.25, 1.1]]))
+    column, row = np.round(middle[0] / 2).astype(int)
+    assert tuple(picture.pixels[row, column]) == segment_rgb("shin_left")
+    assert (picture.pixels[: row - 40] == GREY).all()
+    assert np.isnan(picture.error_px)
+
+
+def test_limbs_behind_the_camera_are_not_drawn(camera: CameraModel) -> None:
+    ends = in_world([[0.0, 0.0, -1.0], [0.1, 0.1, -1.0]])
+    assert (drawn(camera, [Bone("shin_left", ends[:1], ends[1:])], None).pixels == GREY).all()
+
+
+def test_the_error_is_that_of_the_landmarks(camera: CameraModel) -> None:
+    points = [[0.1, 0.2, 2.0], [-0.4, 0.1, 3.0], [0.5, -0.3, 2.5]]
+    pixels, _ = camera.project(np.array(points))
+    picture = drawn(camera, [], matches(in_world(points), pixels + np.array([6.0, 8.0])))
+    assert picture.error_px == pytest.approx(10.0, abs=1e-3)
+
+
+def test_landmarks_of_the_sample_fall_where_they_were_seen(sample: Path, sample_out: Path) -> None:
+    body = read_body(sample / "body.yaml")
+    motion = read_motion(sample_out, body)
+    footage = read_footage(sample / "sample" / "bag", sample_out, "shin_left", lambda: True)
+    assert footage is not None and len(footage.images) == 60
+    instant = 30
+    image = footage.image_at(int(motion.stamps_ns[instant]), motion.frame_ns // 2)
+    assert image is not None
+    world_T_segment = motion.segments_at(body, instant)
+    world_T_camera = world_T_segment[body.segment_index["shin_left"]] @ body.mounts["shin_left"].segment_T_camera
+    limbs = limbs_of(body, world_T_segment)
+    found = footage.matches[image.stamp_ns]
+    right = draw_picture(image, footage.model, world_T_camera, limbs, found)
+    assert right.error_px < 2.0
+    wrong = draw_picture(image, footage.model, world_T_camera @ rigid(np.eye(3), np.array([0.05, 0, 0])), limbs, found)
+    assert wrong.error_px > 2 * right.error_px
+
+
+def test_reading_stops_when_nobody_wants_it(sample: Path) -> None:
+    assert read_footage(sample / "sample" / "bag", None, "head", lambda: False) is None
+
+
+def test_of_a_long_recording_fewer_images_are_kept(sample: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
+    assert whole is not None
+    size = sum(len(image.content) for image in whole.images if isinstance(image.content, bytes))
+    monkeypatch.setattr("bodycam_ros.view.footage.MOST_BYTES", size // 3)
+    thinned = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
+    assert thinned is not None
+    assert thinned.stamps_ns.tolist() == whole.stamps_ns[::4].tolist()

@@ -1,0 +1,65 @@
+"""The command as a person meets it: its address, its end, its errors."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parent.parent.parent
+
+
+def bodycam_view(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=REPOSITORY, timeout=120)
+
+
+@pytest.mark.parametrize(("signal_number", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_it_prints_its_address_and_ends_cleanly(
+    sample: Path, body_file: Path, signal_number: int, exit_code: int
+) -> None:
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", "--map", str(sample / "map")]
+    command += ["--body", str(body_file), "--port", "0"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=REPOSITORY, process_group=0
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        address = process.stdout.readline()
+        assert address.startswith("open http://127.0.0.1:")
+        os.killpg(process.pid, signal_number)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == exit_code
+    assert out == ""
+    assert err == ("bodycam: interrupted\n" if signal_number == signal.SIGINT else "")
+
+
+def test_what_is_missing_is_named(sample: Path, body_file: Path, tmp_path: Path) -> None:
+    nowhere = tmp_path / "nowhere"
+    good = {"--map": sample / "map", "--body": body_file}
+    for option, said in (("--map", "there is no map folder"), ("--body", "cannot read this body file")):
+        given = {**good, option: nowhere}
+        result = bodycam_view(*(word for pair in given.items() for word in pair))
+        assert (result.returncode, result.stdout) == (1, "")
+        assert result.stderr.startswith(f"bodycam: error: {nowhere}") and said in result.stderr
+    for arguments in ((nowhere,), ("--recording", nowhere)):
+        result = bodycam_view("--map", sample / "map", "--body", body_file, *arguments)
+        assert (result.returncode, result.stdout) == (1, "")
+        assert result.stderr.startswith(f"bodycam: error: {nowhere}: does not exist")
+
+
+def test_a_recording_of_other_cameras_is_refused(sample: Path, body_file: Path, tiny_bag: Path) -> None:
+    result = bodycam_view("--map", sample / "map", "--body", body_file, "--recording", tiny_bag)
+    assert result.returncode == 1
+    assert "has none of the body's cameras; it has left, right, the body waist_front" in result.stderr
+
+
+def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        result = bodycam_view("--map", sample / "map", "--body", body_file, "--port", str(port))
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.startswith(f"bodycam: error: port {port} of this machine is in use")
+    assert len(result.stderr.splitlines()) == 1

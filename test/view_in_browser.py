@@ -1,0 +1,138 @@
+"""Starts ``bodycam view`` as a process of its own, and opens it in a headless Chromium."""
+
+import io
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Locator, Page, sync_playwright
+
+REPOSITORY = Path(__file__).parent.parent
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
+WINDOW = (1200, 800)
+
+_FLAGS = (
+    # WebGL without a graphics card
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    # no sandbox as root, which containers and CI are; no traffic of the browser's own
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+_PATIENCE_S = 180.0  # a software renderer on a busy machine
+_LOOK_AGAIN_S = 0.3
+
+
+def find_chromium() -> str | None:
+    """Path of a Chromium on this machine."""
+    return next((path for name in CHROMIUM_NAMES if (path := shutil.which(name))), None)
+
+
+@contextmanager
+def served(*arguments: str | Path) -> Iterator[str]:
+    """Run ``bodycam view`` on any free port, yield its address, and end it as Ctrl-C does."""
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments), "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=REPOSITORY, process_group=0) as process:
+        try:
+            assert process.stdout is not None
+            yield process.stdout.readline().split()[1]
+        finally:
+            os.killpg(process.pid, signal.SIGINT)
+            assert process.wait(timeout=60) == 130
+
+
+class BrowserView:
+    """The page, used as a person uses it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+
+    @classmethod
+    @contextmanager
+    def opened(cls, address: str, chromium: str, window: tuple[int, int] = WINDOW) -> Iterator["BrowserView"]:
+        """Open the page in a window (width, height) [px]; fail if it asks for anything from elsewhere, or stumbles."""
+        foreign: list[str] = []
+        errors: list[str] = []
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=chromium, args=list(_FLAGS))
+            page = browser.new_page(viewport={"width": window[0], "height": window[1]})
+            page.set_default_timeout(_PATIENCE_S * 1e3)
+            page.on("request", lambda request: foreign.append(request.url))
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.goto(address)
+            page.get_by_text("follow the body").wait_for()
+            # The renderer's own remark on software rendering, which a graphics card does without.
+            page.get_by_text("Software WebGL").wait_for()
+            page.locator(".mantine-Notification-closeButton").first.click()
+            yield cls(page)
+            browser.close()
+        own = (address, "data:", "blob:")
+        assert [url for url in foreign if not url.startswith(own)] == []
+        assert errors == []
+
+    def canvas(self) -> tuple[float, float, float, float]:
+        """Left, top, width and height of the scene in the window [px]."""
+        box = self.page.locator("canvas").first.bounding_box()
+        assert box is not None
+        return box["x"], box["y"], box["width"], box["height"]
+
+    def picture(self) -> NDArray[np.uint8]:
+        """The window (H, W, 3) red, green, blue."""
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"))
+
+    def enter(self, label: str, text: str, component: int = 0) -> None:
+        """Type a number into a field of the panel."""
+        field = self._row(label).locator("input:visible:not([type=hidden])").nth(component)
+        field.fill(text)
+        field.press("Enter")
+
+    def value(self, label: str, component: int = 0) -> str:
+        """What a field of the panel says."""
+        return self._row(label).locator("input:visible:not([type=hidden])").nth(component).input_value()
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose from a list of the panel."""
+        self._row(label).locator("input:visible").first.click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def press(self, name: str) -> None:
+        """Press a button."""
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def drag(self, start: NDArray[np.float64], end: NDArray[np.float64], steps: int = 12) -> None:
+        """Drag the mouse from one point of the window to another [px]."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        time.sleep(_LOOK_AGAIN_S)  # the renderer finds out what is beneath the mouse once a frame
+        mouse.down()
+        for share in np.linspace(0.0, 1.0, steps)[1:]:
+            mouse.move(*((1.0 - share) * start + share * end))
+            time.sleep(_LOOK_AGAIN_S / steps)
+        time.sleep(_LOOK_AGAIN_S)
+        mouse.up()
+
+    def wait_until(self, is_so: Callable[[], bool], what: str) -> None:
+        """Look again and again until something is so."""
+        deadline = time.monotonic() + _PATIENCE_S
+        while not is_so():
+            assert time.monotonic() < deadline, f"not within {_PATIENCE_S:g} s: {what}"
+            time.sleep(_LOOK_AGAIN_S)
+
+    def _row(self, label: str) -> Locator:
+        """The smallest part of the page that holds a label of the panel and an input."""
+        text = self.page.get_by_text(label, exact=True).locator("visible=true")
+        return text.locator("xpath=ancestor::*[.//input][1]")
