@@ -133,7 +133,9 @@ class Graph:
         return "\n".join(text for text in texts)
 
     def end(self) -> dict[str, int]:
-        """Interrupt the nodes one after the other; exit codes by node's name."""
+        """Interrupt all nodes at once, as a launch file does; exit codes by node's name."""
+        for each in self.started:
+            each.interrupt()
         return {each.node.name: each.end() for each in self.started}
 
     def close(self) -> None:

@@ -1,6 +1,5 @@
 """A node's life: it starts, works until it fails or is told to stop, and goes without a traceback."""
 
-import faulthandler
 import logging
 import signal
 import sys
@@ -14,9 +13,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.nodes.farewell import leave_ros
 from bodycam_ros.nodes.stage_node import StageNode
-
-_FAREWELL_S = 5.0
 
 FAILED = 1
 """Exit code after an error of the user's."""
@@ -33,7 +31,6 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
         return _say(name, error)
-    node = None
     try:
         node = make_node()
         node.work(signals.have_come)
@@ -45,11 +42,7 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
     finally:
         # A second signal must not cut the farewell short, not even while Python itself winds up.
         signals.ignore()
-        # Seen with rclpy 7.1.6, one node in forty, when all go at once: its C++ part never comes to an end.
-        faulthandler.dump_traceback_later(_FAREWELL_S, exit=True)
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        leave_ros(StageNode.made)
     return 0
 
 

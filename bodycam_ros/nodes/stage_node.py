@@ -1,7 +1,7 @@
 """What every node of the graph has: checked parameters, guarded callbacks, health reports."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
@@ -44,8 +44,12 @@ class StageNode(Node, Generic[P]):
         SettingsError: a parameter is unknown, of the wrong type, or out of its range.
     """
 
+    made: ClassVar[list[Node]] = []
+    """The nodes of this process. One whose start was refused is in ROS as well, and has to leave it."""
+
     def __init__(self, name: str, parameters_type: type[P], groups: Sequence[str] = ()) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.made.append(self)
         given = given_parameters(self)
         self.parameters = own_parameters(given, parameters_type)
         self.settings = settings_from_parameters(given)
