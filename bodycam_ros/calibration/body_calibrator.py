@@ -37,6 +37,8 @@ from bodycam_ros.solving.camera_evidence import EvidenceSettings
 
 Array = NDArray[np.float64]
 
+_WRONG_M = 0.1  # [m] beyond it a gap is a wrong registration's, and says no more by being larger
+
 
 @dataclass(frozen=True)
 class CalibratedBody:
@@ -163,17 +165,37 @@ class BodyCalibrator:
         slips: dict[str, Slip] = {}
         for segment in self._rig.segments:
             columns = motion.columns(self._rig.cameras_on(segment))
-            slips |= slips_on_segment(
+            accused = slips_on_segment(
                 self._rig.cameras_on(segment),
                 motion.world_T_camera[:, columns],
                 motion.known[:, columns],
                 motion.seconds,
                 self._settings.strap_slip,
             )
+            if len(accused) > 1:
+                # They moved against each other; the one that slipped also moved against the joints.
+                worst = max(accused, key=lambda camera: self._disagreement(motion, camera))
+                accused = {worst: accused[worst]}
+            slips |= accused
         for camera, slip in slips.items():
             column = motion.cameras.index(camera)
             trust[:, column] = trust_after_slip(motion.known[:, column], slip.row, self._settings.strap_slip)
         return trust, slips
+
+    def _disagreement(self, motion: CameraMotion, camera: str) -> float:
+        """How far joints stray on a camera's segment if it alone says where the segment is [m]; mean over its joints."""
+        segment = self._rig.cameras[camera]
+        neighbours = [other for other, parent in self._rig.parents.items() if parent == segment]
+        neighbours += [parent for parent in [self._rig.parents[segment]] if parent is not None]
+        gaps = []
+        for neighbour in neighbours:
+            for other in self._rig.cameras_on(neighbour):
+                both = motion.known[:, motion.columns((camera, other))].all(axis=1)
+                if both.any():
+                    camera_T_other = (inverse(motion.poses(camera)) @ motion.poses(other))[both]
+                    centre = find_joint_centre(camera_T_other, np.ones(both.sum()), self._settings.joint_centre)
+                    gaps.append(float(np.mean(np.minimum(centre.residuals_m, _WRONG_M))))
+        return float(np.mean(gaps)) if gaps else 0.0
 
     def _virtual_cameras(self, motion: CameraMotion, trust: Array) -> dict[str, VirtualCamera]:
         """Segment -> its cameras as one (A eq. 6-7)."""

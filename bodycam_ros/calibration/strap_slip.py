@@ -56,17 +56,24 @@ def lasting_change(poses: Array, seconds: Array, settings: StrapSlipSettings) ->
     """
     if len(poses) < 2 or seconds[-1] - seconds[0] < 2 * settings.min_stay:
         return None
-    offsets = log_se3(inverse(robust_average_pose(poses)) @ poses)
-    best: Slip | None = None
-    best_size = 1.0
-    splits = np.arange(seconds[0] + settings.min_stay, seconds[-1] - settings.min_stay, settings.min_stay / 4)
-    for row in np.searchsorted(seconds, splits):
-        change = np.median(offsets[row:], axis=0) - np.median(offsets[:row], axis=0)
-        turned_rad, moved_m = float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:]))
-        size = max(turned_rad / settings.min_turn, moved_m / settings.min_shift)
-        if size > best_size:
-            best, best_size = Slip(int(row), moved_m, turned_rad), size
-    return best
+    # In units of what is worth the name, so that turns and shifts can be added.
+    unit = np.repeat([settings.min_turn, settings.min_shift], 3)
+    offsets = log_se3(inverse(robust_average_pose(poses)) @ poses) / unit
+    times = np.arange(seconds[0] + settings.min_stay, seconds[-1] - settings.min_stay, settings.min_stay / 8)
+    rows = np.unique(np.searchsorted(seconds, times))
+    # The change is where two places instead of one leave the least to explain; absolute values, since blur is no place.
+    unexplained = [_spread(offsets[:row]) + _spread(offsets[row:]) for row in rows]
+    row = int(rows[np.argmin(unexplained)])
+    change = np.median(offsets[row:], axis=0) - np.median(offsets[:row], axis=0)
+    turned, moved = float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:]))
+    if max(turned, moved) < 1.0:
+        return None
+    return Slip(row, moved * settings.min_shift, turned * settings.min_turn)
+
+
+def _spread(offsets: Array) -> float:
+    """Sum of distances from the median."""
+    return float(np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1).sum())
 
 
 def slips_on_segment(

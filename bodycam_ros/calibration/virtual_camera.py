@@ -17,7 +17,9 @@ Array = NDArray[np.float64]
 
 _ENOUGH_FOR_A_MAJORITY = 3
 _FAR_OFF = 4.0
-"""In medians: a camera this much farther from the middle of three or more than usual is left out of their average."""
+"""In medians: of three or more, a camera this much farther from its nearest than usual is left out of their average."""
+
+_ROUNDING = 1e-9  # [m], [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +95,10 @@ def average_relative_pose(reference: str, camera: str, world_T_pair: Array, weig
 def weighted_average_poses(poses: Array, weights: Array) -> Array:
     """Average (T, 4, 4) over the K of poses (T, K, 4, 4) with weights (T, K); the identity where all weights are zero.
 
-    Of three or more, one far from the middle of the others is left out.
+    Of three or more, one far from all others is left out.
     """
     if poses.shape[1] >= _ENOUGH_FOR_A_MAJORITY:
-        weights = weights * _near_the_middle(poses, weights)
+        weights = weights * _near_another(poses, weights)
     total = weights.sum(axis=1)
     share = weights / np.where(total > 0, total, 1.0)[:, None]
     R = np.einsum("tk,tkij->tij", share, poses[:, :, :3, :3])
@@ -105,18 +107,20 @@ def weighted_average_poses(poses: Array, weights: Array) -> Array:
     return rigid(nearest_rotation(R), t)
 
 
-def _near_the_middle(poses: Array, weights: Array) -> NDArray[np.bool_]:
-    """(T, K) whether a pose is about as near to the median of its instant as poses are on the whole."""
+def _near_another(poses: Array, weights: Array) -> NDArray[np.bool_]:
+    """(T, K) whether a pose is about as near to another of its instant as poses are on the whole."""
     seen = weights > 0
-    positions = np.where(seen[..., None], poses[:, :, :3, 3], np.nan)
-    enough = seen.sum(axis=1) >= _ENOUGH_FOR_A_MAJORITY
+    pairs = seen[:, :, None] & seen[:, None, :] & ~np.eye(poses.shape[1], dtype=bool)
+    between = inverse(poses)[:, :, None] @ poses[:, None]
     near = np.ones(seen.shape, dtype=bool)
-    if enough.any():
-        middle = np.nanmedian(positions[enough], axis=1)
-        shifts = np.linalg.norm(positions[enough] - middle[:, None], axis=-1)
-        R_middle = nearest_rotation(np.einsum("tk,tkij->tij", weights[enough], poses[enough, :, :3, :3]))
-        turns = np.linalg.norm(log_so3(np.swapaxes(R_middle, -1, -2)[:, None] @ poses[enough, :, :3, :3]), axis=-1)
-        usual_shift, usual_turn = np.nanmedian(shifts), np.nanmedian(turns[seen[enough]])
-        near[enough] = (shifts <= _FAR_OFF * usual_shift + 1e-12) & (turns <= _FAR_OFF * usual_turn + 1e-12)
-        near[~near.any(axis=1)] = True
+    for distances in (
+        np.linalg.norm(between[..., :3, 3], axis=-1),
+        np.linalg.norm(log_so3(between[..., :3, :3]), axis=-1),
+    ):
+        to_nearest = np.where(pairs, distances, np.inf).min(axis=2)
+        told = np.isfinite(to_nearest)
+        if told.any():
+            near &= ~told | (to_nearest <= _FAR_OFF * np.median(to_nearest[told]) + _ROUNDING)
+    # Where none is near another nothing says which is wrong.
+    near[~(near & seen).any(axis=1)] = True
     return near

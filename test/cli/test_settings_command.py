@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.main import main
 from bodycam_ros.pipeline import PipelineSettings
-from bodycam_ros.settings import read_settings_file
+from bodycam_ros.settings import read_settings_file, settings_from_mapping
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -19,8 +20,10 @@ def test_the_committed_file_is_what_the_command_prints(capsys: pytest.CaptureFix
 
 def test_the_file_of_all_settings_holds_the_defaults() -> None:
     given = read_settings_file(CONFIG / "all_settings.yaml")
-    assert given.keys() == PipelineSettings.groups().keys()
-    assert PipelineSettings.from_mapping(given, "all_settings.yaml") == PipelineSettings()
+    groups = PipelineSettings.groups() | CalibrationSettings.groups()
+    assert given.keys() == groups.keys()
+    for group, settings_type in groups.items():
+        assert settings_from_mapping(settings_type, given[group], "all_settings.yaml") == settings_type()
 
 
 def test_the_short_file_says_defaults_too() -> None:

@@ -1,0 +1,75 @@
+"""Landmarks in images as quadratic forms: gradients against numeric ones, and landmarks that the map has wrong."""
+
+import numpy as np
+import pytest
+from range_of_motion import known_body, range_of_motion, registrations, wide_cameras
+
+from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
+from bodycam_ros.calibration.image_evidence import ImageEvidence, image_evidence
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.mapping.pose_fit import PoseFitSettings
+from bodycam_ros.solving.camera_evidence import EvidenceSettings
+
+NO_FLOOR = EvidenceSettings(mount_rotation_sigma=0.0, mount_translation_sigma=0.0)
+CAMERAS = ("waist_front", "chest")
+
+
+@pytest.fixture(scope="module")
+def motion() -> CameraMotion:
+    body = known_body()
+    logs = {camera: CameraLog(camera, MotionLogSettings()) for camera in CAMERAS}
+    for matches in registrations(range_of_motion(body, duration_s=4.0, rate_hz=5.0)):
+        if matches.camera in logs:
+            logs[matches.camera].add(matches)
+    return camera_motion(list(logs.values()), MotionLogSettings())
+
+
+def evidence_of(motion: CameraMotion, floor: EvidenceSettings) -> ImageEvidence:
+    rows = np.arange(len(motion.stamps_ns))
+    return image_evidence(motion, rows, wide_cameras(CAMERAS), PoseFitSettings(), floor)
+
+
+def cost(images: ImageEvidence, world_T_camera: np.ndarray) -> float:
+    """Half the Geman-McClure cost whose derivative the weights are."""
+    squared = images.errors_px(world_T_camera) ** 2
+    scale = images.pose_fit.inlier_px**2
+    return float(0.5 * (squared / (1.0 + squared / scale)).sum() / images.pose_fit.pixel_sigma**2)
+
+
+def test_gradients_are_numeric_ones(motion: CameraMotion) -> None:
+    images = evidence_of(motion, NO_FLOOR)
+    away = motion.world_T_camera @ exp_se3(0.003 * np.random.default_rng(0).normal(size=(*motion.known.shape, 6)))
+    _, gradients = images.linearised(away)
+    for column in range(6):
+        step = np.zeros((*motion.known.shape, 6))
+        step[3, 1, column] = 1e-6
+        slope = (cost(images, away @ exp_se3(step)) - cost(images, away @ exp_se3(-step))) / 2e-6
+        assert gradients[3, 1, column] == pytest.approx(slope, rel=1e-4, abs=1e-2)
+
+
+def test_a_newton_step_leads_back(motion: CameraMotion) -> None:
+    for floor in (NO_FLOOR, EvidenceSettings()):
+        images = evidence_of(motion, floor)
+        away = motion.world_T_camera @ exp_se3(np.full(6, 0.001))
+        hessians, gradients = images.linearised(away)
+        back = away @ exp_se3(-np.linalg.solve(hessians, gradients[..., None])[..., 0])
+        np.testing.assert_allclose(back, motion.world_T_camera, atol=2e-5)
+
+
+def test_landmarks_that_the_map_has_wrong_are_put_right(motion: CameraMotion) -> None:
+    images = evidence_of(motion, EvidenceSettings())
+    random = np.random.default_rng(5)
+    off = 0.02 * random.normal(size=images.points_world.shape)
+    wrong = ImageEvidence(
+        images.views,
+        images.points_world + off,
+        images.points_world + off,
+        images.instant_T_image,
+        images.pose_fit,
+        images.evidence,
+    )
+    mended = wrong.with_landmarks_refined(motion.world_T_camera, 1.0).with_landmarks_refined(motion.world_T_camera, 1.0)
+    before = np.median(wrong.errors_px(motion.world_T_camera))
+    assert np.median(mended.errors_px(motion.world_T_camera)) < 0.1 * before
+    held = wrong.with_landmarks_refined(motion.world_T_camera, 1e-5)
+    assert np.median(held.errors_px(motion.world_T_camera)) > 0.9 * before

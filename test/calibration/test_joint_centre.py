@@ -1,0 +1,108 @@
+"""A eq. 12-14: a joint from the motion of its two segments."""
+
+import numpy as np
+import pytest
+
+from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.joint_centre import JointCentreSettings, find_joint_centre
+from bodycam_ros.calibration.joint_exercise import check_exercised
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import exp_so3, rigid
+
+SETTINGS = JointCentreSettings()
+IN_PARENT, IN_CHILD = np.array([0.05, -0.21, 0.4]), np.array([-0.03, 0.07, 0.19])
+
+
+def moving(turns: np.ndarray) -> np.ndarray:
+    """parent_T_child (N, 4, 4) of a joint with rotation vectors (N, 3): A eq. 13 holds by construction."""
+    R = exp_so3(np.array([0.3, -0.5, 0.9])) @ exp_so3(turns)
+    return rigid(R, IN_PARENT - R @ IN_CHILD)
+
+
+def ball_turns(count: int = 200, size: float = 0.5) -> np.ndarray:
+    return size * np.sin(np.arange(count)[:, None] * np.array([0.11, 0.17, 0.29]))
+
+
+def test_exact_ball() -> None:
+    centre = find_joint_centre(moving(ball_turns()), np.ones(200), SETTINGS)
+    np.testing.assert_allclose(centre.in_parent, IN_PARENT, atol=1e-9)
+    np.testing.assert_allclose(centre.in_child, IN_CHILD, atol=1e-9)
+    assert centre.freedoms(SETTINGS) == 3
+    assert centre.residuals_m.max() < 1e-12
+
+
+def test_the_null_vector_of_the_stacked_differences_is_the_same_joint() -> None:
+    """A eq. 14 as it is printed: differences to the first instant, the right null vector by a plain SVD."""
+    poses = moving(ball_turns())
+    stacked = (poses[0] - poses[1:])[:, :3].reshape(-1, 4)
+    null = np.linalg.svd(stacked)[2][-1]
+    centre = find_joint_centre(poses, np.ones(200), SETTINGS)
+    np.testing.assert_allclose(centre.in_child, null[:3] / null[3], atol=1e-9)
+
+
+def test_exact_hinge_is_found_up_to_a_shift_along_its_axis() -> None:
+    axis = np.array([0.6, 0.0, 0.8])
+    poses = moving(np.linspace(0.0, 1.5, 100)[:, None] * axis)
+    centre = find_joint_centre(poses, np.ones(100), SETTINGS)
+    assert centre.freedoms(SETTINGS) == 2
+    found = centre.child_directions[2]
+    np.testing.assert_allclose(found * np.sign(found @ axis), axis, atol=1e-9)
+    off = centre.in_child - IN_CHILD
+    np.testing.assert_allclose(off, (off @ axis) * axis, atol=1e-9)
+    # The axis is one line on both segments.
+    in_parent = exp_so3(np.array([0.3, -0.5, 0.9])) @ axis
+    np.testing.assert_allclose(centre.in_parent - IN_PARENT, (off @ axis) * in_parent, atol=1e-9)
+    np.testing.assert_allclose(np.abs(centre.parent_directions[2] @ in_parent), 1.0, atol=1e-9)
+
+
+def test_noise_costs_little() -> None:
+    random = np.random.default_rng(3)
+    poses = moving(ball_turns(600))
+    poses[:, :3, 3] += 0.005 * random.normal(size=(600, 3))
+    poses[:, :3, :3] = poses[:, :3, :3] @ exp_so3(0.001 * random.normal(size=(600, 3)))
+    centre = find_joint_centre(poses, np.ones(600), SETTINGS)
+    np.testing.assert_allclose(centre.in_parent, IN_PARENT, atol=0.003)
+    np.testing.assert_allclose(centre.in_child, IN_CHILD, atol=0.003)
+
+
+def test_a_fifth_of_wrong_registrations_hardly_moves_the_joint() -> None:
+    random = np.random.default_rng(4)
+    poses = moving(ball_turns(400))
+    wrong = random.choice(400, 80, replace=False)
+    poses[wrong] = rigid(exp_so3(random.normal(size=(80, 3))), random.normal(size=(80, 3)))
+    centre = find_joint_centre(poses, np.ones(400), SETTINGS)
+    np.testing.assert_allclose(centre.in_child, IN_CHILD, atol=2e-3)
+    assert centre.weights[wrong].max() < 0.1
+
+
+def test_weights_of_zero_leave_instants_out() -> None:
+    poses = moving(ball_turns(100))
+    poses[50:] = np.eye(4)
+    weights = np.r_[np.ones(50), np.zeros(50)]
+    centre = find_joint_centre(poses, weights, SETTINGS)
+    np.testing.assert_allclose(centre.in_child, IN_CHILD, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("child", "turns", "complaint"),
+    [
+        ("shin_left", np.zeros((100, 3)), "joint knee_left was held still"),
+        ("head", np.zeros((100, 3)), "joint neck was held still"),
+        ("head", np.linspace(0, 1, 100)[:, None] * [0.0, 0.0, 1.0], "joint neck was turned about one axis only"),
+    ],
+)
+def test_a_joint_that_was_not_exercised_is_named(child: str, turns: np.ndarray, complaint: str) -> None:
+    centre = find_joint_centre(moving(turns), np.ones(100), SETTINGS)
+    rig = Rig({"a": "trunk", "b": child}, {"trunk": None, child: "trunk"})
+    with pytest.raises(RangeOfMotionError, match=complaint) as caught:
+        check_exercised(rig, {child: centre}, SETTINGS)
+    assert SegmentName(child).exercise in str(caught.value)
+
+
+def test_a_knee_may_be_a_hinge() -> None:
+    axis = np.array([0.0, 1.0, 0.0])
+    centre = find_joint_centre(moving(np.linspace(0, 1.5, 100)[:, None] * axis), np.ones(100), SETTINGS)
+    rig = Rig({"a": "thigh_left", "b": "shin_left"}, {"thigh_left": None, "shin_left": "thigh_left"})
+    hinges = check_exercised(rig, {"shin_left": centre}, SETTINGS)
+    np.testing.assert_allclose(np.abs(hinges["shin_left"]), axis, atol=1e-9)
