@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -42,17 +43,34 @@ def find_chromium() -> str | None:
     return next((path for name in CHROMIUM_NAMES if (path := shutil.which(name))), None)
 
 
+@dataclass
+class Served:
+    """A running ``bodycam view``.
+
+    Attributes:
+        address: to open.
+        said: what it wrote to its standard error, once it has ended.
+    """
+
+    address: str
+    said: str = ""
+
+
 @contextmanager
-def served(*arguments: str | Path) -> Iterator[str]:
-    """Run ``bodycam view`` on any free port, yield its address, and end it as Ctrl-C does."""
+def served(*arguments: str | Path) -> Iterator[Served]:
+    """Run ``bodycam view`` on any free port, and end it as Ctrl-C does."""
     command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments), "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=REPOSITORY, process_group=0) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=REPOSITORY, process_group=0) as process:
         try:
             assert process.stdout is not None
-            yield process.stdout.readline().split()[1]
+            running = Served(process.stdout.readline().split()[1])
+            yield running
         finally:
             os.killpg(process.pid, signal.SIGINT)
-            assert process.wait(timeout=60) == 130
+            _, said = process.communicate(timeout=60)
+            assert process.returncode == 130, said
+        running.said = said
 
 
 class BrowserView:

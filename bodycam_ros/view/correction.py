@@ -48,6 +48,9 @@ class Move:
     shift_mm: Array
     turn_deg: Array
 
+    def __str__(self) -> str:
+        return f"{np.linalg.norm(self.shift_mm):.1f} mm, {np.linalg.norm(self.turn_deg):.2f} deg"
+
     @property
     def is_none(self) -> bool:
         """Whether it stayed where it was."""

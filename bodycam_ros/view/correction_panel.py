@@ -66,13 +66,9 @@ class CorrectionPanel:
             set_value(field, (x, y, z))
         self._shift.disabled = move is None
         self._turn.disabled = not can_turn
-        lines = [f"{part}: {_lengths(moved)}" for part, moved in moves]
+        lines = [f"{part}: {moved}" for part, moved in moves]
         self._moved.content = "\n\n".join(["**not written yet**", *lines]) if lines else ""
         self._write.disabled = not lines
 
     def _entered(self) -> Move:
         return Move(np.array(self._shift.value, dtype=np.float64), np.array(self._turn.value, dtype=np.float64))
-
-
-def _lengths(move: Move) -> str:
-    return f"{np.linalg.norm(move.shift_mm):.1f} mm, {np.linalg.norm(move.turn_deg):.2f} deg"

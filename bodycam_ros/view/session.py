@@ -50,7 +50,12 @@ def view(solved: Path | None, map_path: Path, body_path: Path, recording: Path |
     try:
         session = Session(server, sources)
         Console(markup=False).print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
-        session.run()
+        try:
+            session.run()
+        finally:
+            if session.unwritten:
+                lost = f"bodycam: not written to {body_path}: {', '.join(session.unwritten)}"
+                Console(stderr=True, markup=False).print(lost, soft_wrap=True)
     finally:
         server.stop()
 
@@ -96,6 +101,11 @@ class Session:
                     self._show_instant()
             except BodycamError as error:
                 self._complain(error)
+
+    @property
+    def unwritten(self) -> list[str]:
+        """Parts that are corrected but not in the file yet."""
+        return [str(part) for part, _ in self._correction.moves()]
 
     @property
     def _instant(self) -> int:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.view.corrected_file import BodyFile
@@ -41,6 +41,11 @@ class Sources:
         Raises:
             BodycamError: one of them is missing or damaged, or they do not fit each other.
         """
+        if recording is not None and solved is None:
+            raise ViewError(
+                f"{recording}: without OUT nobody knows where the body was in these images; solve them first with "
+                f"'bodycam replay {recording} --map {map_path} --body {body_path} -o OUT', then name OUT here too"
+            )
         body_file = BodyFile(body_path)
         body = body_file.read()
         reference_map = ReferenceMap.load(map_path)

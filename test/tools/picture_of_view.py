@@ -13,7 +13,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from view_in_browser import REPOSITORY, BrowserView, find_chromium, served  # noqa: E402
 
-WINDOW = (1280, 850)
+WINDOW = (1240, 830)
 SECONDS = "0.5"
 PART, IMAGE = "joint knee_left", "waist_left"
 SETTLES_S = 6.0  # a software renderer sharpens the picture when nothing moves any more
@@ -31,8 +31,8 @@ def main() -> None:
     sample = REPOSITORY / "bags"
     given = ["--map", sample / "map", "--recording", sample / "sample" / "bag"]
     with (
-        served(arguments.solved.resolve(), "--body", arguments.body.resolve(), *given) as address,
-        BrowserView.opened(address, chromium, WINDOW) as view,
+        served(arguments.solved.resolve(), "--body", arguments.body.resolve(), *given) as running,
+        BrowserView.opened(running.address, chromium, WINDOW) as view,
     ):
         view.enter("seconds", SECONDS)
         view.choose("move", PART)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import transform_points
 from bodycam_ros.view.colours import REGISTERED, SELECTED, rgb, segment_rgb
 from bodycam_ros.view.correction import Correction, Move, Part, place_of
 from bodycam_ros.view.gizmo import SIZE_M
@@ -48,7 +47,7 @@ def motion(sample_out: Path, body: BodyModel) -> Motion:
 @pytest.fixture
 def view(sample: Path, sample_out: Path, body_file: Path, chromium: str) -> Iterator[BrowserView]:
     given = [sample_out, "--map", sample / "map", "--body", body_file, "--recording", sample / "sample" / "bag"]
-    with served(*given) as address, BrowserView.opened(address, chromium) as opened:
+    with served(*given) as running, BrowserView.opened(running.address, chromium) as opened:
         yield opened
 
 
@@ -180,3 +179,22 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
     assert shift_mm[1] == pytest.approx(0.35 * SIZE_M * 1e3, abs=15.0)
     assert body_file.with_name("body.yaml.orig").read_bytes() == before
     view.wait_until(lambda: view.value("moved [mm]", 1) == "0", "figures from the new file on")
+
+
+def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
+    sample: Path, body: BodyModel, body_file: Path, chromium: str
+) -> None:
+    before = body_file.read_bytes()
+    standing = Motion.standing(body)
+    with (
+        served("--map", sample / "map", "--body", body_file) as running,
+        BrowserView.opened(running.address, chromium) as view,
+    ):
+        view.page.get_by_role("checkbox", name="cameras").uncheck()
+        left = Expected(view, standing, body).limbs(body, "_left", 0)
+        view.wait_until(lambda: share(view.picture(), left, LEFT) > _SEEN, "the left side of the N-pose")
+        view.choose("move", "camera head")
+        view.enter("turned [deg]", "2", component=2)
+        view.page.get_by_text("camera head: 0.0 mm, 2.00 deg").wait_for()
+    assert running.said == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
+    assert body_file.read_bytes() == before

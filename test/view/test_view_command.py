@@ -36,7 +36,7 @@ def test_it_prints_its_address_and_ends_cleanly(
     assert err == ("bodycam: interrupted\n" if signal_number == signal.SIGINT else "")
 
 
-def test_what_is_missing_is_named(sample: Path, body_file: Path, tmp_path: Path) -> None:
+def test_what_is_missing_is_named(sample: Path, sample_out: Path, body_file: Path, tmp_path: Path) -> None:
     nowhere = tmp_path / "nowhere"
     good = {"--map": sample / "map", "--body": body_file}
     for option, said in (("--map", "there is no map folder"), ("--body", "cannot read this body file")):
@@ -44,16 +44,22 @@ def test_what_is_missing_is_named(sample: Path, body_file: Path, tmp_path: Path)
         result = bodycam_view(*(word for pair in given.items() for word in pair))
         assert (result.returncode, result.stdout) == (1, "")
         assert result.stderr.startswith(f"bodycam: error: {nowhere}") and said in result.stderr
-    for arguments in ((nowhere,), ("--recording", nowhere)):
+    for arguments in ((nowhere,), (sample_out, "--recording", nowhere)):
         result = bodycam_view("--map", sample / "map", "--body", body_file, *arguments)
         assert (result.returncode, result.stdout) == (1, "")
         assert result.stderr.startswith(f"bodycam: error: {nowhere}: does not exist")
 
 
-def test_a_recording_of_other_cameras_is_refused(sample: Path, body_file: Path, tiny_bag: Path) -> None:
-    result = bodycam_view("--map", sample / "map", "--body", body_file, "--recording", tiny_bag)
+def test_a_recording_that_does_not_fit_is_refused(
+    sample: Path, sample_out: Path, body_file: Path, tiny_bag: Path
+) -> None:
+    given = ["--map", sample / "map", "--body", body_file, "--recording", tiny_bag]
+    result = bodycam_view(sample_out, *given)
     assert result.returncode == 1
     assert "has none of the body's cameras; it has left, right, the body waist_front" in result.stderr
+    result = bodycam_view(*given)
+    assert result.returncode == 1
+    assert "without OUT nobody knows where the body was" in result.stderr
 
 
 def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:
