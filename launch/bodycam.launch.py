@@ -1,6 +1,7 @@
 """The live graph: a tracker for each camera of the body, the registration and the solver, and a bag if one is given.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
+ros2 launch bodycam_ros bodycam.launch.py map:=MAP rig:=rig.yaml body:=body.yaml     then call /skeleton_solver/calibrate
 """
 
 from pathlib import Path
@@ -22,7 +23,15 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("map", description="folder of the reference map, made by 'bodycam map'"),
-            DeclareLaunchArgument("body", description="body YAML: segments, joints, camera mounts"),
+            DeclareLaunchArgument(
+                "body", description="body YAML: segments, joints, camera mounts; with rig it is written"
+            ),
+            DeclareLaunchArgument(
+                "rig", default_value="", description="rig YAML, to make the body from a range of motion (~/calibrate)"
+            ),
+            DeclareLaunchArgument(
+                "overwrite_body", default_value="false", description="with rig: replace a body that is there already"
+            ),
             DeclareLaunchArgument(
                 "cameras", default_value="", description="names with commas; all of the body if empty"
             ),
@@ -47,7 +56,14 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         return LaunchConfiguration(name).perform(context)
 
     cameras = [camera.strip() for camera in value("cameras").split(",") if camera.strip()]
-    nodes = live_graph(Path(value("map")), Path(value("body")), cameras, int(value("registrations")))
+    nodes = live_graph(
+        Path(value("map")),
+        Path(value("body")),
+        cameras,
+        int(value("registrations")),
+        Path(value("rig")) if value("rig") else None,
+        value("overwrite_body").lower() in ("true", "1"),
+    )
     if value("bagfile"):
         # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
         nodes.append(player(Path(value("bagfile")), float(value("rate"))))

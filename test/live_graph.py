@@ -72,6 +72,7 @@ class Graph:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._types: dict[str, str] = {}
+        self._clients: dict[str, Any] = {}
         self.started: list[Started] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
 
@@ -91,11 +92,16 @@ class Graph:
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
         return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
 
+    def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
+        """Call a service; a future of its answer."""
+        client = self._clients.get(service) or self._node.create_client(service_type, service)
+        self._clients[service] = client
+        assert client.wait_for_service(_START_S), self.report()
+        return client.call_async(service_type.Request(**fields))
+
     def call(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service and wait for its answer."""
-        client = self._node.create_client(service_type, service)
-        assert client.wait_for_service(_START_S), self.report()
-        future = client.call_async(service_type.Request(**fields))
+        future = self.ask(service, service_type, **fields)
         self._executor.spin_until_future_complete(future, _GRACE_S)
         return future.result()
 

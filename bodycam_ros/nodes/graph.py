@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 
 READERS_OF_INFO = 3
@@ -35,34 +36,45 @@ class NodeProcess:
 
 
 def live_graph(
-    reference_map: Path, body: Path, cameras: Sequence[str] = (), registrations: int = 1
+    reference_map: Path,
+    body: Path,
+    cameras: Sequence[str] = (),
+    registrations: int = 1,
+    rig: Path | None = None,
+    overwrite_body: bool = False,
 ) -> list[NodeProcess]:
     """A tracker for each camera, the registration and the solver.
 
     Args:
         reference_map: folder of the map.
-        body: body YAML.
-        cameras: those to use; all of the body if empty.
+        body: body YAML; with ``rig`` it is written, from a range of motion.
+        cameras: those to use; all of the body if empty. A calibration needs all of the rig.
         registrations: processes that share the registration of the cameras among them.
+        rig: rig YAML, where there is no body yet.
+        overwrite_body: with ``rig``: whether a body that is there already may be replaced.
 
     Raises:
-        BodyError: the body cannot be read, carries no camera, or lacks one of ``cameras``.
+        BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``.
     """
-    mounted = tuple(read_body(body).mounts)
-    if unknown := [camera for camera in cameras if camera not in mounted]:
-        raise BodyError(f"{body}: the body carries no camera {', '.join(unknown)}; it carries {', '.join(mounted)}")
-    used = list(cameras) or list(mounted)
+    known, what = (body, "body") if rig is None else (rig, "rig")
+    carried = tuple(read_body(body).mounts if rig is None else Rig.from_yaml(rig).cameras)
+    if unknown := [camera for camera in cameras if camera not in carried]:
+        raise BodyError(f"{known}: the {what} carries no camera {', '.join(unknown)}; it carries {', '.join(carried)}")
+    used = list(cameras) or list(carried)
     if not used:
-        raise BodyError(f"{body}: the body carries no camera")
+        raise BodyError(f"{known}: the {what} carries no camera")
     count = min(max(1, registrations), len(used))
     names = ["registration"] if count == 1 else [f"registration_{number}" for number in range(1, count + 1)]
+    of_solver: dict[str, object] = {"body": str(body)}
+    if rig is not None:
+        of_solver |= {"rig": str(rig), "overwrite_body": overwrite_body}
     return [
         *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
         *(
             NodeProcess("registration", name, {"map": str(reference_map), "cameras": used[start::count]})
             for start, name in enumerate(names)
         ),
-        NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(body)}),
+        NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
     ]
 
 

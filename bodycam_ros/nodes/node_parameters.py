@@ -37,7 +37,11 @@ class RegistrationParameters:
 class SolverParameters:
     """Of the node ``skeleton_solver``."""
 
-    body: str = setting("", reason="body YAML: segments, joints, camera mounts")
+    body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
+    rig: str = setting(
+        "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
+    )
+    overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     info_wait: float = setting(
         10.0,
         unit="s",

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.nodes import node_parameters
 from bodycam_ros.pipeline import PipelineSettings
@@ -35,8 +36,8 @@ def given_parameters(node: Node) -> dict[str, Any]:
     return given
 
 
-def settings_from_parameters(given: dict[str, Any]) -> PipelineSettings:
-    """Settings of all stages from parameters named ``group.setting``.
+def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, CalibrationSettings]:
+    """Settings of all stages, and of the calibration, from parameters named ``group.setting``.
 
     Raises:
         SettingsError: an unknown name, a wrong type, or a value out of range.
@@ -46,7 +47,12 @@ def settings_from_parameters(given: dict[str, Any]) -> PipelineSettings:
         group, dot, setting_name = name.partition(".")
         if dot:
             grouped[group][setting_name] = value
-    return PipelineSettings.from_mapping(grouped, "parameters")
+    kinds = CalibrationSettings.groups()
+    calibration: dict[str, Any] = {
+        group: settings_from_mapping(kinds[group], grouped.pop(group), f"parameters: {group}")
+        for group in kinds.keys() & grouped.keys()
+    }
+    return PipelineSettings.from_mapping(grouped, "parameters"), CalibrationSettings(**calibration)
 
 
 def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:

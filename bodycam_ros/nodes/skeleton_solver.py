@@ -1,4 +1,7 @@
-"""Node ``skeleton_solver``: the registrations of all cameras in, the articulated body out (A 4.3)."""
+"""Node ``skeleton_solver``: the registrations of all cameras in, the articulated body out (A 4.3).
+
+With a rig instead of a body it first makes the body, from a range of motion (A 4.2).
+"""
 
 import time
 from collections.abc import Iterable
@@ -6,39 +9,30 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.status import Health, HealthLevel, text_message
+from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_models import CameraModels
-from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
+from bodycam_ros.nodes.live_calibration import LiveCalibration
 from bodycam_ros.nodes.missed_frames import MissedFrames
 from bodycam_ros.nodes.node_parameters import SolverParameters
-from bodycam_ros.nodes.quality import OUTPUT_DEPTH, STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import BodyOutput, SkeletonPipeline
 
-GROUPS = ("assembler", "smoother", "motion", "evidence", "pose_fit")
-
-OUTPUTS = {
-    "/joint_states": "sensor_msgs/msg/JointState",
-    "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
-    "/odometry": "nav_msgs/msg/Odometry",
-    "/tf": TRANSFORMS,
-    "/skeleton": "visualization_msgs/msg/MarkerArray",
-}
-"""Topic -> type of what ``output_messages`` makes."""
+GROUPS = ("assembler", "smoother", "motion", "evidence", "pose_fit", *CalibrationSettings.groups())
 
 _LOOK_S = 0.5
-_LAST_WORDS = Duration(nanoseconds=500_000_000)
 
 
 @dataclass
@@ -49,31 +43,30 @@ class _Tally:
 
 
 class SkeletonSolver(StageNode[SolverParameters]):
-    """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first."""
+    """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first.
+
+    With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
+    """
 
     def __init__(self) -> None:
         super().__init__("skeleton_solver", SolverParameters, GROUPS)
-        self.body = read_body(Path(self.required("body")))
-        if not self.body.mounts:
-            raise BodyError(f"{self.parameters.body}: the body carries no camera, so there is nothing to solve it from")
+        self._topics = BodyTopics(self)
+        self._body: BodyModel | None = None
+        self._calibration: LiveCalibration | None = None
+        path = Path(self.required("body"))
+        carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
+        self._started = False
         self._waiting: list[LandmarkMatches] = []
-        self._most_waiting = STAGE_DEPTH * len(self.body.mounts)
+        self._most_waiting = STAGE_DEPTH * len(carried)
         self._missed = MissedFrames()
         self._tally = _Tally()
         self._first_info_s: float | None = None
         self._heard_s = 0.0
+        self._heard_ns = 0
         self._flushed = True
-        self._description = self.publisher("std_msgs/msg/String", "robot_description", latched())
-        self._description.publish(text_message(self.make, urdf_text(self.body)))
-        self._outputs = {
-            # Transforms are everybody's; the rest moves with the node's namespace.
-            topic: self.publisher(type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH))
-            for topic, type_name in OUTPUTS.items()
-            if is_installed(type_name)
-        }
-        self._cameras = CameraModels(self, self.body.mounts, self._on_camera)
-        for camera in self.body.mounts:
+        self._cameras = CameraModels(self, carried, self._on_camera)
+        for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
             self.subscription(
                 "bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", on_landmarks, reliable(STAGE_DEPTH)
@@ -83,12 +76,27 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def finish(self) -> None:
         """Publish what waits for later instants before the node goes."""
+        if self._calibration is not None:
+            self._calibration.stop()
         self._flush()
-        for publisher in self._outputs.values():
-            publisher.wait_for_all_acked(_LAST_WORDS)
+        self._topics.wait_until_heard()
+
+    def _read_body(self, path: Path) -> tuple[str, ...]:
+        """Learn the body that is there; its cameras."""
+        self._body = read_body(path)
+        if not self._body.mounts:
+            raise BodyError(f"{path}: the body carries no camera, so there is nothing to solve it from")
+        self._topics.describe(self._body)
+        return tuple(self._body.mounts)
+
+    def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
+        """Be ready to make the body; the rig's cameras."""
+        rig = Rig.from_yaml(self.parameters.rig)
+        self._calibration = LiveCalibration(self, rig, path, self._solve_new)
+        return tuple(rig.cameras)
 
     def _on_camera(self, camera: str) -> None:
-        if self._pipeline is not None:
+        if self._started:
             self.get_logger().warning(f"camera {camera}: its camera_info came too late; restart this node to use it")
             return
         self._first_info_s = self._first_info_s or time.monotonic()
@@ -96,15 +104,34 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._start()
 
     def _start(self) -> None:
-        """The cameras are known: from now on the body is solved."""
-        for camera in self._cameras.missing:
-            self.get_logger().warning(
-                f"camera {camera}: is on body {self.body.name}, but there is no {camera}/camera_info"
-            )
-        self._pipeline = SkeletonPipeline(self.body, self._cameras.models, self.settings)
+        """The cameras are known: from now on they are collected, or the body is solved, or both."""
+        self._started = True
+        if self._calibration is not None:
+            self._calibration.begin(self._cameras.models)
+        if self._body is not None:
+            for camera in self._cameras.missing:
+                self.get_logger().warning(
+                    f"camera {camera}: is on body {self._body.name}, but there is no {camera}/camera_info"
+                )
+            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings)
         for matches in self._waiting:
-            self._publish(self._pipeline.add(matches))
+            self._take(matches)
         self._waiting.clear()
+
+    def _solve_new(self, body: BodyModel) -> None:
+        """There is a new body: the registrations from now on are its own."""
+        self._flush()
+        self._body = body
+        self._pipeline = SkeletonPipeline(body, self._cameras.models, self.settings)
+        self._topics.describe(body)
+
+    def _take(self, matches: LandmarkMatches) -> None:
+        if self._calibration is not None:
+            self._calibration.add(matches)
+        if self._pipeline is not None:
+            self._publish(self._pipeline.add(matches))
+        else:
+            self.report_when_due(matches.stamp_ns, self._health)
 
     def _on_landmarks(self, camera: str, message: Message) -> None:
         try:
@@ -116,21 +143,24 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self.skipped.add(
                 "registrations lost", f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             )
-        self._heard_s = time.monotonic()
+        self._heard_s, self._heard_ns = time.monotonic(), matches.stamp_ns
         self._flushed = False
-        if self._pipeline is not None:
-            self._publish(self._pipeline.add(matches))
+        if self._started:
+            self._take(matches)
         elif len(self._waiting) < self._most_waiting:
             self._waiting.append(matches)
         else:
-            self.skipped.add("registrations skipped", "registrations, but no camera_info of any camera of the body")
+            self.skipped.add("registrations skipped", "registrations, but no camera_info of the cameras")
 
     def _look(self) -> None:
         now_s = time.monotonic()
-        if self._pipeline is None and self._first_info_s and now_s - self._first_info_s > self.parameters.info_wait:
+        waited_s = now_s - self._first_info_s if self._first_info_s else 0.0
+        if not self._started and self._calibration is None and waited_s > self.parameters.info_wait:
             self._start()
         if now_s - self._heard_s > self.parameters.idle_flush:
             self._flush()
+        if self._calibration is not None and self._calibration.is_running:
+            self.report(self._heard_ns, self._health())
 
     def _on_flush(self, request: Message, response: Message) -> Message:
         response.success, response.message = True, f"{self._flush()} instants published"
@@ -149,9 +179,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _publish(self, outputs: Iterable[BodyOutput]) -> None:
         for output in outputs:
-            messages = output_messages(self.make, output, self.body)
-            for topic, publisher in self._outputs.items():
-                publisher.publish(messages[topic])
+            if self._body is not None:
+                self._topics.publish(output, self._body)
             self._tally.solved += 1
             self._tally.predicted += output.state.predicted
             self._tally.cameras_used += output.state.cameras_used
@@ -174,8 +203,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
         elif tally.predicted or late or self.skipped.counts:
             level, text = HealthLevel.WARN, "solving, with losses"
         else:
-            level, text = HealthLevel.OK, "solving"
-        return [Health("skeleton_solver", level, text, values)]
+            level, text = HealthLevel.OK, "solving" if self._pipeline else "no body yet"
+        health = [Health("skeleton_solver", level, text, values)]
+        return health if self._calibration is None else [*health, self._calibration.health()]
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import BodycamError, SettingsError
 from bodycam_ros.messages.status import Health, diagnostics_message
 from bodycam_ros.nodes.message_classes import message_class, node_messages
@@ -36,6 +37,7 @@ class StageNode(Node, Generic[P]):
     Attributes:
         parameters: its own parameters.
         settings: of all stages.
+        calibration_settings: of the calibration of a body.
         make: makes messages.
         skipped: what could not be used, warned about once and counted.
         failure: the user's error that ends the node.
@@ -52,10 +54,11 @@ class StageNode(Node, Generic[P]):
         self.made.append(self)
         given = given_parameters(self)
         self.parameters = own_parameters(given, parameters_type)
-        self.settings = settings_from_parameters(given)
+        self.settings, self.calibration_settings = settings_from_parameters(given)
         declare(self, self.parameters)
         for group in groups:
-            declare(self, getattr(self.settings, group), group)
+            of = self.calibration_settings if group in CalibrationSettings.groups() else self.settings
+            declare(self, getattr(of, group), group)
         self.make = node_messages()
         self.skipped = Skipped(self.get_logger().warning)
         self.failure: BodycamError | None = None

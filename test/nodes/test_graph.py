@@ -46,6 +46,17 @@ def test_a_camera_that_the_body_lacks(tmp_path: Path) -> None:
         live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["hat", "left"])
 
 
+def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
+    nodes = live_graph(tmp_path / "map", tmp_path / "body.yaml", rig=rig)
+    assert [node.name for node in nodes] == ["tracker_left", "tracker_right", "registration", "skeleton_solver"]
+    written = {"body": str(tmp_path / "body.yaml"), "rig": str(rig), "overwrite_body": False}
+    assert nodes[-1].parameters == written
+    with pytest.raises(BodyError, match="the rig carries no camera hat; it carries left, right"):
+        live_graph(tmp_path / "map", tmp_path / "body.yaml", ["hat"], rig=rig)
+
+
 def test_arguments_are_yaml_whatever_the_value() -> None:
     node = NodeProcess("player", "player_2", {"bag": "a folder: with #signs", "rate": 0.5, "cameras": ["a", "b"]})
     arguments = node.arguments(Path("some.yaml"))
@@ -71,7 +82,7 @@ def test_the_launch_file_starts_the_graph_and_the_player(tmp_path: Path) -> None
     context = LaunchContext()
     body = write_body(tmp_path / "body.yaml")
     given = {"map": "map", "body": str(body), "cameras": "", "bagfile": "bag", "rate": "0.5", "config": "config.yaml"}
-    given["registrations"] = "1"
+    given |= {"registrations": "1", "rig": "", "overwrite_body": "false"}
     context.launch_configurations.update(given)
     nodes = described["_nodes"](context)
     assert [node.node_executable for node in nodes] == [

@@ -1,0 +1,58 @@
+"""What the solver publishes: the body, and how it moves."""
+
+from typing import Any
+
+from rclpy.duration import Duration
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.status import text_message
+from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
+from bodycam_ros.nodes.quality import OUTPUT_DEPTH, latched, reliable
+from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.pipeline import BodyOutput
+
+OUTPUTS = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/tf": TRANSFORMS,
+    "/skeleton": "visualization_msgs/msg/MarkerArray",
+}
+"""Topic -> type of what ``output_messages`` makes."""
+
+_LAST_WORDS = Duration(nanoseconds=500_000_000)
+
+
+class BodyTopics:
+    """Publishers of ``/robot_description`` and of the body's motion.
+
+    Args:
+        node: publishes.
+    """
+
+    def __init__(self, node: StageNode[Any]) -> None:
+        self._make = node.make
+        self._description = node.publisher("std_msgs/msg/String", "robot_description", latched())
+        self._outputs = {
+            # Transforms are everybody's; the rest moves with the node's namespace.
+            topic: node.publisher(type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH))
+            for topic, type_name in OUTPUTS.items()
+            if is_installed(type_name)
+        }
+
+    def describe(self, body: BodyModel) -> None:
+        """Publish the body itself; those that come later hear it too."""
+        self._description.publish(text_message(self._make, urdf_text(body)))
+
+    def publish(self, output: BodyOutput, body: BodyModel) -> None:
+        """Publish where the body is at one instant."""
+        messages = output_messages(self._make, output, body)
+        for topic, publisher in self._outputs.items():
+            publisher.publish(messages[topic])
+
+    def wait_until_heard(self) -> None:
+        """Give the readers the time to get the last messages."""
+        for publisher in self._outputs.values():
+            publisher.wait_for_all_acked(_LAST_WORDS)
