@@ -183,7 +183,7 @@ class BodyCalibrator:
         return trust, slips
 
     def _disagreement(self, motion: CameraMotion, camera: str) -> float:
-        """How far joints stray on a camera's segment if it alone says where the segment is [m]; mean over its joints."""
+        """How far joints stray on a camera's segment if it alone tells the segment [m]; mean over its joints."""
         segment = self._rig.cameras[camera]
         neighbours = [other for other, parent in self._rig.parents.items() if parent == segment]
         neighbours += [parent for parent in [self._rig.parents[segment]] if parent is not None]

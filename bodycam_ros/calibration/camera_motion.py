@@ -23,7 +23,14 @@ class MotionLogSettings:
         unit="Hz",
         limits=(2.0, 1000.0),
         reason="images used per second and camera of a recording; neighbouring images share their errors, and tracking "
-        "them all costs twice the time for joints 0.5 mm better",
+        "them all costs twice the time",
+    )
+    track_age: float = setting(
+        0.4,
+        unit="s",
+        limits=(0.1, 10.0),
+        reason="tracks of a recording are found anew after this long: one keeps the half pixel by which it was found "
+        "wrongly, and only many finds average it out",
     )
     max_images: int = setting(
         1200,

@@ -3,12 +3,14 @@
 import logging
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.pipeline import PipelineSettings
@@ -58,7 +60,11 @@ def calibrate(
         duration_s = recording.duration_s
     calibrator = BodyCalibrator(rig, models, settings, pipeline.pose_fit, pipeline.evidence, facing_rad)
     task = RegistrationTask(
-        recording_path, map_path, pipeline, max_rate=settings.motion_log.max_rate, with_messages=False
+        recording_path,
+        map_path,
+        _with_fresh_tracks(pipeline, settings.motion_log),
+        max_rate=settings.motion_log.max_rate,
+        with_messages=False,
     )
     start_ns = None
     lost: Counter[str] = Counter()
@@ -74,3 +80,14 @@ def calibrate(
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
         return calibrator.solve(name, on_progress)
+
+
+def _with_fresh_tracks(pipeline: PipelineSettings, log: MotionLogSettings) -> PipelineSettings:
+    """The tracker's settings for a calibration: keyframes so often, and tracks so short."""
+    interval = max(1, round(log.track_age * log.max_rate))
+    tracker = replace(
+        pipeline.tracker,
+        keyframe_interval=min(interval, pipeline.tracker.keyframe_interval),
+        max_track_age=min(log.track_age, pipeline.tracker.max_track_age),
+    )
+    return replace(pipeline, tracker=tracker)
