@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -109,11 +110,11 @@ class Correction:
 
     def moved_by(self, part: Part, move: Move, *, going_on: bool = False) -> "Correction":
         """The correction with a part so far from where the file has it; else as ``moved_to``."""
-        root_T_segment, root_T_part = _in_n_pose(self.original, part)
+        root_T_segment, root_T_part = _in_n_pose(self.original, self._original_n_pose, part)
         segment_R_root = root_T_segment[:3, :3].T
         segment_R_part = exp_so3(np.radians(move.turn_deg)) @ segment_R_root @ root_T_part[:3, :3]
         # From the segment's present origin, which moves along with the joint to its parent.
-        present_origin = _in_n_pose(self.body, part)[0][:3, 3]
+        present_origin = _in_n_pose(self.body, self._n_pose, part)[0][:3, 3]
         origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
         return self.moved_to(part, rigid(segment_R_part, origin), going_on=going_on)
 
@@ -130,8 +131,8 @@ class Correction:
 
         A part that another one took along has not moved: in the N-pose it is where it was.
         """
-        root_T_segment, root_T_was = _in_n_pose(self.original, part)
-        _, root_T_now = _in_n_pose(self.body, part)
+        root_T_segment, root_T_was = _in_n_pose(self.original, self._original_n_pose, part)
+        _, root_T_now = _in_n_pose(self.body, self._n_pose, part)
         segment_R_root = root_T_segment[:3, :3].T
         turn = segment_R_root @ log_so3(root_T_now[:3, :3] @ root_T_was[:3, :3].T)
         return Move(segment_R_root @ (root_T_now[:3, 3] - root_T_was[:3, 3]) * 1e3, np.degrees(turn))
@@ -142,6 +143,14 @@ class Correction:
             move = self.move_of(part)
             if not move.is_none:
                 yield part, move
+
+    @cached_property
+    def _original_n_pose(self) -> Array:
+        return n_pose(self.original, np.eye(4))
+
+    @cached_property
+    def _n_pose(self) -> Array:
+        return n_pose(self.body, np.eye(4))
 
 
 def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
@@ -166,8 +175,8 @@ def can_turn(body: BodyModel, part: Part | None) -> bool:
     return part is not None and (part.kind == "camera" or joint_named(body, part.name).type == "hinge")
 
 
-def _in_n_pose(body: BodyModel, part: Part) -> tuple[Array, Array]:
-    """root_T_segment and root_T_part (4, 4) in the N-pose."""
+def _in_n_pose(body: BodyModel, root_T_segments: Array, part: Part) -> tuple[Array, Array]:
+    """root_T_segment of the segment that carries a part, and root_T_part, (4, 4) both, of a body in its N-pose."""
     segment, segment_T_part = place_of(body, part)
-    root_T_segment: Array = n_pose(body, np.eye(4))[body.segment_index[segment]]
+    root_T_segment: Array = root_T_segments[body.segment_index[segment]]
     return root_T_segment, root_T_segment @ segment_T_part

@@ -148,7 +148,7 @@ class Session:
             return "lost: it does not know where it is"
         gap = inverse(self._stage.world_T_camera(self._correction.body, self._instant, camera)) @ world_T_registered
         distance_mm, angle = 1e3 * np.linalg.norm(gap[:3, 3]), np.degrees(np.linalg.norm(log_so3(gap[:3, :3])))
-        return f"its own pose: {distance_mm:.1f} mm and {angle:.2f} deg from the body's"
+        return f"its own pose: {distance_mm:.1f} mm, {angle:.2f} deg off"
 
     def _choose_camera(self, camera: str | None) -> None:
         self._camera = camera

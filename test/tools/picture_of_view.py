@@ -13,7 +13,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from view_in_browser import REPOSITORY, BrowserView, find_chromium, served  # noqa: E402
 
-WINDOW = (1240, 830)
+WINDOW = (1160, 890)
 SECONDS = "0.5"
 PART, IMAGE = "joint knee_left", "waist_left"
 SETTLES_S = 6.0  # a software renderer sharpens the picture when nothing moves any more

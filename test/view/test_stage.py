@@ -43,7 +43,7 @@ def motion(body: BodyModel) -> Motion:
     root = np.repeat(standing.world_T_root, 2, axis=0)
     root[:, :2, 3] = [[2.0, 1.0], [2.5, 1.5]]
     angles = np.repeat(standing.angles, 2, axis=0)
-    angles[1, [name.startswith("knee") and name.endswith("_y") for name in standing.angle_names]] = 0.8
+    angles[1, [name.startswith("knee") for name in standing.angle_names]] = 0.8
     registered = {"head": (stamps[:1], root[:1]), "shin_left": (stamps[1:], root[1:])}
     return replace(standing, stamps_ns=stamps, world_T_root=root, angles=angles, registered=registered)
 
