@@ -38,7 +38,9 @@ class Started:
 
     @property
     def printed(self) -> str:
-        return self._log.read_text()
+        """What it printed, without what Fast DDS says of ports that two processes try to open in the same instant."""
+        lines = self._log.read_text().splitlines(keepends=True)
+        return "".join(line for line in lines if "RTPS_TRANSPORT_SHM" not in line)
 
     def interrupt(self) -> None:
         """Send SIGINT, twice, as a launch file does."""
@@ -91,6 +93,10 @@ class Graph:
 
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
         return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
+
+    def is_published(self, topic: str) -> bool:
+        """Whether the listener has found somebody who publishes a topic."""
+        return bool(self._node.count_publishers(topic))
 
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""

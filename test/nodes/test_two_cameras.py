@@ -49,8 +49,10 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
     body = write_body(tmp_path / "body.yaml", "odd")
     bag = write_tiny_bag(tmp_path / "bag", FRAMES, alter=_add_faults)
     graph.listen(_landmarks(*CAMERAS) | _DIAGNOSTICS)
-    nodes = live_graph(write_map(tmp_path / "map"), body)
-    started = {each.node.name: each for each in graph.start(*nodes, player(bag, rate=2.0))}
+    nodes = graph.start(*live_graph(write_map(tmp_path / "map"), body))
+    # The player waits for its own readers; whoever else is slow to find the others would miss the start.
+    graph.until(lambda: all(graph.is_published(f"/{c}/landmarks") for c in CAMERAS), _START_S, "the cameras are heard")
+    started = {each.node.name: each for each in [*nodes, *graph.start(player(bag, rate=2.0))]}
 
     graph.until(lambda: started["player"].process.poll() is not None, _START_S, "the bag is played")
     assert started["player"].process.returncode == 0, graph.report()
