@@ -1,0 +1,109 @@
+"""bodycam body on a real range of motion: four cameras of a recording, in real processes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from bodycam_ros.body.body_file import read_body
+
+THIGH_M, HIPS_M = 0.4257, 0.1906
+"""Of the subject of the sample, known from the program that moved it."""
+
+
+def command(sample: Path, out: Path, *more: str | Path, bag: str = "rom") -> list[str]:
+    return [
+        *(sys.executable, "-m", "bodycam_ros.cli.main", "body", str(sample / bag / "bag")),
+        *("--map", str(sample / "map"), "--rig", str(sample / bag / "rig.yaml"), "-o", str(out), *map(str, more)),
+    ]
+
+
+def run(sample: Path, out: Path, *more: str | Path, bag: str = "rom") -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(command(sample, out, *more, bag=bag), capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def made(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The body file, and what was printed."""
+    out = tmp_path_factory.mktemp("body") / "legs.yaml"
+    done = run(sample, out)
+    assert done.returncode == 0, done.stderr
+    return out, done.stdout
+
+
+def test_the_body_is_right(made: tuple[Path, str]) -> None:
+    body = read_body(made[0])
+    assert (body.name, body.root) == ("legs", "pelvis")
+    offsets = {joint.name: joint.parent_T_joint[:3, 3] for joint in body.joints}
+    assert np.linalg.norm(offsets["knee_left"]) == pytest.approx(THIGH_M, abs=0.008)
+    assert np.linalg.norm(offsets["hip_left"] - offsets["hip_right"]) == pytest.approx(HIPS_M, abs=0.012)
+    np.testing.assert_allclose(offsets["hip_left"], -offsets["hip_right"], atol=1e-9)
+    knee = next(joint for joint in body.joints if joint.name == "knee_left")
+    assert knee.limits is not None and knee.limits[0][1] > 1.5, "the knee was bent by 95 degrees"
+
+
+def test_the_file_carries_the_figures(made: tuple[Path, str]) -> None:
+    report = yaml.safe_load(made[0].read_text())["report"]
+    assert report["source"] == "range of motion"
+    assert report["joints"]["knee_left"]["freedom"] == "hinge"
+    assert report["joints"]["hip_left"]["freedom"] == "ball"
+    assert abs(report["joints"]["knee_left"]["axis"][1]) > 0.99
+    assert report["refinement"]["after_px"] < report["refinement"]["before_px"]
+    assert set(report["cameras"]) == {"waist_front", "thigh_left", "shin_left", "thigh_right"}
+
+
+def test_a_person_reads_it_on_the_terminal_and_as_a_page(made: tuple[Path, str]) -> None:
+    out, printed = made
+    for word in ("hip_left", "knee_left", "hinge", "thigh_right", "reprojection error"):
+        assert word in printed
+    page = out.with_suffix(".html").read_text()
+    assert "knee_left" in page
+    assert "data:image/png;base64," in page
+
+
+def test_a_body_that_is_there_is_kept(sample: Path, made: tuple[Path, str]) -> None:
+    before = made[0].read_bytes()
+    done = run(sample, made[0])
+    assert done.returncode == 1
+    assert "--force" in done.stderr
+    assert made[0].read_bytes() == before
+
+
+def test_a_walk_is_no_range_of_motion(sample: Path, tmp_path: Path) -> None:
+    out = tmp_path / "body.yaml"
+    done = run(sample, out, bag="sample")
+    assert done.returncode == 1
+    assert "joint" in done.stderr and "Repeat it" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_rig_of_other_cameras_is_refused(sample: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("cameras: {waist_front: pelvis, helmet: head}\nsegments: {pelvis: null, head: pelvis}\n")
+    done = run(sample, tmp_path / "body.yaml", "--rig", rig)
+    assert done.returncode == 1
+    assert "lacks camera helmet" in done.stderr
+    assert not (tmp_path / "body.yaml").exists()
+
+
+def test_interrupting_leaves_nothing(sample: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        command(sample, tmp_path / "body.yaml"), stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    deadline = time.monotonic() + 60
+    while process.poll() is None and not children.read_text() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert process.poll() is None and children.read_text(), "it never began to register"
+    os.killpg(process.pid, signal.SIGINT)
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in printed
+    assert list(tmp_path.iterdir()) == []
