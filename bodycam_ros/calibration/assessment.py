@@ -42,6 +42,11 @@ class AssessmentSettings:
     warn_registered: float = setting(
         0.5, limits=(0.0, 1.0), reason="a camera registered in a smaller share of its images says little of its segment"
     )
+    hold_hinges: bool = setting(
+        False,
+        reason="true makes hinges of the joints that turned as such, and the solver holds them to their axis; people's "
+        "elbows and knees turn about others too, and every segment carries a camera that sees it",
+    )
     limit_percentile: float = setting(
         0.5,
         unit="%",
@@ -123,10 +128,9 @@ def assess(
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
-    limits = _joint_limits(findings, settings)
-    body = replace(
-        findings.body, joints=tuple(replace(joint, limits=limits[joint.name]) for joint in findings.body.joints)
-    )
+    body = _with_hinges(findings) if settings.hold_hinges else findings.body
+    limits = _joint_limits(findings, body, settings)
+    body = replace(body, joints=tuple(replace(joint, limits=limits[joint.name]) for joint in body.joints))
     joints = tuple(_joint(findings, joint, settings) for joint in body.tree_joints)
     _refuse_unknown(joints, settings)
     bones = bone_lengths(findings)
@@ -242,9 +246,22 @@ def _gap(findings: Findings, joint: Joint) -> float:
     return float(np.median(together)) if len(together) else float("nan")
 
 
-def _joint_limits(findings: Findings, settings: AssessmentSettings) -> dict[str, tuple[tuple[float, float], ...]]:
+def _with_hinges(findings: Findings) -> BodyModel:
+    """The body with a hinge wherever a joint turned as one."""
+    joints = tuple(
+        replace(joint, type="hinge", axis=findings.hinges[joint.child], sigmas=None)
+        if joint.child in findings.hinges
+        else joint
+        for joint in findings.body.joints
+    )
+    return replace(findings.body, joints=joints)
+
+
+def _joint_limits(
+    findings: Findings, body: BodyModel, settings: AssessmentSettings
+) -> dict[str, tuple[tuple[float, float], ...]]:
     """Joint -> (low, high) [rad] of each of its angles over the recording."""
-    tracker = JointAngleTracker(findings.body)
+    tracker = JointAngleTracker(body)
     angles = np.stack([tracker.angles(pose) for pose in findings.zeroed.world_T_segment()])
     share = settings.limit_percentile
     low, high = np.percentile(angles, [share, 100.0 - share], axis=0)
@@ -252,7 +269,7 @@ def _joint_limits(findings: Findings, settings: AssessmentSettings) -> dict[str,
     columns = {name: column for column, name in enumerate(tracker.names)}
     return {
         joint.name: tuple((float(low[columns[name]]), float(high[columns[name]])) for name in joint.angle_names)
-        for joint in findings.body.tree_joints
+        for joint in body.tree_joints
     }
 
 
