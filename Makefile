@@ -1,5 +1,5 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
-#   make demo    replay the sample recording and judge the result (needs no ROS)
+#   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
@@ -18,6 +18,8 @@ export PYTHONNOUSERSITE := 1
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
+	mkdir -p $(dir $(DEMO))
+	$(BIN)/bodycam body bags/rom/bag --map bags/map --rig bags/rom/rig.yaml -o $(dir $(DEMO))legs.yaml --force
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
