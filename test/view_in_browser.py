@@ -19,7 +19,7 @@ from playwright.sync_api import Locator, Page, sync_playwright
 
 REPOSITORY = Path(__file__).parent.parent
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
-WINDOW = (1200, 800)
+WINDOW = (1000, 700)
 
 _FLAGS = (
     # WebGL without a graphics card
@@ -131,11 +131,17 @@ class BrowserView:
         """Press a button."""
         self.page.get_by_role("button", name=name, exact=True).click()
 
+    def click(self, place: NDArray[np.float64]) -> None:
+        """Click at a point of the window [px]."""
+        self.page.mouse.move(*place)
+        time.sleep(_LOOK_AGAIN_S)  # the renderer finds out what is beneath the mouse once a frame
+        self.page.mouse.click(*place)
+
     def drag(self, start: NDArray[np.float64], end: NDArray[np.float64], steps: int = 12) -> None:
         """Drag the mouse from one point of the window to another [px]."""
         mouse = self.page.mouse
         mouse.move(*start)
-        time.sleep(_LOOK_AGAIN_S)  # the renderer finds out what is beneath the mouse once a frame
+        time.sleep(_LOOK_AGAIN_S)
         mouse.down()
         for share in np.linspace(0.0, 1.0, steps)[1:]:
             mouse.move(*((1.0 - share) * start + share * end))

@@ -32,7 +32,9 @@ class CorrectionActions:
 class CorrectionPanel:
     """Shows and takes the correction of one selected part."""
 
-    def __init__(self, gui: GuiApi, inbox: Inbox, parts: Iterable[Part], actions: CorrectionActions) -> None:
+    def __init__(
+        self, gui: GuiApi, inbox: Inbox, parts: Iterable[Part], file_name: str, actions: CorrectionActions
+    ) -> None:
         self._parts = {str(part): part for part in parts}
         with gui.add_folder("Correct"):
             self._part = gui.add_dropdown(
@@ -45,7 +47,7 @@ class CorrectionPanel:
                 "turned [deg]", (0.0, 0.0, 0.0), step=_STEP_DEG, hint="about the segment's axes: forward, left, up"
             )
             back = gui.add_button_group("take back", (_UNDO, _RESET))
-            self._write = gui.add_button("Write body.yaml")
+            self._write = gui.add_button(f"Write {file_name}")
             self._moved = gui.add_markdown("")
 
         on_input(self._part, lambda: inbox.put(partial(actions.select, self._parts.get(self._part.value))))

@@ -78,7 +78,7 @@ class Session:
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
         actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
-        self._panel = CorrectionPanel(gui, inbox, self._correction.parts(), actions)
+        self._panel = CorrectionPanel(gui, inbox, self._correction.parts(), sources.body_file.path.name, actions)
         self._loader: FootageLoader | None = None
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)

@@ -145,11 +145,13 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
     before = body_file.read_bytes()
     segment = body.segment_index[place_of(body, KNEE)[0]]
     world_T_thigh = motion.segments_at(body, 0)[segment]
-    view.choose("move", str(KNEE))
 
     def knee(corrected: BodyModel) -> NDArray[np.float64]:
         return expected.pixels((world_T_thigh @ place_of(corrected, KNEE)[1][:, 3])[None, :3], 0) + np.array([[5, -5]])
 
+    view.wait_until(lambda: share(view.picture(), knee(body), LEFT) == 1.0, "the knee in the colour of its side")
+    view.click(knee(body)[0])
+    view.wait_until(lambda: view.value("move") == str(KNEE), "the knee that was clicked is selected")
     moved = Correction(body).moved_by(KNEE, Move(np.array([0.0, 0.0, 80.0]), np.zeros(3))).body
     view.enter("moved [mm]", "80", component=2)
     view.page.get_by_text("joint knee_left: 80.0 mm, 0.00 deg").wait_for()
