@@ -300,10 +300,16 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
         share = registered / max(images, 1)
         warning = ""
         if slip is not None:
-            warning = (
-                f"camera {camera} slipped after {slipped_s:.1f} s, by {1e3 * slip.moved_m:.0f} mm and "
-                f"{np.degrees(slip.turned_rad):.1f} deg: tighten its strap; what it saw before is left out"
-            )
+            warning = f"camera {camera} slipped after {slipped_s:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
+            if len(findings.rig.cameras_on(findings.rig.cameras[camera])) > 1:
+                warning += (
+                    f" and {np.degrees(slip.turned_rad):.1f} deg: tighten its strap; what it saw before is left out"
+                )
+            else:
+                warning += (
+                    ": tighten its strap and repeat the recording; it is alone on its segment, and the body has it "
+                    "where it was before"
+                )
         elif share < settings.warn_registered:
             warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
         told.append(

@@ -26,11 +26,18 @@ from bodycam_ros.calibration.rest_pose import (
     heading_rotation,
 )
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.strap_slip import Slip, slips_on_segment, trust_after_slip
+from bodycam_ros.calibration.strap_slip import (
+    JointInView,
+    Slip,
+    slips_of_lone_cameras,
+    slips_on_segment,
+    trust_after_slip,
+    trust_before_slip,
+)
 from bodycam_ros.calibration.virtual_camera import VirtualCamera, fuse_cameras
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.geometry import inverse, rigid, transform_points
 from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.mapping.pose_fit import PoseFitSettings
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
@@ -111,6 +118,13 @@ class BodyCalibrator:
         trust, slips = self._trust(motion)
         virtual = self._virtual_cameras(motion, trust)  # A eq. 6-7
         centres = self._joint_centres(motion, trust, virtual)  # A eq. 12-14
+        if lone_slips := slips_of_lone_cameras(self._joints_in_view(motion, virtual, centres), settings.strap_slip):
+            slips |= lone_slips
+            for camera, slip in lone_slips.items():
+                column = motion.cameras.index(camera)
+                trust[:, column] = trust_before_slip(motion.known[:, column], slip.row)
+            virtual = self._virtual_cameras(motion, trust)
+            centres = self._joint_centres(motion, trust, virtual)
         turning_as_hinges = check_exercised(self._rig, centres, settings.joint_centre)
 
         rest = self._rest_pose(motion, virtual)
@@ -196,6 +210,26 @@ class BodyCalibrator:
                     centre = find_joint_centre(camera_T_other, np.ones(both.sum()), self._settings.joint_centre)
                     gaps.append(float(np.mean(np.minimum(centre.residuals_m, _WRONG_M))))
         return float(np.mean(gaps)) if gaps else 0.0
+
+    def _joints_in_view(
+        self, motion: CameraMotion, virtual: Mapping[str, VirtualCamera], centres: Mapping[str, JointCentre]
+    ) -> dict[str, list[JointInView]]:
+        """Cameras alone on their segment -> the joints of the segment, where the neighbours say that they are."""
+        in_view: dict[str, list[JointInView]] = {}
+        for child, centre in centres.items():
+            parent = str(self._rig.parents[child])
+            rows = np.flatnonzero(virtual[child].known & virtual[parent].known)
+            sides = ((child, parent, centre.in_parent), (parent, child, centre.in_child))
+            for segment, neighbour, on_neighbour in sides:
+                cameras = self._rig.cameras_on(segment)
+                if len(cameras) == 1:
+                    segment_T_neighbour = inverse(virtual[segment].world_T_virtual) @ virtual[neighbour].world_T_virtual
+                    places = transform_points(segment_T_neighbour[rows], on_neighbour[None])[:, 0]
+                    name, usual_m = SegmentName(child).joint, float(np.median(centre.residuals_m))
+                    in_view.setdefault(cameras[0], []).append(
+                        JointInView(name, rows, motion.seconds[rows], places, usual_m)
+                    )
+        return in_view
 
     def _virtual_cameras(self, motion: CameraMotion, trust: Array) -> dict[str, VirtualCamera]:
         """Segment -> its cameras as one (A eq. 6-7)."""

@@ -1,20 +1,24 @@
 """A slipped strap: a camera whose place on its segment changes during the recording and stays changed.
 
 Two cameras on one segment should never move against each other. Where they do, of three or more the one that moved
-against all others is to blame; of two, the caller must tell by other means.
+against all others is to blame; of two, the caller must tell by other means. A camera alone on its segment takes the
+segment with it; it shows by all joints of the segment changing their place in its view.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import inverse, log_se3, robust_average_pose
+from bodycam_ros.geometry import inverse, log_se3, rigid, robust_average_pose
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
+
+_OF_USUAL = 3.0
+"""A joint must change its place in a lone camera's view by this much more than it usually strays."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,25 @@ class Slip:
     row: int
     moved_m: float
     turned_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointInView:
+    """A joint of a camera's segment over time, where the segment next to it says that it is.
+
+    Attributes:
+        name: of the joint.
+        rows: (N) instants.
+        seconds: (N) when [s].
+        places: (N, 3) in the camera's frame [m].
+        residual_m: by how much they usually stray [m].
+    """
+
+    name: str
+    rows: NDArray[np.intp]
+    seconds: Array
+    places: Array
+    residual_m: float
 
 
 def lasting_change(poses: Array, seconds: Array, settings: StrapSlipSettings) -> Slip | None:
@@ -107,6 +130,42 @@ def slips_on_segment(
         for k, found in accused.items()
         if most and len(found) == most
     }
+
+
+def slips_of_lone_cameras(
+    joints_in_view: Mapping[str, Sequence[JointInView]], settings: StrapSlipSettings
+) -> dict[str, Slip]:
+    """Cameras that are alone on their segment and moved on it.
+
+    Args:
+        joints_in_view: camera -> the joints of its segment, where its neighbours say that they are.
+        settings: thresholds.
+    """
+    changes = {
+        camera: {
+            joint.name: change
+            for joint in joints
+            if (change := lasting_change(rigid(np.eye(3), joint.places), joint.seconds, settings))
+            and change.moved_m > _OF_USUAL * joint.residual_m
+        }
+        for camera, joints in joints_in_view.items()
+    }
+    slips: dict[str, Slip] = {}
+    # A joint that changed its place is seen from both sides; the camera that has most of them moved.
+    for camera in sorted(changes, key=lambda name: -len(changes[name])):
+        own = changes[camera]
+        explained = {joint.name for other in slips for joint in joints_in_view[other]}
+        if own and len(own) == len(joints_in_view[camera]) and not explained & set(own):
+            worst = max(own.values(), key=lambda slip: slip.moved_m)
+            first = min(own.items(), key=lambda item: item[1].row)[0]
+            joint = next(joint for joint in joints_in_view[camera] if joint.name == first)
+            slips[camera] = Slip(int(joint.rows[own[first].row]), worst.moved_m, worst.turned_rad)
+    return slips
+
+
+def trust_before_slip(known: NDArray[np.bool_], slip_row: int) -> Array:
+    """Weights (T) of a slipped camera that is alone: after the slip nobody knows where its segment is in the N-pose."""
+    return np.where(np.arange(len(known)) < slip_row, 1.0, 0.0) * known
 
 
 def trust_after_slip(known: NDArray[np.bool_], slip_row: int, settings: StrapSlipSettings) -> Array:

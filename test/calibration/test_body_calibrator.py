@@ -159,6 +159,20 @@ def test_a_slipped_strap_is_named_and_left_out(slipping: str) -> None:
     assert greatest_error(found.body, now) < 0.006
 
 
+@pytest.mark.parametrize("slipping", ["thigh_left", "foot_left"])  # with joints on both ends, and on one
+def test_a_camera_alone_on_its_segment_that_slips_is_named(slipping: str) -> None:
+    body = known_body()
+    mount = body.mounts[slipping]
+    slipped = mount.segment_T_camera @ rigid(exp_so3(np.array([0.1, 0.0, 0.1])), np.array([0.02, -0.06, 0.05]))
+    motion = range_of_motion(body, duration_s=12.0, slip=(slipping, 9.0, slipped))
+    found = calibrated(body, registrations(motion, pixel_noise=0.3))
+    diagnosis = {camera.camera: camera for camera in found.diagnosis.cameras}
+    assert diagnosis[slipping].slipped_s == pytest.approx(9.0, abs=0.3)
+    assert "repeat the recording" in diagnosis[slipping].warning
+    assert sum(camera.slipped_s is not None for camera in found.diagnosis.cameras) == 1
+    assert greatest_error(found.body, body) < 0.006
+
+
 def test_without_the_n_pose_there_is_no_body() -> None:
     body = known_body()
     motion = range_of_motion(body, duration_s=10.0)
