@@ -41,7 +41,7 @@ def ignore_discovery(node: Node) -> bool:
 
     Fast DDS destroys a participant only when none of its discovery callbacks runs, and waits for that with no time
     limit, which overflows where libstdc++ was built for a glibc before 2.30, as in the wheels: then it spins for ever
-    and keeps the lock that the callback needs (eProsima/Fast-DDS issue 6513). It met 1 node in 250 of those that leave
+    and keeps the lock that the callback needs (eProsima/Fast-DDS issue 6513). It met 1 node in 500 of those that leave
     together, because then everybody hears of everybody's leaving. With a time limit the same call waits properly, and
     once it has succeeded there are no more callbacks to wait for.
     """

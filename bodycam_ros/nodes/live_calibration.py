@@ -1,6 +1,7 @@
 """The solver's calibration: it collects a range of motion, and makes a body of it when a service is called."""
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from std_srvs.srv import Trigger
@@ -31,6 +32,7 @@ class LiveCalibration:
         node: the solver.
         rig: which camera is on which segment.
         path: body YAML to write.
+        missing_cameras: says whose camera_info is not here yet.
         on_body: called with each new body.
 
     Raises:
@@ -38,7 +40,12 @@ class LiveCalibration:
     """
 
     def __init__(
-        self, node: StageNode[SolverParameters], rig: Rig, path: Path, on_body: Callable[[BodyModel], None]
+        self,
+        node: StageNode[SolverParameters],
+        rig: Rig,
+        path: Path,
+        missing_cameras: Callable[[], Sequence[str]],
+        on_body: Callable[[BodyModel], None],
     ) -> None:
         if path.exists() and not node.parameters.overwrite_body:
             raise BodyError(
@@ -50,6 +57,7 @@ class LiveCalibration:
         self._node = node
         self._rig = rig
         self._path = path
+        self._missing_cameras = missing_cameras
         self._on_body = on_body
         self._calibrator: BodyCalibrator | None = None
         self._thread: CalibrationThread | None = None
@@ -66,9 +74,14 @@ class LiveCalibration:
 
     def begin(self, cameras: Mapping[str, CameraModel]) -> None:
         """The cameras are known; raises RangeOfMotionError if one of the rig's is not among them."""
-        settings = self._node.settings
+        settings, facing_deg = self._node.settings, self._node.parameters.facing
         self._calibrator = BodyCalibrator(
-            self._rig, cameras, self._node.calibration_settings, settings.pose_fit, settings.evidence
+            self._rig,
+            cameras,
+            self._node.calibration_settings,
+            settings.pose_fit,
+            settings.evidence,
+            None if math.isnan(facing_deg) else math.radians(facing_deg),
         )
 
     def add(self, matches: LandmarkMatches) -> None:
@@ -106,7 +119,8 @@ class LiveCalibration:
 
     def _on_calibrate(self) -> None:
         if self._calibrator is None:
-            self._calibrate.answer(False, "the camera_info of some camera of the rig is not here yet")
+            missing = ", ".join(self._missing_cameras())
+            self._calibrate.answer(False, f"there is no camera_info yet of the rig's cameras {missing}")
         else:
             self._thread = CalibrationThread(self._calibrator, self._path)
 

@@ -42,6 +42,12 @@ class SolverParameters:
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
     )
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
+    facing: float = setting(
+        float("nan"),
+        unit="deg",
+        reason="with 'rig': where the person faces in the N-pose, about the map's z from its x; by hips and shoulders "
+        "if it is not given",
+    )
     info_wait: float = setting(
         10.0,
         unit="s",

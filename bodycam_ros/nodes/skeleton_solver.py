@@ -92,7 +92,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
         rig = Rig.from_yaml(self.parameters.rig)
-        self._calibration = LiveCalibration(self, rig, path, self._solve_new)
+        self._calibration = LiveCalibration(self, rig, path, lambda: self._cameras.missing, self._solve_new)
         return tuple(rig.cameras)
 
     def _on_camera(self, camera: str) -> None:
