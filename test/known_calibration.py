@@ -53,7 +53,7 @@ def good_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
             )
             for camera, mount in body.mounts.items()
         ),
-        refinement=RefinementGain(240, 151234, 11, 1.37, 0.62, 4.4e-3, 8.1e-4),
+        refinement=RefinementGain(240, 151234, 11, 1.37, 0.62, 4.4e-3, 8.1e-3),
         rest_s=(0.4, 2.9),
         heading_rad=0.31,
         duration_s=62.0,

@@ -334,13 +334,26 @@ def _gain(findings: Findings) -> RefinementGain:
         float(np.median(images.errors_px(motion.world_T_camera())))
         for images, motion in ((findings.images, findings.first), (findings.refined.images, findings.refined.motion))
     )
-    joints = findings.body.tree_joints
+    moved_m = np.linalg.norm(
+        joints_in_cameras(findings.first.body_with_geometry()) - joints_in_cameras(findings.body), axis=1
+    )
     return RefinementGain(
         instants=len(findings.rows),
         landmarks=findings.images.measurements,
         iterations=findings.refined.iterations,
         before_px=before,
         after_px=after,
-        before_gap_m=float(np.median([np.median(findings.centres[joint.child].residuals_m) for joint in joints])),
-        after_gap_m=float(np.median([_gap(findings, joint) for joint in joints])),
+        moved_m=float(np.median(moved_m)),
+        moved_most_m=float(moved_m.max()),
     )
+
+
+def joints_in_cameras(body: BodyModel) -> Array:
+    """(N, 3) places of all joints in the cameras on their two segments [m], whatever frames the segments have."""
+    places = []
+    for joint in body.tree_joints:
+        for segment, place in ((joint.parent, joint.parent_T_joint[:3, 3]), (joint.child, joint.child_T_joint[:3, 3])):
+            for camera in body.cameras_on(segment):
+                camera_T_segment = inverse(body.mounts[camera].segment_T_camera)
+                places.append(transform_points(camera_T_segment, place[None])[0])
+    return np.stack(places)

@@ -91,8 +91,7 @@ def key_figures(diagnosis: CalibrationDiagnosis) -> list[tuple[str, str]]:
     if diagnosis.stature_m is not None:
         figures.append((f"{diagnosis.stature_m:.2f} m", "stature by the bones"))
     if (gain := diagnosis.refinement) is not None:
-        before_mm, after_mm = MM_PER_M * gain.before_gap_m, MM_PER_M * gain.after_gap_m
-        figures.append((f"{before_mm:.1f} → {after_mm:.1f} mm", "gap of joints, median"))
+        figures.append((f"{MM_PER_M * gain.moved_m:.1f} mm", "joints moved by refinement"))
         figures.append((f"{gain.before_px:.2f} → {gain.after_px:.2f} px", "reprojection, median"))
     return figures
 

@@ -112,8 +112,7 @@ class RefinementGain:
         landmarks: image measurements that it used.
         iterations: that it took.
         before_px, after_px: median reprojection error under the articulation [px].
-        before_gap_m, after_gap_m: median distance between the two places of a joint when each camera is taken at
-            its own word [m].
+        moved_m, moved_most_m: median and largest distance by which it moved the joints in their cameras' frames [m].
     """
 
     instants: int
@@ -121,8 +120,8 @@ class RefinementGain:
     iterations: int
     before_px: float
     after_px: float
-    before_gap_m: float
-    after_gap_m: float
+    moved_m: float
+    moved_most_m: float
 
 
 @dataclass(frozen=True)

@@ -177,13 +177,11 @@ def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
 def _refinement(gain: RefinementGain) -> ReportTable:
     return ReportTable(
         "refinement",
-        f"bundle adjustment of {gain.landmarks} landmarks in {gain.instants} instants, {gain.iterations} iterations",
+        f"{gain.landmarks} landmarks in {gain.instants} instants, {gain.iterations} iterations; joints moved by "
+        f"{_number(MM_PER_M * gain.moved_m, 1)} mm, median, {_number(MM_PER_M * gain.moved_most_m, 1)} mm at most",
         ("median of", "before", "after"),
         frozenset({0}),
-        (
-            ("reprojection error [px]", _number(gain.before_px, 2), _number(gain.after_px, 2)),
-            ("gap of joints [mm]", _number(MM_PER_M * gain.before_gap_m, 1), _number(MM_PER_M * gain.after_gap_m, 1)),
-        ),
+        (("reprojection error [px]", _number(gain.before_px, 2), _number(gain.after_px, 2)),),
     )
 
 

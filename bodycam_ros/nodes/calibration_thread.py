@@ -76,7 +76,7 @@ def _summary(path: Path, calibrated: CalibratedBody) -> str:
     diagnosis = calibrated.diagnosis
     text = f"{path} written: {len(diagnosis.joints)} joints and {len(diagnosis.cameras)} cameras"
     if diagnosis.refinement is not None:
-        text += f", joints within {1e3 * diagnosis.refinement.after_gap_m:.1f} mm"
+        text += f", reprojection error {diagnosis.refinement.after_px:.2f} px"
     if diagnosis.warnings:
         text += f"; look at: {'; '.join(diagnosis.warnings)}"
     return text
