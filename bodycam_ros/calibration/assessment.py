@@ -1,24 +1,17 @@
 """What a calibration says about itself: figures of every joint, bone and camera, from the refined motion."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.anthropometry import AnthropometrySettings, BoneLength, expected_stature, judge_bones
 from bodycam_ros.calibration.articulation import ArticulatedMotion
-from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
-from bodycam_ros.calibration.image_evidence import ImageEvidence
-from bodycam_ros.calibration.joint_centre import JointCentre
-from bodycam_ros.calibration.refinement import Refined
-from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.strap_slip import Slip
+from bodycam_ros.calibration.findings import Findings
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse, log_se3, log_so3, nearest_rotation, transform_points
 from bodycam_ros.settings import setting
@@ -28,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AssessmentSettings:
-    """When a figure is worth a warning or an error, and how limits are drawn."""
+    """When a figure is worth a warning or an error."""
 
     warn_sigma: float = setting(
         0.004, unit="m", limits=(0.0, 1.0), reason="a joint known less well is named with what to repeat"
@@ -42,105 +35,31 @@ class AssessmentSettings:
     warn_registered: float = setting(
         0.5, limits=(0.0, 1.0), reason="a camera registered in a smaller share of its images says little of its segment"
     )
-    hold_hinges: bool = setting(
-        False,
-        reason="true makes hinges of the joints that turned as such, and the solver holds them to their axis; people's "
-        "elbows and knees turn about others too, and every segment carries a camera that sees it",
-    )
-    limit_percentile: float = setting(
-        0.5,
-        unit="%",
-        limits=(0.0, 20.0),
-        reason="share of the instants beyond each joint limit: one wrong instant must not open a joint",
-    )
-    limit_margin: float = setting(
-        0.09,
-        unit="rad",
-        limits=(0.0, 3.2),
-        reason="added to the range that was exercised, for the joint limits: people go a little further another day",
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """All that the steps of a calibration found; see ``BodyCalibrator``.
-
-    Attributes:
-        rig: names.
-        centres: child segment -> its joint by A eq. 14.
-        hinges: child segment -> (3,) axis of those that turned as hinges, in N-pose axes.
-        slips: camera -> its slip.
-        motion: of the cameras.
-        rows: (N) instants of it that the refinement used.
-        images: their landmarks.
-        first: the motion of the body before refinement, at those instants.
-        refined: after it, in the same frames.
-        zeroed: the refined motion with the N-pose as zero.
-        body: the body of ``zeroed``.
-        straight_sigma: how straight a limb stands in the N-pose [m].
-        rest_s: (from, to) [s] of the N-pose.
-        heading_rad: that the person faced in it.
-        image_counts: camera -> images seen, registered.
-    """
-
-    rig: Rig
-    centres: Mapping[str, JointCentre]
-    hinges: Mapping[str, Array]
-    slips: Mapping[str, Slip]
-    motion: CameraMotion
-    rows: NDArray[np.intp]
-    images: ImageEvidence
-    first: ArticulatedMotion
-    refined: Refined
-    zeroed: ArticulatedMotion
-    body: BodyModel
-    straight_sigma: float
-    rest_s: tuple[float, float]
-    heading_rad: float
-    image_counts: Mapping[str, tuple[int, int]]
-
-    def offset_covariance(self) -> Array:
-        """Covariance (3 S, 3 S) of the joints' places in their parents, in N-pose axes [m^2].
-
-        Along a hinge's axis the motion tells nothing, so that leaving some of it out changes nothing; there the
-        straightness of the limb is all that is known.
-        """
-        refined, zeroed = self.refined.motion, self.zeroed
-        count = 3 * len(self.body.segments)
-        zero_R_refined = np.zeros((count, count))
-        covariance_along = np.zeros((count, count))
-        for row, parent in enumerate(zeroed.parent_rows):
-            columns = zeroed.offset_columns(row)
-            parent = max(parent, 0)
-            zero_R_refined[columns, columns] = zeroed.rotations[0, parent].T @ refined.rotations[0, parent]
-            axis = self.hinges.get(self.body.segments[row])
-            if axis is not None:
-                covariance_along[columns, columns] = self.straight_sigma**2 * np.outer(axis, axis)
-        in_motion = zero_R_refined @ self.refined.covariance[:count, :count] @ zero_R_refined.T
-        return in_motion + covariance_along
 
 
 def assess(
-    findings: Findings, settings: AssessmentSettings, anthropometry: AnthropometrySettings
-) -> tuple[BodyModel, CalibrationDiagnosis]:
-    """The body with its joint limits, and the diagnosis.
+    findings: Findings, body: BodyModel, settings: AssessmentSettings, anthropometry: AnthropometrySettings
+) -> CalibrationDiagnosis:
+    """Judge a calibration.
+
+    Args:
+        findings: of its steps.
+        body: with its joint limits.
+        settings, anthropometry: when to warn.
 
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
-    body = _with_hinges(findings) if settings.hold_hinges else findings.body
-    limits = _joint_limits(findings, body, settings)
-    body = replace(body, joints=tuple(replace(joint, limits=limits[joint.name]) for joint in body.joints))
     joints = tuple(_joint(findings, joint, settings) for joint in body.tree_joints)
     _refuse_unknown(joints, settings)
     bones = bone_lengths(findings)
-    return body, CalibrationDiagnosis(
+    return CalibrationDiagnosis(
         joints=joints,
         bones=tuple(judge_bones(bones, anthropometry)),
         cameras=_cameras(findings, settings),
         refinement=_gain(findings),
         rest_s=findings.rest_s,
-        heading_rad=findings.heading_rad,
+        heading_rad=findings.zeroed.heading_rad,
         duration_s=float(findings.motion.seconds[-1]),
         stature_m=expected_stature(bones, anthropometry),
     )
@@ -161,7 +80,7 @@ def bone_lengths(findings: Findings) -> list[BoneLength]:
             for joint, sign in ((end, 1.0), (start, 0.0 if start is above else -1.0)):
                 row = body.segment_index[joint.child]
                 vector += sign * joint.parent_T_joint[:3, 3]
-                by_offsets[:, findings.zeroed.offset_columns(row)] = sign * np.eye(3)
+                by_offsets[:, findings.zeroed.motion.offset_columns(row)] = sign * np.eye(3)
             length_m = float(np.linalg.norm(vector))
             slope = vector @ by_offsets / max(length_m, 1e-9)
             variance = float(slope @ covariance @ slope)
@@ -175,16 +94,16 @@ def _is_pair(left: Joint, right: Joint) -> bool:
 
 
 def _joint(findings: Findings, joint: Joint, settings: AssessmentSettings) -> JointDiagnosis:
-    centre = findings.centres[joint.child]
+    centre = findings.found.centres[joint.child]
     named = SegmentName(joint.child)
-    columns = findings.zeroed.offset_columns(findings.body.segment_index[joint.child])
+    columns = findings.zeroed.motion.offset_columns(findings.body.segment_index[joint.child])
     sigma_m = np.sqrt(np.maximum(np.diag(findings.offset_covariance()[columns, columns]), 0.0))
     hinge = joint.child in findings.hinges
     straight = any(other.parent == joint.child for other in findings.body.tree_joints)
     cameras = (*findings.rig.cameras_on(joint.parent), *findings.rig.cameras_on(joint.child))
     parent, child = (findings.body.segment_index[segment] for segment in (joint.parent, joint.child))
     both = findings.refined.weights > 0
-    carriers = np.array(findings.zeroed.carriers)
+    carriers = np.array(findings.zeroed.motion.carriers)
     frames = int((both[:, carriers == parent].any(axis=1) & both[:, carriers == child].any(axis=1)).sum())
     advice = ""
     # A hinge's place along its axis is no matter of exercise.
@@ -196,7 +115,7 @@ def _joint(findings: Findings, joint: Joint, settings: AssessmentSettings) -> Jo
         child=joint.child,
         freedom="hinge" if hinge else "ball",
         axis=findings.hinges.get(joint.child),
-        exercised_rad=_exercised(findings.zeroed, parent, child),
+        exercised_rad=_exercised(findings.zeroed.motion, parent, child),
         singular_values=centre.singular_values,
         residual_m=float(np.median(centre.residuals_m)),
         refined_residual_m=_gap(findings, joint),
@@ -246,33 +165,6 @@ def _gap(findings: Findings, joint: Joint) -> float:
     return float(np.median(together)) if len(together) else float("nan")
 
 
-def _with_hinges(findings: Findings) -> BodyModel:
-    """The body with a hinge wherever a joint turned as one."""
-    joints = tuple(
-        replace(joint, type="hinge", axis=findings.hinges[joint.child], sigmas=None)
-        if joint.child in findings.hinges
-        else joint
-        for joint in findings.body.joints
-    )
-    return replace(findings.body, joints=joints)
-
-
-def _joint_limits(
-    findings: Findings, body: BodyModel, settings: AssessmentSettings
-) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Joint -> (low, high) [rad] of each of its angles over the recording."""
-    tracker = JointAngleTracker(body)
-    angles = np.stack([tracker.angles(pose) for pose in findings.zeroed.world_T_segment()])
-    share = settings.limit_percentile
-    low, high = np.percentile(angles, [share, 100.0 - share], axis=0)
-    low, high = np.minimum(low, 0.0) - settings.limit_margin, np.maximum(high, 0.0) + settings.limit_margin
-    columns = {name: column for column, name in enumerate(tracker.names)}
-    return {
-        joint.name: tuple((float(low[columns[name]]), float(high[columns[name]])) for name in joint.angle_names)
-        for joint in body.tree_joints
-    }
-
-
 def _refuse_unknown(joints: tuple[JointDiagnosis, ...], settings: AssessmentSettings) -> None:
     lost = [joint for joint in joints if not joint.sigma_m.max() <= settings.max_sigma]
     if lost:
@@ -290,11 +182,11 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
     seconds = findings.motion.seconds
     said = findings.motion.world_T_camera[findings.rows]
     known = findings.motion.known[findings.rows]
-    errors = log_se3(inverse(findings.zeroed.world_T_camera()) @ said)
+    errors = log_se3(inverse(findings.zeroed.motion.world_T_camera()) @ said)
     told = []
     for c, camera in enumerate(findings.motion.cameras):
         images, registered = findings.image_counts[camera]
-        slip = findings.slips.get(camera)
+        slip = findings.found.slips.get(camera)
         slipped_s = None if slip is None else float(seconds[slip.row])
         seen = errors[known[:, c], c]
         share = registered / max(images, 1)

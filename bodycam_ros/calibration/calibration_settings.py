@@ -6,6 +6,7 @@ from bodycam_ros.calibration.anthropometry import AnthropometrySettings
 from bodycam_ros.calibration.assessment import AssessmentSettings
 from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.joint_centre import JointCentreSettings
+from bodycam_ros.calibration.joint_limits import JointLimitSettings
 from bodycam_ros.calibration.refinement import RefinementSettings
 from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.strap_slip import StrapSlipSettings
@@ -20,6 +21,7 @@ class CalibrationSettings:
     joint_centre: JointCentreSettings = JointCentreSettings()
     rest_pose: RestPoseSettings = RestPoseSettings()
     refinement: RefinementSettings = RefinementSettings()
+    joint_limits: JointLimitSettings = JointLimitSettings()
     assessment: AssessmentSettings = AssessmentSettings()
     anthropometry: AnthropometrySettings = AnthropometrySettings()
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.calibration.articulation import ArticulatedMotion
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
+from bodycam_ros.calibration.straight_limb import StraightLimb
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -59,19 +60,6 @@ class RefinementSettings:
         limits=(1.0, 100.0),
         reason="a camera farther than this from the body counts less and less (Cauchy), as in the solver",
     )
-
-
-@dataclass(frozen=True, eq=False)
-class StraightLimb:
-    """What the N-pose says of a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
-
-    Attributes:
-        row: (3 S) derivative of the joint's distance from the line, along the hinge's axis, by all offsets.
-        value: that distance at the first body [m].
-    """
-
-    row: Array
-    value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,22 +239,3 @@ def _cauchy(hessians: Array, gradients: Array, settings: RefinementSettings) -> 
     scale = settings.outlier_sigmas * max(1.0, usual)
     weights: Array = known / (1.0 + (distances / scale) ** 2)
     return weights
-
-
-def limb_residual_row(motion: ArticulatedMotion, residual: Callable[[Array], float]) -> StraightLimb:
-    """A straight limb's residual, linearised numerically at the first body.
-
-    Args:
-        residual: offsets (S, 3) -> distance of the hinge's joint from the straight limb's line, along its axis [m].
-    """
-    step = 1e-6
-    flat = motion.offsets.ravel()
-    unit = np.eye(len(flat))
-    shape = motion.offsets.shape
-    row = np.array(
-        [
-            (residual((flat + step * e).reshape(shape)) - residual((flat - step * e).reshape(shape))) / (2 * step)
-            for e in unit
-        ]
-    )
-    return StraightLimb(row, residual(motion.offsets))

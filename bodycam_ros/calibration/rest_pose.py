@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.calibration.anatomy import LEFT, mirrored
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import inverse, log_so3, robust_average_pose
+from bodycam_ros.geometry import inverse, log_so3, rigid, robust_average_pose
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
+_SOME = 10
 _LEVEL = 0.3
 """A line from right to left that rises more than this (17 degrees) is no hip or shoulder line of someone who stands."""
 
@@ -47,6 +48,17 @@ class RestPose:
 
     instants: NDArray[np.intp]
     world_T_segment: Mapping[str, Array]
+
+    @property
+    def some_instants(self) -> NDArray[np.intp]:
+        """A few of the instants, evenly over the N-pose."""
+        return self.instants[np.linspace(0, len(self.instants) - 1, min(_SOME, len(self.instants))).astype(np.intp)]
+
+    def in_axes_of(self, world_R_rest: Array) -> dict[str, Array]:
+        """Segment -> (4, 4) its pose with the rotation in the N-pose's axes, whose rotation (3, 3) is given."""
+        return {
+            segment: rigid(world_R_rest.T @ pose[:3, :3], pose[:3, 3]) for segment, pose in self.world_T_segment.items()
+        }
 
 
 def find_rest_pose(

@@ -17,9 +17,9 @@ from range_of_motion import (
 )
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.calibration.assessment import AssessmentSettings
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.calibration.joint_limits import JointLimitSettings
 from bodycam_ros.errors import BodyError, RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid
 
@@ -81,7 +81,7 @@ def test_joint_limits_are_the_range_that_was_exercised(exact: CalibratedBody) ->
 
 def test_hinges_are_held_on_request() -> None:
     body = known_body()
-    settings = CalibrationSettings(assessment=AssessmentSettings(hold_hinges=True))
+    settings = CalibrationSettings(joint_limits=JointLimitSettings(hold_hinges=True))
     calibrator = BodyCalibrator(known_rig(body), wide_cameras(body.mounts), settings)
     for one in registrations(range_of_motion(body)):
         calibrator.add(one)
@@ -89,7 +89,7 @@ def test_hinges_are_held_on_request() -> None:
     assert {name for name, joint in joints.items() if joint.type == "hinge"} == set(HINGES)
     knee = joints["knee_left"]
     np.testing.assert_allclose(knee.axis, hinge_axis("knee_left"), atol=1e-6)
-    assert knee.limits is not None and knee.limits[0][1] == pytest.approx(1.6 + AssessmentSettings().limit_margin, 0.05)
+    assert knee.limits is not None and knee.limits[0][1] == pytest.approx(1.6 + JointLimitSettings().margin, 0.05)
 
 
 def test_noise_and_wrong_registrations_cost_millimetres_that_sigma_knows() -> None:

@@ -1,0 +1,177 @@
+"""Virtual cameras and joint centres of a whole body, with slipped straps left out (A 4.2, eq. 6-7, 12-14)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.camera_motion import CameraMotion
+from bodycam_ros.calibration.joint_centre import JointCentre, JointCentreSettings, find_joint_centre
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.calibration.strap_slip import (
+    JointInView,
+    Slip,
+    StrapSlipSettings,
+    slips_of_lone_cameras,
+    slips_on_segment,
+    trust_after_slip,
+    trust_before_slip,
+)
+from bodycam_ros.calibration.virtual_camera import VirtualCamera, fuse_cameras
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import inverse, transform_points
+
+Array = NDArray[np.float64]
+
+_WRONG_M = 0.1  # [m] beyond it a gap is a wrong registration's, and says no more by being larger
+
+
+@dataclass(frozen=True, eq=False)
+class FoundJoints:
+    """What the motion of the cameras says, before the N-pose gives the segments their axes.
+
+    Attributes:
+        trust: (T, C) weight of each camera at each instant, 0 to 1.
+        slips: camera -> its slip.
+        virtual: segment -> its cameras as one.
+        centres: child segment -> the joint that it hangs on, in the frames of the virtual cameras.
+    """
+
+    trust: Array
+    slips: Mapping[str, Slip]
+    virtual: Mapping[str, VirtualCamera]
+    centres: Mapping[str, JointCentre]
+
+    @property
+    def virtual_T_camera(self) -> dict[str, Array]:
+        """Camera -> (4, 4) its place at its segment's virtual camera."""
+        return {camera: pose for one in self.virtual.values() for camera, pose in one.virtual_T_camera.items()}
+
+
+class JointSearch:
+    """Finds the joints of a rig.
+
+    Args:
+        rig: which camera is on which segment.
+        strap_slip, joint_centre: settings of the steps.
+    """
+
+    def __init__(self, rig: Rig, strap_slip: StrapSlipSettings, joint_centre: JointCentreSettings) -> None:
+        self._rig = rig
+        self._strap_slip = strap_slip
+        self._joint_centre = joint_centre
+
+    def find(self, motion: CameraMotion) -> FoundJoints:
+        """Find virtual cameras, joints and slips.
+
+        Raises:
+            RangeOfMotionError: cameras that should be seen together never are.
+        """
+        trust, slips = self._trust(motion)
+        virtual = self._virtual_cameras(motion, trust)  # A eq. 6-7
+        centres = self._joint_centres(motion, trust, virtual)  # A eq. 12-14
+        lone_slips = slips_of_lone_cameras(self._joints_in_view(motion, virtual, centres), self._strap_slip)
+        if lone_slips:
+            for camera, slip in lone_slips.items():
+                column = motion.cameras.index(camera)
+                trust[:, column] = trust_before_slip(motion.known[:, column], slip.row)
+            virtual = self._virtual_cameras(motion, trust)
+            centres = self._joint_centres(motion, trust, virtual)
+        return FoundJoints(trust, {**slips, **lone_slips}, virtual, centres)
+
+    def _trust(self, motion: CameraMotion) -> tuple[Array, dict[str, Slip]]:
+        """Weights (T, C) of the cameras, less where one slipped, and the slips."""
+        trust = motion.known.astype(np.float64)
+        slips: dict[str, Slip] = {}
+        for segment in self._rig.segments:
+            columns = motion.columns(self._rig.cameras_on(segment))
+            accused = slips_on_segment(
+                self._rig.cameras_on(segment),
+                motion.world_T_camera[:, columns],
+                motion.known[:, columns],
+                motion.seconds,
+                self._strap_slip,
+            )
+            if len(accused) > 1:
+                # They moved against each other; the one that slipped also moved against the joints.
+                worst = max(accused, key=lambda camera: self._disagreement(motion, camera))
+                accused = {worst: accused[worst]}
+            slips |= accused
+        for camera, slip in slips.items():
+            column = motion.cameras.index(camera)
+            trust[:, column] = trust_after_slip(motion.known[:, column], slip.row, self._strap_slip)
+        return trust, slips
+
+    def _disagreement(self, motion: CameraMotion, camera: str) -> float:
+        """How far joints stray on a camera's segment if it alone tells the segment [m]; mean over its joints."""
+        segment = self._rig.cameras[camera]
+        neighbours = [other for other, parent in self._rig.parents.items() if parent == segment]
+        neighbours += [parent for parent in [self._rig.parents[segment]] if parent is not None]
+        gaps = []
+        for neighbour in neighbours:
+            for other in self._rig.cameras_on(neighbour):
+                both = motion.known[:, motion.columns((camera, other))].all(axis=1)
+                if both.any():
+                    camera_T_other = (inverse(motion.poses(camera)) @ motion.poses(other))[both]
+                    centre = find_joint_centre(camera_T_other, np.ones(both.sum()), self._joint_centre)
+                    gaps.append(float(np.mean(np.minimum(centre.residuals_m, _WRONG_M))))
+        return float(np.mean(gaps)) if gaps else 0.0
+
+    def _joints_in_view(
+        self, motion: CameraMotion, virtual: Mapping[str, VirtualCamera], centres: Mapping[str, JointCentre]
+    ) -> dict[str, list[JointInView]]:
+        """Cameras alone on their segment -> the joints of the segment, where the neighbours say that they are."""
+        in_view: dict[str, list[JointInView]] = {}
+        for child, centre in centres.items():
+            parent = str(self._rig.parents[child])
+            rows = np.flatnonzero(virtual[child].known & virtual[parent].known)
+            sides = ((child, parent, centre.in_parent), (parent, child, centre.in_child))
+            for segment, neighbour, on_neighbour in sides:
+                cameras = self._rig.cameras_on(segment)
+                if len(cameras) == 1:
+                    segment_T_neighbour = inverse(virtual[segment].world_T_virtual) @ virtual[neighbour].world_T_virtual
+                    places = transform_points(segment_T_neighbour[rows], on_neighbour[None])[:, 0]
+                    name, usual_m = SegmentName(child).joint, float(np.median(centre.residuals_m))
+                    in_view.setdefault(cameras[0], []).append(
+                        JointInView(name, rows, motion.seconds[rows], places, usual_m)
+                    )
+        return in_view
+
+    def _virtual_cameras(self, motion: CameraMotion, trust: Array) -> dict[str, VirtualCamera]:
+        """Segment -> its cameras as one (A eq. 6-7)."""
+        virtual = {}
+        for segment in self._rig.segments:
+            names = self._rig.cameras_on(segment)
+            columns = motion.columns(names)
+            virtual[segment] = fuse_cameras(names, motion.world_T_camera[:, columns], trust[:, columns])
+        return virtual
+
+    def _joint_centres(
+        self, motion: CameraMotion, trust: Array, virtual: Mapping[str, VirtualCamera]
+    ) -> dict[str, JointCentre]:
+        """Child segment -> its joint, from every pair of cameras on the two segments (A eq. 12-14)."""
+        centres = {}
+        for child in self._rig.segments:
+            parent = self._rig.parents[child]
+            if parent is None:
+                continue
+            parent_T_child, weights = [], []
+            for a in self._rig.cameras_on(parent):
+                world_T_parent = motion.poses(a) @ inverse(virtual[parent].virtual_T_camera[a])
+                for b in self._rig.cameras_on(child):
+                    world_T_child = motion.poses(b) @ inverse(virtual[child].virtual_T_camera[b])
+                    both = trust[:, motion.columns((a, b))].prod(axis=1)
+                    parent_T_child.append((inverse(world_T_parent) @ world_T_child)[both > 0])
+                    weights.append(both[both > 0])
+            poses = np.concatenate(parent_T_child)
+            together = max(map(len, parent_T_child))
+            if together < self._joint_centre.min_instants:
+                raise RangeOfMotionError(
+                    f"joint {SegmentName(child).joint}: cameras on {parent} and on {child} were registered together "
+                    f"at {together} instants only, of {len(motion.stamps_ns)}; "
+                    f"{self._joint_centre.min_instants} are needed. Repeat it where both see the mapped place"
+                )
+            centres[child] = find_joint_centre(poses, np.concatenate(weights), self._joint_centre)
+        return centres
