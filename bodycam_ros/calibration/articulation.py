@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import exp_se3, exp_so3, hat, inverse, nearest_rotation, rigid, robust_average_pose
@@ -160,7 +161,7 @@ class ArticulatedMotion:
     def joints_at_zero(self, joints: Iterable[Joint]) -> dict[str, Array]:
         """Joint -> (3,) where it is when all segments have the root's axes, in those of the root [m]."""
         body = self.body_with_geometry()
-        world_T_segment = body.forward_kinematics(np.eye(4), np.stack([np.eye(3)] * len(body.tree_joints)))
+        world_T_segment = n_pose(body, np.eye(4))
         return {joint.name: world_T_segment[body.segment_index[joint.child], :3, 3] for joint in joints}
 
     def hinge_axis(self, child: str) -> Array:

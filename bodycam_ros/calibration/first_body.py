@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_edit import joint_named, move_joint
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
@@ -88,51 +89,27 @@ def place_hinges(body: BodyModel, axes: Mapping[str, Array]) -> BodyModel:
         RangeOfMotionError: the straight limb does not decide.
     """
     # Hips before knees: a joint's own place decides where the line of the next one begins.
-    for joint in body.tree_joints:
-        if joint.child in axes:
-            here = body.joint_to_parent(joint.child)
-            offset = here.parent_T_joint[:3, 3] if here else np.zeros(3)
-            line_point, line_direction = straight_line(body, joint.child)
-            try:
-                shift = shift_to_line(offset, axes[joint.child], line_point, line_direction)
-            except ValueError as error:
-                raise RangeOfMotionError(f"joint {joint.name}: {error}") from error
-            body = joint_moved(body, joint.child, shift * axes[joint.child])
+    for name in [joint.name for joint in body.tree_joints if joint.child in axes]:
+        joint = joint_named(body, name)
+        axis, (line_point, line_direction) = axes[joint.child], straight_line(body, joint)
+        try:
+            shift = shift_to_line(joint.parent_T_joint[:3, 3], axis, line_point, line_direction)
+        except ValueError as error:
+            raise RangeOfMotionError(f"joint {name}: {error}") from error
+        body = move_joint(body, name, _shifted(joint.parent_T_joint, shift * axis))
     return body
 
 
-def straight_line(body: BodyModel, child: str) -> tuple[Array, Array]:
+def straight_line(body: BodyModel, joint: Joint) -> tuple[Array, Array]:
     """Point (3,) and direction (3,) of the line that a straight limb's middle joint is on, in its parent's frame.
 
     From the joint above to the one below (A eq. 17); where there is none below, straight down from the one above.
     """
-    joint = body.joint_to_parent(child)
-    below = next((other.parent_T_joint[:3, 3] for other in body.tree_joints if other.parent == child), None)
-    if joint is None or below is None:
+    below = next((other.parent_T_joint[:3, 3] for other in body.tree_joints if other.parent == joint.child), None)
+    if below is None:
         return np.zeros(3), _UP
     end = joint.parent_T_joint[:3, 3] + below
     return end, -end
-
-
-def joint_moved(body: BodyModel, child: str, shift: Array) -> BodyModel:
-    """The body with one joint elsewhere on its two segments, and everything else in the N-pose where it was.
-
-    Args:
-        body: whose segments begin at their joints and share their axes in the N-pose.
-        child: the segment that hangs on the joint.
-        shift: (3,) of the joint, in N-pose axes [m].
-    """
-    joints = tuple(
-        replace(joint, parent_T_joint=_shifted(joint.parent_T_joint, sign * shift))
-        if (sign := (joint.child == child) - (joint.parent == child))
-        else joint
-        for joint in body.joints
-    )
-    mounts = {
-        camera: CameraMount(child, _shifted(mount.segment_T_camera, -shift)) if mount.segment == child else mount
-        for camera, mount in body.mounts.items()
-    }
-    return replace(body, joints=joints, mounts=mounts)
 
 
 def root_at_hips(body: BodyModel) -> BodyModel:

@@ -1,4 +1,4 @@
-"""The straight limbs of the N-pose as a prior of the refinement (A eq. 17): nothing else holds a hinge along its axis."""
+"""The straight limbs of the N-pose as a prior of the refinement (A eq. 17): only they hold a hinge along its axis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_edit import joint_named
 from bodycam_ros.calibration.articulation import ArticulatedMotion
 from bodycam_ros.calibration.first_body import straight_line
 from bodycam_ros.calibration.hinge import shift_to_line
@@ -29,13 +30,12 @@ class StraightLimb:
 def straight_limbs(motion: ArticulatedMotion, hinges: Mapping[str, Array]) -> list[StraightLimb]:
     """What the N-pose says of each hinge's place along its axis (A eq. 17), linearised."""
     limbs = []
-    for child, axis in hinges.items():
+    for name in [joint.name for joint in motion.body.tree_joints if joint.child in hinges]:
 
-        def off_line(offsets: Array, child: str = child, axis: Array = axis) -> float:
+        def off_line(offsets: Array, name: str = name) -> float:
             body = replace(motion, offsets=offsets).body_with_geometry()
-            joint = body.joint_to_parent(child)
-            place = np.zeros(3) if joint is None else joint.parent_T_joint[:3, 3]
-            return -shift_to_line(place, axis, *straight_line(body, child))
+            joint = joint_named(body, name)
+            return -shift_to_line(joint.parent_T_joint[:3, 3], hinges[joint.child], *straight_line(body, joint))
 
         limbs.append(_linearised(motion, off_line))
     return limbs

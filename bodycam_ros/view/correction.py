@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
+from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount, n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
-from bodycam_ros.view.body_edit import joint_named, move_joint, move_mount, n_pose
 
 DECIMALS = 3
 """Of the millimetres and degrees that a person sees."""

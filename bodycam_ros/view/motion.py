@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.evaluate.stick_figure import bones
 from bodycam_ros.geometry import Array
-from bodycam_ros.view.body_edit import n_pose
 
 _FRAME_NS = 33_333_333  # where a single instant does not tell
 

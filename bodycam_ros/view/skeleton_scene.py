@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 from viser import CameraFrustumHandle, CylinderHandle, FrameHandle, IcosphereHandle, SceneApi, SceneNodeHandle
 
+from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.evaluate.stick_figure import Bone, bones
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, transform_points
-from bodycam_ros.view.body_edit import n_pose
 from bodycam_ros.view.colours import SELECTED, rgb, segment_rgb
 from bodycam_ros.view.correction import Part
 from bodycam_ros.view.map_scene import WORLD

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, rigid
-from bodycam_ros.view.body_edit import n_pose
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
 
 EXACT_MM = 1e-9

@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount, n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_so3, inverse, rigid, rotation_from_xyzw
-from bodycam_ros.view.body_edit import joint_named, move_joint, move_mount, n_pose
 
 EXACT = 1e-12
 ROOT = rigid(exp_so3(np.array([0.2, -0.4, 1.0])), np.array([3.0, -2.0, 1.0]))
