@@ -4,8 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
+from rider import rider_body
 from tiny_bag import write_tiny_bag
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
@@ -40,3 +42,9 @@ def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     bag, jobs = sample / "sample" / "bag", os.cpu_count() or 1
     replay(bag, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs)
     return out
+
+
+@pytest.fixture
+def rider() -> BodyModel:
+    """Joint frames turned and shifted on both sides, a sensor welded to the shin, and a foot on a pedal: a loop."""
+    return rider_body()
