@@ -24,7 +24,7 @@ class AssessmentSettings:
     """When a figure is worth a warning or an error."""
 
     warn_sigma: float = setting(
-        0.004, unit="m", limits=(0.0, 1.0), reason="a joint known less well is named with what to repeat"
+        0.006, unit="m", limits=(0.0, 1.0), reason="a joint known less well is named with what to repeat"
     )
     max_sigma: float = setting(
         0.03,

@@ -13,29 +13,32 @@ from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
+_SHORTEST_BEAT_NS = 1_000_000_000 // 480
+"""Shorter than the time between two images. Its doubles hold whole images at usual rates, so that they stay even."""
+
 
 @dataclass(frozen=True)
 class MotionLogSettings:
     """What is kept of a range of motion."""
 
     max_rate: float = setting(
-        15.0,
+        12.0,
         unit="Hz",
         limits=(2.0, 1000.0),
         reason="images used per second and camera of a recording; neighbouring images share their errors, and tracking "
         "them all costs twice the time",
     )
     track_age: float = setting(
-        0.4,
+        0.5,
         unit="s",
         limits=(0.1, 10.0),
         reason="tracks of a recording are found anew after this long: one keeps the half pixel by which it was found "
         "wrongly, and only many finds average it out",
     )
     max_images: int = setting(
-        1200,
+        2400,
         limits=(100, 100000),
-        reason="images kept per camera, about 3 kB each; of a longer recording every second, fourth, ... is kept",
+        reason="images kept per camera, about 3 kB each; three minutes at 12 Hz, of a longer recording fewer a second",
     )
     max_gap: float = setting(
         0.15,
@@ -60,7 +63,7 @@ class CameraLog:
         self.images = 0
         self.registered = 0
         self._max_images = settings.max_images
-        self._keep_every = 1
+        self._beat_ns = _SHORTEST_BEAT_NS
 
     def add(self, matches: LandmarkMatches) -> None:
         """Add the next image's registration; one that is not later than the last is left out."""
@@ -68,11 +71,21 @@ class CameraLog:
             return
         self.images += 1
         self.registered += matches.world_T_camera is not None
-        if (self.images - 1) % self._keep_every == 0:
+        if not self.matches or self._beat(matches) > self._beat(self.matches[-1]):
             self.matches.append(matches)
-        if len(self.matches) > self._max_images:
-            self.matches = self.matches[::2]
-            self._keep_every *= 2
+        while len(self.matches) > self._max_images:
+            self._thin()
+
+    def _thin(self) -> None:
+        """Keep the first image in each beat of absolute time: whatever one camera lost, all keep the same instants."""
+        self._beat_ns *= 2
+        first_of_beat: dict[int, LandmarkMatches] = {}
+        for matches in self.matches:
+            first_of_beat.setdefault(self._beat(matches), matches)
+        self.matches = list(first_of_beat.values())
+
+    def _beat(self, matches: LandmarkMatches) -> int:
+        return matches.stamp_ns // self._beat_ns
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ class RefinementSettings:
     """How the body is refined."""
 
     max_instants: int = setting(
-        180,
+        120,
         limits=(20, 10000),
         reason="instants used, evenly over the recording; between neighbours tracks keep their errors, so that more "
         "bring little and cost time",

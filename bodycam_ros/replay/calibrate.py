@@ -20,6 +20,9 @@ from bodycam_ros.replay.front_end import register_recording
 
 logger = logging.getLogger(__name__)
 
+_KEYFRAMES_PER_TRACK = 0.8
+"""Of a track's life until the next keyframe, whose keypoints find their landmarks around the pose of older tracks."""
+
 Progress = Callable[[str, float], None]
 """Called with the name of a step and the share of it that is done, 0 to 1."""
 
@@ -83,8 +86,8 @@ def calibrate(
 
 
 def _with_fresh_tracks(pipeline: PipelineSettings, log: MotionLogSettings) -> PipelineSettings:
-    """The tracker's settings for a calibration: keyframes so often, and tracks so short."""
-    interval = max(1, round(log.track_age * log.max_rate))
+    """The tracker's settings for a calibration: short tracks, and keyframes so often that each track sees another."""
+    interval = max(1, round(_KEYFRAMES_PER_TRACK * log.track_age * log.max_rate))
     tracker = replace(
         pipeline.tracker,
         keyframe_interval=min(interval, pipeline.tracker.keyframe_interval),
