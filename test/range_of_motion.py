@@ -90,6 +90,7 @@ def range_of_motion(
     heading_rad: float = 0.7,
     held: Collection[str] = (),
     slip: tuple[str, float, Array] | None = None,
+    delay_s: float = 0.0,
 ) -> RangeOfMotion:
     """The N-pose for 1.5 s, then every joint but those held goes through its range; elbow and knee are hinges.
 
@@ -99,8 +100,9 @@ def range_of_motion(
         heading_rad: that the person faces.
         held: joints that are held still.
         slip: camera, seconds after the start, and new place on its segment (4, 4) from then on.
+        delay_s: of all images, which show what the body did then.
     """
-    seconds = np.arange(round(duration_s * rate_hz)) / rate_hz
+    seconds = delay_s + np.arange(round(duration_s * rate_hz)) / rate_hz
     moving = np.maximum(seconds - STILL_S, 0.0)
     ramp = np.minimum(moving / 0.5, 1.0)[:, None]
     rotations = []
@@ -136,7 +138,12 @@ def hinge_axis(joint: str) -> Array:
 
 
 def registrations(
-    motion: RangeOfMotion, pixel_noise: float = 0.0, wrong_share: float = 0.0, map_noise: float = 0.0, seed: int = 1
+    motion: RangeOfMotion,
+    pixel_noise: float = 0.0,
+    wrong_share: float = 0.0,
+    map_noise: float = 0.0,
+    seed: int = 1,
+    only: Collection[str] | None = None,
 ) -> Iterator[LandmarkMatches]:
     """What the registrar would say of every image, in order of time.
 
@@ -146,11 +153,12 @@ def registrations(
         wrong_share: of the images that are registered anywhere.
         map_noise: standard deviation of the landmarks in the map [m].
         seed: of the random numbers.
+        only: these cameras; all by default.
     """
     random = np.random.default_rng(seed)
     landmarks = _landmarks_around(random)
     in_map = landmarks + map_noise * np.random.default_rng([seed, 7]).normal(size=landmarks.shape)
-    cameras = wide_cameras(motion.body.mounts)
+    cameras = wide_cameras(only or motion.body.mounts)
     fit = PoseFitSettings(iterations=3)
     for row, stamp_ns in enumerate(motion.stamps_ns):
         generation = int(1e-9 * (stamp_ns - START_NS) / _TRACK_S)

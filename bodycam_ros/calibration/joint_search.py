@@ -67,8 +67,12 @@ class JointSearch:
         """Find virtual cameras, joints and slips.
 
         Raises:
-            RangeOfMotionError: cameras that should be seen together never are.
+            RangeOfMotionError: cameras that should be seen together never are, or there is no joint to find.
         """
+        if len(self._rig.segments) < 2:
+            raise RangeOfMotionError(
+                f"the rig has cameras on {self._rig.root} only; a body needs cameras on two segments that hang together"
+            )
         trust, slips = self._trust(motion)
         virtual = self._virtual_cameras(motion, trust)  # A eq. 6-7
         centres = self._joint_centres(motion, trust, virtual)  # A eq. 12-14

@@ -17,6 +17,9 @@ from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
+_LEAST_POSES = 10
+"""On either side of a change; fewer may be a few wrong registrations."""
+
 _OF_USUAL = 3.0
 """A joint must change its place in a lone camera's view by this much more than it usually strays."""
 
@@ -77,13 +80,16 @@ def lasting_change(poses: Array, seconds: Array, settings: StrapSlipSettings) ->
         seconds: (N) when [s].
         settings: thresholds.
     """
-    if len(poses) < 2 or seconds[-1] - seconds[0] < 2 * settings.min_stay:
+    if len(poses) < 2 * _LEAST_POSES or seconds[-1] - seconds[0] < 2 * settings.min_stay:
         return None
     # In units of what is worth the name, so that turns and shifts can be added.
     unit = np.repeat([settings.min_turn, settings.min_shift], 3)
     offsets = log_se3(inverse(robust_average_pose(poses)) @ poses) / unit
     times = np.arange(seconds[0] + settings.min_stay, seconds[-1] - settings.min_stay, settings.min_stay / 8)
     rows = np.unique(np.searchsorted(seconds, times))
+    rows = rows[(rows >= _LEAST_POSES) & (rows <= len(poses) - _LEAST_POSES)]
+    if len(rows) == 0:
+        return None
     # The change is where two places instead of one leave the least to explain; absolute values, since blur is no place.
     unexplained = [_spread(offsets[:row]) + _spread(offsets[row:]) for row in rows]
     row = int(rows[np.argmin(unexplained)])

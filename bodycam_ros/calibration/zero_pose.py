@@ -48,7 +48,7 @@ def zero_at_rest(
     if not heading_is_given:
         balls = [joint for joint in motion.body.tree_joints if joint.child not in hinges]
         correction_rad = facing_direction(motion.joints_at_zero(balls))
-        heading_rad += correction_rad
+        heading_rad = float(np.angle(np.exp(1j * (heading_rad + correction_rad))))  # within half a turn
         motion = motion.with_segment_axes(np.stack([heading_rotation(correction_rad)] * len(motion.body.segments)))
     axes = {child: motion.hinge_axis(child) for child in hinges}
     body = root_at_hips(place_hinges(motion.body_with_geometry(), axes))  # A eq. 16-17

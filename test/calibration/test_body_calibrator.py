@@ -20,6 +20,7 @@ from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.joint_limits import JointLimitSettings
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError, RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid
 
@@ -196,6 +197,33 @@ def test_a_camera_of_the_rig_that_is_not_recorded_is_named() -> None:
     cameras = wide_cameras(set(body.mounts) - {"chest"})
     with pytest.raises(BodyError, match="chest"):
         BodyCalibrator(known_rig(body), cameras)
+
+
+def test_a_rig_of_one_segment_has_no_joint() -> None:
+    body = known_body()
+    rig = Rig({"waist_front": "pelvis"}, {"pelvis": None})
+    calibrator = BodyCalibrator(rig, wide_cameras(body.mounts))
+    for one in registrations(range_of_motion(body, duration_s=2.0)):
+        calibrator.add(one)
+    with pytest.raises(RangeOfMotionError, match="cameras on two segments"):
+        calibrator.solve()
+
+
+def test_a_recording_that_is_too_short_is_refused_with_what_is_needed() -> None:
+    body = known_body()
+    with pytest.raises(RangeOfMotionError, match="instants only"):
+        calibrated(body, registrations(range_of_motion(body, duration_s=1.0)))
+
+
+def test_cameras_that_take_their_images_at_different_times() -> None:
+    """Each camera is shifted by some milliseconds, as cameras are that nothing triggers together."""
+    body = known_body()
+    motions = {
+        camera: range_of_motion(body, rate_hz=30.0, delay_s=0.004 * number) for number, camera in enumerate(body.mounts)
+    }
+    matches = [one for camera, motion in motions.items() for one in registrations(motion, only=[camera])]
+    found = calibrated(body, sorted(matches, key=lambda one: one.stamp_ns))
+    assert greatest_error(found.body, body) < 0.003
 
 
 def test_facing_turns_the_axes_alone() -> None:
