@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import yaml
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.mapping.reference_map import ReferenceMap
 
 THIGH_M, HIPS_M = 0.4257, 0.1906
 """Of the subject of the sample, known from the program that moved it."""
@@ -91,6 +93,14 @@ def test_a_rig_of_other_cameras_is_refused(sample: Path, tmp_path: Path) -> None
     assert done.returncode == 1
     assert "lacks camera helmet" in done.stderr
     assert not (tmp_path / "body.yaml").exists()
+
+
+def test_a_map_without_a_vertical_is_refused(sample: Path, tmp_path: Path) -> None:
+    tilted = replace(ReferenceMap.load(sample / "map"), gravity_aligned=False)
+    tilted.save(tmp_path / "map")
+    done = run(sample, tmp_path / "body.yaml", "--map", tmp_path / "map")
+    assert done.returncode == 1
+    assert "does not know what is up" in done.stderr
 
 
 def test_interrupting_leaves_nothing(sample: Path, tmp_path: Path) -> None:
