@@ -43,10 +43,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.body.body_file import write_body
-    from bodycam_ros.calibration.body_report import body_report
-    from bodycam_ros.calibration.html_report import write_html_report
+    from bodycam_ros.calibration.report.body_report import body_report
+    from bodycam_ros.calibration.report.html_report import write_html_report
+    from bodycam_ros.calibration.report.terminal_report import print_report
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.calibration.terminal_report import print_report
     from bodycam_ros.replay.calibrate import calibrate
 
     output: Path = arguments.output

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report_tables import ReportTable, report_tables, summary_line
+from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
 
 WIDTH = 100
 """Columns that a report needs, and has where it goes to a file or pipe whose width nobody knows."""

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from bodycam_ros.calibration.diagnosis import JointDiagnosis
-from bodycam_ros.calibration.report_tables import MM_PER_M
+from bodycam_ros.calibration.report.report_tables import MM_PER_M
 from bodycam_ros.evaluate.picture_style import FAINT, WARNING, panel_title, side_colour
 from bodycam_ros.geometry import Array
 

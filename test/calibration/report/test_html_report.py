@@ -7,10 +7,10 @@ import pytest
 from known_calibration import calibrated_body, worrying_diagnosis
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.body_picture import body_png
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.html_report import html_report, write_html_report
-from bodycam_ros.calibration.report_tables import report_tables
+from bodycam_ros.calibration.report.body_picture import body_png
+from bodycam_ros.calibration.report.html_report import html_report, write_html_report
+from bodycam_ros.calibration.report.report_tables import report_tables
 from bodycam_ros.errors import BodyError
 
 VOID = {"meta", "img"}

@@ -9,10 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration import joint_panels
-from bodycam_ros.calibration.body_views import draw_views
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report_tables import MM_PER_M
+from bodycam_ros.calibration.report import joint_panels
+from bodycam_ros.calibration.report.body_views import draw_views
+from bodycam_ros.calibration.report.report_tables import MM_PER_M
 from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.whole_file import write_whole

@@ -5,9 +5,9 @@ from html import escape
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.body_picture import body_png
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report_tables import ReportTable, report_tables, summary_line
+from bodycam_ros.calibration.report.body_picture import body_png
+from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
 from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.picture_style import FAINT, INK, QUIET, WARNING
 from bodycam_ros.whole_file import write_whole

@@ -13,7 +13,7 @@ from known_calibration import (
 )
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report_tables import ReportTable, report_tables, summary_line
+from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
 
 
 @pytest.fixture(scope="module")

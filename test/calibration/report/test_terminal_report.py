@@ -5,8 +5,8 @@ from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosi
 from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report_tables import report_tables
-from bodycam_ros.calibration.terminal_report import WIDTH, print_report
+from bodycam_ros.calibration.report.report_tables import report_tables
+from bodycam_ros.calibration.report.terminal_report import WIDTH, print_report
 
 
 def printed(diagnosis: CalibrationDiagnosis, **options: object) -> str:
