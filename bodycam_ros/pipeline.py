@@ -18,14 +18,15 @@ from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.mapping.absolute_pose import AbsolutePoseSettings
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.matching import MatchingSettings
-from bodycam_ros.mapping.pose_fit import PoseFitSettings
-from bodycam_ros.mapping.reference_map import ReferenceMap
-from bodycam_ros.mapping.registrar import Registrar, RegistrarSettings
+from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.matching import MatchingSettings
+from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import settings_from_mapping
 from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
@@ -108,25 +109,6 @@ class CameraPipeline:
         if matches.world_T_camera is not None:
             self._tracker.prune(matches.stamp_ns, matches.track_ids)
         return tracks, matches
-
-
-@dataclass(frozen=True)
-class BodyOutput:
-    """What is published about one instant.
-
-    Attributes:
-        state: poses of all segments.
-        joint_names: A names, in constant order.
-        positions: (A,) continuous joint angles [rad].
-        velocities: (A,) [rad/s].
-        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
-    """
-
-    state: BodyState
-    joint_names: tuple[str, ...]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    root_velocity: NDArray[np.float64]
 
 
 class SkeletonPipeline:

@@ -11,8 +11,8 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3, inverse, rigid
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.pose_fit import PoseFitSettings, fit_pose
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 
 Array = NDArray[np.float64]
 

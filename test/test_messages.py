@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.body import (
     joint_rotations_message,
     joint_state_message,
@@ -31,6 +30,7 @@ from bodycam_ros.messages.tracks import (
     tracks_message,
 )
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 BODY = """\
 name: two_cameras

@@ -24,8 +24,8 @@ from bodycam_ros.calibration.straight_limb import straight_limbs
 from bodycam_ros.calibration.zero_pose import zero_at_rest
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.pose_fit import PoseFitSettings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from bodycam_ros.camera.model import CameraModel
 
-_PIXEL_SHIFT = 0.5  # [px]
+PIXEL_SHIFT = 0.5  # [px]
 _NAMES = {"plumb_bob": "OPENCV", "rational_polynomial": "FULL_OPENCV", "equidistant": "OPENCV_FISHEYE", "fov": "FOV"}
 
 
@@ -15,4 +15,4 @@ def colmap_model(camera: CameraModel) -> tuple[str, list[float]]:
             distortion = distortion[:4]
         else:
             name, distortion = "FULL_OPENCV", [*distortion, 0.0, 0.0, 0.0]
-    return name, [camera.fx, camera.fy, camera.cx + _PIXEL_SHIFT, camera.cy + _PIXEL_SHIFT, *distortion]
+    return name, [camera.fx, camera.fy, camera.cx + PIXEL_SHIFT, camera.cy + PIXEL_SHIFT, *distortion]

@@ -16,7 +16,7 @@ from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, set
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
-from bodycam_ros.mapping.reference_map import check_replaceable
+from bodycam_ros.registration.reference_map import check_replaceable
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap

@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.evaluate.read_solved import LANDMARKS
 from bodycam_ros.evaluate.solved_recording import CameraRecord, SolvedRecording
 from bodycam_ros.evaluate.stick_figure import bones
 from bodycam_ros.evaluate.trajectory import interpolated
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.recording.camera_image import CameraImage, decode_grey
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 CAMERAS = 6
 """Cameras that are shown, spread over the body."""

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline, feature_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.camera_image import CameraImage, decode_grey
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 
 @dataclass

@@ -19,7 +19,7 @@ from bodycam_ros.mapping.map_summary import map_summary
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 _LOG = logging.getLogger(__name__)
 

@@ -8,9 +8,9 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.alignment import BoardResidual
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.mapping.structure_ply import write_ply
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 _MODEL_FOLDER = "sparse"
 _PLY_FILE = "structure.ply"

@@ -1,7 +1,6 @@
 """Everything that we ask of pycolmap, whose interface moves between versions.
 
-COLMAP counts pixels from the corner of the image, we (like OpenCV) from the centre of the first pixel: all pixels and
-principal points are shifted by half a pixel here and nowhere else.
+All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_camera.py``.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -9,24 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pycolmap
-from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel, colmap_model
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import Structure
 
-_PIXEL_SHIFT = 0.5
 _RANDOM_SEED = 1
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
-
-# COLMAP's log would tear the progress bars and leave files in the temporary folder. What matters comes as an exception.
-for _level in pycolmap.logging.Level.__members__.values():
-    pycolmap.logging.set_log_destination(_level, "")
-pycolmap.logging.minloglevel = int(pycolmap.logging.Level.FATAL)
 
 
 def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeatures]) -> None:
@@ -43,7 +36,7 @@ def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeat
             frame.rig_id = rig_id
             frame.add_data_id(pycolmap.data_t(sensor, image_id))
             database.write_frame(frame)
-            database.write_keypoints(image_id, image.pixels + np.float32(_PIXEL_SHIFT))
+            database.write_keypoints(image_id, image.pixels + np.float32(PIXEL_SHIFT))
             database.write_descriptors(
                 image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, image.descriptors)
             )
@@ -141,7 +134,7 @@ def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:
         colours=np.array([reconstruction.points3D[p].color for p in point_ids], dtype=np.uint8).reshape(-1, 3),
         observation_views=np.array(views, dtype=np.int64),
         observation_points=np.array(points, dtype=np.int64),
-        observation_pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2) - _PIXEL_SHIFT,
+        observation_pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2) - PIXEL_SHIFT,
         observation_features=np.array(rows, dtype=np.int64),
     )
 
@@ -172,7 +165,7 @@ def write_model(folder: Path, structure: Structure, camera: CameraModel) -> None
     for view, name in enumerate(structure.names):
         seen = np.flatnonzero(structure.observation_views == view)
         image = pycolmap.Image(
-            name=name, keypoints=structure.observation_pixels[seen] + _PIXEL_SHIFT, camera_id=1, image_id=view + 1
+            name=name, keypoints=structure.observation_pixels[seen] + PIXEL_SHIFT, camera_id=1, image_id=view + 1
         )
         reconstruction.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera_T_world[view, :3]))
         for row, point in enumerate(structure.observation_points[seen].tolist()):
@@ -181,45 +174,3 @@ def write_model(folder: Path, structure: Structure, camera: CameraModel) -> None
         reconstruction.add_point3D_with_id(row, pycolmap.Point3D(xyz=xyz, color=colour, track=track))
     folder.mkdir(parents=True)
     reconstruction.write_binary(folder)
-
-
-def colmap_camera(camera: CameraModel) -> pycolmap.Camera:
-    """COLMAP's own camera object of one of our cameras."""
-    model, parameters = colmap_model(camera)
-    return pycolmap.Camera(
-        model=model, width=camera.width, height=camera.height, params=parameters, has_prior_focal_length=True
-    )
-
-
-def estimate_absolute_pose(
-    camera: CameraModel,
-    points_world: NDArray[np.floating],
-    pixels: NDArray[np.floating],
-    max_error_px: float,
-    max_trials: int,
-    seed: int,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
-    """PnP within LO-RANSAC on the camera's rays: world_T_camera (4, 4) and the (N,) inliers, or None without a pose.
-
-    Args:
-        camera: of any model; its rays are used, so a fisheye needs no pinhole.
-        points_world: (N, 3) [m].
-        pixels: (N, 2) where the image shows them.
-        max_error_px: reprojection error of an inlier.
-        max_trials: samples at most.
-        seed: of the sampling.
-    """
-    options = pycolmap.AbsolutePoseEstimationOptions()
-    options.ransac.max_error = max_error_px
-    options.ransac.max_num_trials = max_trials
-    options.ransac.random_seed = seed
-    found = pycolmap.estimate_absolute_pose(
-        np.asarray(pixels, np.float64) + _PIXEL_SHIFT,
-        np.asarray(points_world, np.float64),
-        colmap_camera(camera),
-        options,
-    )
-    if found is None:
-        return None
-    camera_T_world = np.vstack([found["cam_from_world"].matrix(), [0.0, 0.0, 0.0, 1.0]])
-    return inverse(camera_T_world), np.asarray(found["inlier_mask"], bool)

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message, numbers
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.recording.camera_image import CameraImage
 
 _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
 _TO_GREY = {"bgr8": cv2.COLOR_BGR2GRAY, "rgb8": cv2.COLOR_RGB2GRAY}

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _POOR_SHARE = 0.9
 """A camera registered on a smaller share of its frames gets a warning: the body still holds, but with less."""

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
 from bodycam_ros.messages.header import MAP_FRAME, header_message, optical_frame, stamp_ns, time_message
 from bodycam_ros.messages.pose import (
@@ -11,6 +10,7 @@ from bodycam_ros.messages.pose import (
     quaternion_message,
     rotation_from_message,
 )
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -11,7 +11,7 @@ from bodycam_ros.messages.status import text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.quality import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.pipeline import BodyOutput
+from bodycam_ros.solving.body_output import BodyOutput
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",

@@ -11,13 +11,13 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.calibration_thread import CalibrationThread
 from bodycam_ros.nodes.later_service import LaterService
 from bodycam_ros.nodes.node_parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _LOOK_S = 0.2
 _STOP_S = 5.0

@@ -5,8 +5,6 @@ from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.mapping.reference_map import ReferenceMap
-from bodycam_ros.mapping.registrar import Registrar
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
@@ -19,6 +17,8 @@ from bodycam_ros.nodes.quality import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 GROUPS = ("registrar", "matching", "absolute_pose", "pose_fit")

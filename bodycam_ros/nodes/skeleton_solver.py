@@ -16,7 +16,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches
@@ -28,7 +27,9 @@ from bodycam_ros.nodes.node_parameters import SolverParameters
 from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.pipeline import BodyOutput, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_output import BodyOutput
 
 GROUPS = ("assembler", "smoother", "motion", "evidence", "pose_fit", *CalibrationSettings.groups())
 

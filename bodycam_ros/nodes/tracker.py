@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rclpy.subscription import Subscription
 
+from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import stamp_ns
@@ -18,7 +19,6 @@ from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker
-from bodycam_ros.recording.camera_image import decode_grey
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 
 GROUPS = ("tracker", "keypoints", "flow", "rotation")

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import CalibrationError, RecordingError
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.camera_image import CameraImage
 
 logger = logging.getLogger(__name__)
 

@@ -13,9 +13,9 @@ from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import MapError, RangeOfMotionError
-from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
 

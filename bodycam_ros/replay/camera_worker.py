@@ -10,14 +10,14 @@ from pathlib import Path
 
 import cv2
 
+from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import BodycamError, RecordingError
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.camera_image import decode_grey
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.beat import Beat
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -12,17 +12,18 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError, MapError
-from bodycam_ros.mapping.reference_map import ReferenceMap
 from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import diagnostics_message, text_message
-from bodycam_ros.pipeline import BodyOutput, PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, RegistrationTask, SkippedImage
 from bodycam_ros.replay.front_end import register_recording
+from bodycam_ros.solving.body_output import BodyOutput
 
 logger = logging.getLogger(__name__)
 

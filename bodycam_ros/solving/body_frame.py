@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
 @dataclass(frozen=True)

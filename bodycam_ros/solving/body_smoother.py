@@ -16,7 +16,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import inverse
-from bodycam_ros.mapping.pose_fit import PoseFitSettings
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.back_end import BackEnd, BatchBackEnd, IncrementalBackEnd
 from bodycam_ros.solving.body_factors import BodyFactors, merged

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import adjoint, inverse, log_se3, rigid
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.pose_fit import PoseFitSettings, fit_pose
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.settings import setting
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.evaluate.picture_style import WARNING, side_colour
 from bodycam_ros.evaluate.stick_figure import Bone
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.recording.camera_image import CameraImage, decode_grey
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.colours import rgb
 
 WIDTH = 640

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.evaluate.read_solved import LANDMARKS
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.camera_image import CameraImage
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.motion import nearest
 
 MOST_BYTES = 400_000_000

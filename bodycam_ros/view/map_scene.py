@@ -2,7 +2,7 @@
 
 from viser import SceneApi, SceneNodeHandle
 
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.colours import GRID, GRID_FINE, rgb
 
 WORLD = "/world"

@@ -7,7 +7,7 @@ from viser import ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.camera_scene import CameraScene
 from bodycam_ros.view.correction import Part

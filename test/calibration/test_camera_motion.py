@@ -8,7 +8,7 @@ import pytest
 from bodycam_ros.calibration.camera_motion import CameraLog, MotionLogSettings, camera_motion
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 VELOCITY = np.array([0.2, -0.5, 0.4, 0.3, 0.1, -0.2])
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 THIGH_M, HIPS_M = 0.4257, 0.1906
 """Of the subject of the sample, known from the program that moved it."""

@@ -19,7 +19,7 @@ from bodycam_ros.mapping.apriltag import TagSettings, detect_tags
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.features import read_photograph
 from bodycam_ros.mapping.photographs import find_photographs
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 # Enough for twelve photographs of one floor, and several times faster than the default.
 QUICK = ["--features.max_features", "1200", "--features.contrast", "0.03", "--jobs", "2"]

@@ -15,15 +15,15 @@ from bodycam_ros.body.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, transform_points
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.messages.tracks import landmarks_message, tracks_message
-from bodycam_ros.pipeline import BodyOutput
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.geometry import umeyama
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 pytestmark = pytest.mark.skipif(not os.environ.get("BODYCAM_SLOW"), reason="takes minutes; set BODYCAM_SLOW=1")
 

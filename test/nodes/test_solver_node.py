@@ -10,11 +10,11 @@ from two_cameras import write_body
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import rigid
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_smoother import SmootherSettings
 
 FRAME_NS = 33_333_333

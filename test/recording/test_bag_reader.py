@@ -8,12 +8,12 @@ import pytest
 from mcap.writer import Writer as McapWriter
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import CalibrationError, RecordingError
 from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
-from bodycam_ros.recording.camera_image import CameraImage, decode_grey
 from bodycam_ros.recording.typestore import recorded_messages
 
 

@@ -9,7 +9,7 @@ import pytest
 from altered_sample import CAMERAS, write_altered_sample
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 
 def run(sample: Path, bag: Path, out: Path, *more: str, map_path: Path | None = None, body: Path | None = None) -> int:

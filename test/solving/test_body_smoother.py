@@ -10,8 +10,8 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_so3, rigid, transform_points
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.pose_fit import PoseFitSettings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
 from bodycam_ros.solving.body_state import BodyState

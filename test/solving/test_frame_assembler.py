@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 
 MS = 1_000_000

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.evaluate.stick_figure import Bone
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.recording.camera_image import CameraImage
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.colours import segment_rgb
 from bodycam_ros.view.footage import read_footage

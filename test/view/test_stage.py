@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.colours import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
 from bodycam_ros.view.correction import Correction, Move, Part
 from bodycam_ros.view.local_server import LocalServer

@@ -6,10 +6,12 @@ pycolmap does it on the rays of our calibrated cameras, so a fisheye image needs
 from dataclasses import dataclass
 
 import numpy as np
+import pycolmap
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.mapping.colmap import estimate_absolute_pose
+from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
+from bodycam_ros.geometry import inverse
 from bodycam_ros.settings import setting
 
 
@@ -33,11 +35,24 @@ def find_pose(
     pixels: NDArray[np.floating],
     settings: AbsolutePoseSettings,
 ) -> NDArray[np.float64] | None:
-    """world_T_camera (4, 4) that most of the matches agree on, or None when too few do."""
-    found = estimate_absolute_pose(
-        camera, points_world, pixels, settings.ransac_px, settings.ransac_max_trials, settings.ransac_seed
+    """PnP within LO-RANSAC on the camera's rays: world_T_camera (4, 4), or None when too few matches agree on one.
+
+    Args:
+        camera: of any model.
+        points_world: (N, 3) [m].
+        pixels: (N, 2) where the image shows them.
+        settings: of the sampling.
+    """
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = settings.ransac_px
+    options.ransac.max_num_trials = settings.ransac_max_trials
+    options.ransac.random_seed = settings.ransac_seed
+    found = pycolmap.estimate_absolute_pose(
+        np.asarray(pixels, np.float64) + PIXEL_SHIFT,
+        np.asarray(points_world, np.float64),
+        colmap_camera(camera),
+        options,
     )
-    if found is None:
+    if found is None or np.sum(found["inlier_mask"]) < settings.ransac_min_inliers:
         return None
-    world_T_camera, inliers = found
-    return world_T_camera if inliers.sum() >= settings.ransac_min_inliers else None
+    return inverse(np.vstack([found["cam_from_world"].matrix(), [0.0, 0.0, 0.0, 1.0]]))

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 
 @pytest.fixture

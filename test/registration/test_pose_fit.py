@@ -5,7 +5,7 @@ import pytest
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
-from bodycam_ros.mapping.pose_fit import PoseFitSettings, fit_pose, reprojection_errors
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, reprojection_errors
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
-from bodycam_ros.mapping.matching import MatchingSettings, match_everywhere, match_near_prediction
-from bodycam_ros.mapping.pose_fit import reprojection_errors
-from bodycam_ros.mapping.reference_map import ReferenceMap
-from bodycam_ros.mapping.registrar import Registrar
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.camera_image import decode_grey
+from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.registration.pose_fit import reprojection_errors
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.track_frame import TrackFrame
 

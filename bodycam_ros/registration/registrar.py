@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, rigid
-from bodycam_ros.mapping.absolute_pose import AbsolutePoseSettings, find_pose
-from bodycam_ros.mapping.landmark_matches import LandmarkMatches
-from bodycam_ros.mapping.matching import MatchingSettings, match_everywhere, match_near_prediction
-from bodycam_ros.mapping.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.mapping.reference_map import ReferenceMap
+from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.track_frame import TrackFrame
 
