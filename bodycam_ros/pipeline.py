@@ -25,14 +25,17 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import settings_from_mapping
+from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_output import BodyOutput
-from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
+from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
@@ -56,6 +59,8 @@ class PipelineSettings:
     smoother: SmootherSettings = field(default_factory=SmootherSettings)
     motion: MotionSettings = field(default_factory=MotionSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)
+    memory: PoseMemorySettings = field(default_factory=PoseMemorySettings)
+    covariance: CovarianceSettings = field(default_factory=CovarianceSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
 
     @classmethod
@@ -127,7 +132,15 @@ class SkeletonPipeline:
         self.body = body
         self.assembler = FrameAssembler([name for name in cameras if name in body.mounts], settings.assembler)
         self._smoother = BodySmoother(
-            body, cameras, settings.smoother, settings.motion, settings.evidence, settings.trust, settings.pose_fit
+            body,
+            cameras,
+            settings.smoother,
+            settings.motion,
+            settings.evidence,
+            settings.trust,
+            settings.memory,
+            settings.covariance,
+            settings.pose_fit,
         )
         self._angle_tracker = JointAngleTracker(body)
         self._root = body.segment_index[body.root]
