@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from bodycam_ros.drawing.picture_style import INK, LEFT, QUIET, RIGHT, light_grid, panel_title, side_colour
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.flexion import LIMBS, LimbJoint, flexion, limb_joints
-from bodycam_ros.evaluate.picture_style import INK, LEFT, QUIET, RIGHT, light_grid, panel_title, side_colour
 from bodycam_ros.evaluate.time_curve import broken_at_gaps, lone_marker
 
 PANELS = len(LIMBS)

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
+from bodycam_ros.drawing.picture_style import INK, QUIET, TRUTH, WARNING, light_grid, panel_title
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.picture_style import INK, QUIET, TRUTH, WARNING, light_grid, panel_title
 from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.evaluate.time_curve import broken_at_gaps, lone_marker
 from bodycam_ros.geometry import Array

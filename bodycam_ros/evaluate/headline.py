@@ -5,9 +5,9 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from bodycam_ros.evaluate.distribution import Distribution
+from bodycam_ros.drawing.picture_style import INK, QUIET
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.picture_style import INK, QUIET
+from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.geometry import Array
 

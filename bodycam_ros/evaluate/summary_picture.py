@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from bodycam_ros.drawing.picture_style import TYPOGRAPHY
 from bodycam_ros.evaluate import angle_panels, error_panels
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.headline import draw_headline
-from bodycam_ros.evaluate.picture_style import TYPOGRAPHY
 from bodycam_ros.evaluate.registration_panel import draw_registrations
 
 _SIZE_INCHES = (16.0, 11.6)

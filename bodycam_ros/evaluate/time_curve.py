@@ -3,16 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.solved_recording import SolvedRecording
 from bodycam_ros.geometry import Array
-
-_GAP_FRAMES = 1.5
-"""A curve breaks where instants are further apart than this [frames]."""
+from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
 
 
 def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values: Array) -> tuple[Array, Array]:
     """Times (N,) [s] and values (N, ...) of a curve (T, ...) at stamps (T,), with a NaN in each gap of time."""
-    after = np.flatnonzero(np.diff(stamps_ns) > _GAP_FRAMES * solved.frame_ns) + 1
+    after = np.flatnonzero(np.diff(stamps_ns) > GAP_FRAMES * solved.frame_ns) + 1
     return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan, axis=0)
 
 

@@ -8,19 +8,16 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.evaluate.picture_style import WARNING, side_colour
-from bodycam_ros.evaluate.stick_figure import Bone
-from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
+from bodycam_ros.drawing.picture_style import WARNING, side_colour
+from bodycam_ros.drawing.stick_figure import Bone
+from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.colours import rgb
 
 WIDTH = 640
 """Of the picture [px]; a larger image is made smaller, which a panel shows anyway."""
 
-_GOOD, _GOOD_PX = "#35e0c4", 3.0
-"""Landmarks this near to where they were seen are drawn as good."""
-
-_POINTS_PER_BONE = 40  # a straight line is bent in a fisheye image
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 _FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
 
@@ -62,21 +59,14 @@ def draw_picture(
     size = (round(model.width * scale), round(model.height * scale))
     grey = cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA)
     pixels = np.ascontiguousarray(np.repeat(np.asarray(grey, dtype=np.uint8)[:, :, None], 3, axis=2))
-    camera_T_world = inverse(world_T_camera)
-    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
-    for limb in limbs:
-        line_world = (1.0 - along) * limb.start + along * limb.end
-        line = model.project(transform_points(camera_T_world, line_world))[0] * scale
-        _draw_lines(pixels, np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(limb.segment)), 3)
-    if matches is None or not len(matches.pixels):
-        return CameraPicture(pixels, float("nan"))
-    seen = matches.pixels.astype(np.float64)
-    expected, _ = model.project(transform_points(camera_T_world, matches.points_world.astype(np.float64)))
-    errors = np.linalg.norm(expected - seen, axis=1)
-    good = errors <= _GOOD_PX
-    _draw_lines(pixels, np.stack([seen, expected], axis=1)[~good] * scale, rgb(WARNING), 1)
-    for centre, is_good in zip(_fixed(seen * scale), good, strict=True):
-        colour = rgb(_GOOD if is_good else WARNING)
+    overlay = Overlay.of(model, world_T_camera, limbs, matches)
+    for segment, line in overlay.limbs:
+        _draw_lines(pixels, scale * np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(segment)), 3)
+    errors = overlay.errors
+    good = errors <= GOOD_PX
+    _draw_lines(pixels, np.stack([overlay.pixels, overlay.projected], axis=1)[~good] * scale, rgb(WARNING), 1)
+    for centre, is_good in zip(_fixed(overlay.pixels * scale), good, strict=True):
+        colour = rgb(GOOD if is_good else WARNING)
         cv2.circle(pixels, centre.tolist(), 3 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)
     known = errors[np.isfinite(errors)]
     return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))

@@ -1,6 +1,6 @@
 """Colours of the view, those of the evaluation's pictures."""
 
-from bodycam_ros.evaluate.picture_style import QUIET, WARNING, side_colour
+from bodycam_ros.drawing.picture_style import QUIET, WARNING, side_colour
 
 REGISTERED, LOST, UNKNOWN = "#2c7f78", WARNING, QUIET
 """A camera that knows its own pose at the instant shown, one that does not, one of which nothing is known."""

@@ -12,7 +12,7 @@ from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.view.camera_picture import CameraPicture
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.view.correction_panel import CorrectionActions, CorrectionPanel
-from bodycam_ros.view.footage_loader import FootageLoader
+from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
 from bodycam_ros.view.local_server import LocalServer

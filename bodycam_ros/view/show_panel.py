@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from viser import GuiApi
 
-from bodycam_ros.evaluate.picture_style import LEFT, RIGHT
+from bodycam_ros.drawing.picture_style import LEFT, RIGHT
 from bodycam_ros.view.colours import LOST, REGISTERED, SELECTED, UNKNOWN
 from bodycam_ros.view.gui_value import on_input
 from bodycam_ros.view.inbox import Inbox

@@ -8,7 +8,7 @@ from viser import CameraFrustumHandle, CylinderHandle, FrameHandle, IcosphereHan
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.evaluate.stick_figure import Bone, bones
+from bodycam_ros.drawing.stick_figure import Bone, bones
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, transform_points
 from bodycam_ros.view.colours import SELECTED, rgb, segment_rgb
 from bodycam_ros.view.correction import Part

@@ -13,7 +13,7 @@ from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report import joint_panels
 from bodycam_ros.calibration.report.body_views import draw_views
 from bodycam_ros.calibration.report.report_tables import MM_PER_M
-from bodycam_ros.evaluate.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
+from bodycam_ros.drawing.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.whole_file import write_whole
 
 _WIDTH = 16.0  # [in] here and below

@@ -13,7 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import LEFT as LEFT_SIDE
 from bodycam_ros.calibration.anatomy import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis
-from bodycam_ros.evaluate.picture_style import (
+from bodycam_ros.drawing.picture_style import (
     CENTRE,
     FAINT,
     INK,
@@ -24,7 +24,7 @@ from bodycam_ros.evaluate.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.evaluate.stick_figure import HEAD, Bone, bones
+from bodycam_ros.drawing.stick_figure import HEAD, Bone, bones
 from bodycam_ros.geometry import Array
 
 _FRONT, _RIGHT = (1, 2), (0, 2)

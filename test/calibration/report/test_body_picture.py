@@ -20,8 +20,8 @@ from matplotlib.text import Text
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_figure, body_png, draw_body
+from bodycam_ros.drawing.picture_style import WARNING
 from bodycam_ros.errors import OutputError
-from bodycam_ros.evaluate.picture_style import WARNING
 
 
 @pytest.fixture(scope="module")
