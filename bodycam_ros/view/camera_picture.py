@@ -1,10 +1,12 @@
-"""A camera's image with the wearer's limbs and the map's landmarks drawn where the body puts them."""
+"""What one camera saw, with the wearer's limbs and the map's landmarks drawn where the body puts them."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from viser import GuiApi
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
@@ -13,11 +15,14 @@ from bodycam_ros.drawing.picture_style import WARNING, side_colour
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.view.colours import rgb
+from bodycam_ros.view.inbox import Inbox, on_input, set_value
+from bodycam_ros.view.scene_nodes import rgb
 
 WIDTH = 640
 """Of the picture [px]; a larger image is made smaller, which a panel shows anyway."""
 
+_NO_CAMERA = "none"
+_BLANK = np.full((12, 16, 3), 227, np.uint8)
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 _FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
 
@@ -70,6 +75,34 @@ def draw_picture(
         cv2.circle(pixels, centre.tolist(), 3 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)
     known = errors[np.isfinite(errors)]
     return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))
+
+
+class PicturePanel:
+    """A list of cameras, and the image of the chosen one."""
+
+    def __init__(
+        self, gui: GuiApi, inbox: Inbox, cameras: Iterable[str], on_choice: Callable[[str | None], None]
+    ) -> None:
+        with gui.add_folder("Image"):
+            self._camera = gui.add_dropdown("camera", (_NO_CAMERA, *cameras))
+            self._image = gui.add_image(_BLANK, format="jpeg", visible=False)
+            self._remark = gui.add_markdown("")
+
+        on_input(self._camera, lambda: inbox.put(lambda: on_choice(self._chosen()), "camera"))
+
+    def choose(self, camera: str | None) -> None:
+        """Show which camera is chosen."""
+        set_value(self._camera, _NO_CAMERA if camera is None else camera)
+
+    def show(self, pixels: NDArray[np.uint8] | None, remark: str) -> None:
+        """Show an image (H, W, 3), or none, and say something about it."""
+        if pixels is not None:
+            self._image.image = pixels
+        self._image.visible = pixels is not None
+        self._remark.content = remark
+
+    def _chosen(self) -> str | None:
+        return None if self._camera.value == _NO_CAMERA else self._camera.value
 
 
 def _draw_lines(pixels: NDArray[np.uint8], ends: Array, colour: tuple[int, int, int], width: int) -> None:

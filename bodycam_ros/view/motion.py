@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
-from bodycam_ros.drawing.stick_figure import bones
+from bodycam_ros.drawing.stick_figure import body_bones
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.header import stamp_ns
@@ -48,9 +48,8 @@ class Motion:
     def standing(cls, body: BodyModel) -> "Motion":
         """The N-pose at the map's origin, the lowest end of a bone on the floor."""
         names = JointAngles(body).names
-        segments = dict(zip(body.segments, n_pose(body, np.eye(4))[:, None], strict=True))
-        parents = {joint.child: joint.parent for joint in body.tree_joints}
-        lowest = min((min(b.start[0, 2], b.end[0, 2]) for b in bones(segments, parents)), default=0.0)
+        standing = body_bones(body, n_pose(body, np.eye(4)))
+        lowest = min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
         world_T_root = np.eye(4)
         world_T_root[2, 3] = -lowest
         return cls(np.zeros(1, np.int64), world_T_root[None], names, np.zeros((1, len(names))), {})

@@ -10,7 +10,7 @@ from known_walk import FOCAL, FRAME_NS, FRAMES, LANDMARKS, Walk, write_images, w
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.evaluate.overlay_picture import draw_overlays, overlay_views
-from bodycam_ros.evaluate.time_curve import broken_at_gaps
+from bodycam_ros.evaluate.time_panels import broken_at_gaps
 from bodycam_ros.geometry import rigid
 from bodycam_ros.solved.read_solved import read_solved
 

@@ -13,9 +13,9 @@ from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
-from bodycam_ros.view.colours import segment_rgb
 from bodycam_ros.view.footage import read_footage
 from bodycam_ros.view.motion import read_motion
+from bodycam_ros.view.scene_nodes import segment_rgb
 from bodycam_ros.view.skeleton_scene import limbs_of
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
