@@ -1,4 +1,4 @@
-"""Movements read from bags, against the evaluation's own reader and the bag's own transforms."""
+"""Movements read from bags, against the robot that the bag describes and the bag's own transforms."""
 
 from dataclasses import replace
 from pathlib import Path
