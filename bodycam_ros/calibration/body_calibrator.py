@@ -6,22 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.assessment import assess
+from bodycam_ros.calibration.assessment import Findings, assess
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.findings import Findings
-from bodycam_ros.calibration.first_body import first_body, joints_in_world, place_hinges
-from bodycam_ros.calibration.first_motion import first_motion
+from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
+from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
-from bodycam_ros.calibration.joint_exercise import check_exercised
+from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_limits import limited_body
 from bodycam_ros.calibration.joint_search import FoundJoints, JointSearch
 from bodycam_ros.calibration.refinement import refine
-from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation
+from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation, zero_at_rest
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.straight_limb import straight_limbs
-from bodycam_ros.calibration.zero_pose import zero_at_rest
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

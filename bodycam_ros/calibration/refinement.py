@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
-from bodycam_ros.calibration.straight_limb import StraightLimb
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]

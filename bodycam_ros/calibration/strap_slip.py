@@ -53,6 +53,22 @@ class Slip:
     turned_rad: float
 
 
+def slip_warning(camera: str, slip: Slip, seconds: float, alone: bool) -> str:
+    """What a person should know of a slip that came some seconds after the start.
+
+    Args:
+        alone: on its segment.
+    """
+    warning = f"camera {camera} slipped after {seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
+    if alone:
+        return (
+            f"{warning}: tighten its strap and repeat the recording; it is alone on its segment, and the body has it "
+            "where it was before"
+        )
+    turned_deg = np.degrees(slip.turned_rad)
+    return f"{warning} and {turned_deg:.1f} deg: tighten its strap; what it saw before is left out"
+
+
 @dataclass(frozen=True, eq=False)
 class JointInView:
     """A joint of a camera's segment over time, where the segment next to it says that it is.
