@@ -33,7 +33,7 @@ def find_photographs(folder: Path) -> Photographs:
 
     Raises:
         MapError: the folder, its photographs or its calibration are missing.
-        CalibrationError: the calibration is malformed.
+        LensError: the calibration is malformed.
     """
     if not folder.is_dir():
         raise MapError(f"{folder}: no such folder; expected one with photographs (jpg, png) and {CAMERA_FILE}")
