@@ -1,14 +1,13 @@
 """All settings that a reference map is built with, by group."""
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
-from bodycam_ros.settings import setting
+from bodycam_ros.settings import SettingsGroups, setting
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,8 @@ class LandmarkSettings:
 
 
 @dataclass(frozen=True)
-class MapSettings:
-    """The settings of every step, under the names of their groups in YAML files and flags."""
+class MapSettings(SettingsGroups):
+    """Settings of every step from photographs to a map."""
 
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
@@ -34,12 +33,3 @@ class MapSettings:
     descriptors: DescriptorSettings = DescriptorSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
-
-    @classmethod
-    def groups(cls) -> dict[str, type]:
-        """Group -> its settings dataclass."""
-        return {f.name: type(f.default) for f in fields(cls)}
-
-    def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Group -> setting -> value."""
-        return asdict(self)
