@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.anthropometry import AnthropometrySettings, BoneLength, expected_stature, judge_bones
+from bodycam_ros.calibration.anthropometry import (
+    AnthropometrySettings,
+    BoneLength,
+    expected_stature,
+    judge_bones,
+    odd_scale,
+)
 from bodycam_ros.calibration.articulation import ArticulatedMotion, joints_in_cameras
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
@@ -121,6 +127,7 @@ def assess(
     joints = tuple(_joint(findings, joint, settings) for joint in body.tree_joints)
     _refuse_unknown(joints, settings)
     bones = bone_lengths(findings)
+    stature_m = expected_stature(bones, anthropometry)
     return CalibrationDiagnosis(
         joints=joints,
         bones=tuple(judge_bones(bones, anthropometry)),
@@ -129,7 +136,8 @@ def assess(
         rest_s=findings.rest_s,
         heading_rad=findings.zeroed.heading_rad,
         duration_s=float(findings.motion.seconds[-1]),
-        stature_m=expected_stature(bones, anthropometry),
+        stature_m=stature_m,
+        scale_warning=odd_scale(stature_m, anthropometry),
     )
 
 

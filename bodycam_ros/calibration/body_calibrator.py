@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import Findings, assess
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
@@ -90,12 +91,15 @@ class BodyCalibrator:
 
         Raises:
             RangeOfMotionError: the recording does not tell, and what to repeat.
+            MapError: no person has bones of this size, so the map's scale is wrong.
         """
         settings = self._settings
         on_progress("joint centres", 0.0)
         motion = camera_motion(list(self._logs.values()), settings.motion_log)
         found = JointSearch(self._rig, settings.strap_slip, settings.joint_centre).find(motion)  # A eq. 6-7, 12-14
         axes_on_child = check_exercised(self._rig, found.centres, settings.joint_centre)
+        # Before what is measured in metres is asked whether it moved.
+        refuse_impossible(found.bone_lengths(self._rig), settings.anthropometry)
         rest = self._rest_pose(motion, found)
         heading_rad = self._heading(found, rest, axes_on_child)
 

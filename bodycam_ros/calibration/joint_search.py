@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.anthropometry import BoneLength
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre, JointCentreSettings, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
@@ -48,6 +49,17 @@ class FoundJoints:
     def virtual_T_camera(self) -> dict[str, Array]:
         """Camera -> (4, 4) its place at its segment's virtual camera."""
         return {camera: pose for one in self.virtual.values() for camera, pose in one.virtual_T_camera.items()}
+
+    def bone_lengths(self, rig: Rig) -> list[BoneLength]:
+        """Bones between joints found so far; along the axis of a hinge its joint may be anywhere near the camera."""
+        bones = []
+        for child, below in self.centres.items():
+            segment = str(rig.parents[child])
+            if (above := self.centres.get(segment)) is not None:
+                length_m = float(np.linalg.norm(below.in_parent - above.in_child))
+                start, end = SegmentName(segment).joint, SegmentName(child).joint
+                bones.append(BoneLength(segment, start, end, length_m, sigma_m=0.0))
+        return bones
 
 
 class JointSearch:
