@@ -96,7 +96,8 @@ class BodyCalibrator:
         settings = self._settings
         on_progress("joint centres", 0.0)
         motion = camera_motion(list(self._logs.values()), settings.motion_log)
-        found = JointSearch(self._rig, settings.strap_slip, settings.joint_centre).find(motion)  # A eq. 6-7, 12-14
+        search = JointSearch(self._rig, settings.strap_slip, settings.virtual_camera, settings.joint_centre)
+        found = search.find(motion)  # A eq. 6-7, 12-14
         axes_on_child = check_exercised(self._rig, found.centres, settings.joint_centre)
         # Before what is measured in metres is asked whether it moved.
         refuse_impossible(found.bone_lengths(self._rig), settings.anthropometry)
@@ -122,7 +123,9 @@ class BodyCalibrator:
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)
-        zeroed = zero_at_rest(refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges))
+        zeroed = zero_at_rest(
+            refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges), settings.rest_pose
+        )
         findings = Findings(
             rig=self._rig,
             found=found,
@@ -152,4 +155,4 @@ class BodyCalibrator:
             return self._facing_rad
         # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
         balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
-        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment))
+        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment), self._settings.rest_pose)

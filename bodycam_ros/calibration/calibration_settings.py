@@ -10,6 +10,7 @@ from bodycam_ros.calibration.joint_limits import JointLimitSettings
 from bodycam_ros.calibration.refinement import RefinementSettings
 from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.strap_slip import StrapSlipSettings
+from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings
 from bodycam_ros.settings import SettingsGroups
 
 
@@ -19,6 +20,7 @@ class CalibrationSettings(SettingsGroups):
 
     motion_log: MotionLogSettings = MotionLogSettings()
     strap_slip: StrapSlipSettings = StrapSlipSettings()
+    virtual_camera: VirtualCameraSettings = VirtualCameraSettings()
     joint_centre: JointCentreSettings = JointCentreSettings()
     rest_pose: RestPoseSettings = RestPoseSettings()
     refinement: RefinementSettings = RefinementSettings()

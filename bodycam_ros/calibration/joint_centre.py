@@ -24,7 +24,6 @@ _BALL, _HINGE = 3, 2  # directions that they turn across
 _ITERATIONS = 50
 _CONVERGED_M = 1e-12
 _TO_SIGMA = 1.4826  # the median of absolute errors of a Gaussian, times this, is its sigma
-_ROBUST_SCALE = 3.0  # [sigma] of the Geman-McClure kernel: a residual this large counts a quarter
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,11 @@ class JointCentreSettings:
         unit="m",
         limits=(0.0, 0.1),
         reason="residuals below this are all good; keeps the robust weights from choosing among rounding errors",
+    )
+    outlier_sigmas: float = setting(
+        3.0,
+        limits=(1.0, 100.0),
+        reason="a residual this many sigmas large counts a quarter, and larger ones soon nothing (Geman-McClure)",
     )
 
 
@@ -92,7 +96,7 @@ def find_joint_centre(parent_T_child: Array, weights: Array, settings: JointCent
         in_child = centre.in_child
         sigma = max(_TO_SIGMA * _weighted_median(centre.residuals_m, weights), settings.residual_floor)
         # Geman-McClure.
-        robust = 1.0 / (1.0 + (centre.residuals_m / (_ROBUST_SCALE * sigma)) ** 2) ** 2
+        robust = 1.0 / (1.0 + (centre.residuals_m / (settings.outlier_sigmas * sigma)) ** 2) ** 2
         if np.linalg.norm(in_child - before) < _CONVERGED_M:
             break
     return JointCentre(
