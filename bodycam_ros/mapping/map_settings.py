@@ -21,6 +21,22 @@ class LandmarkSettings:
     min_views: int = setting(
         3, unit="photographs", limits=(2, 50), reason="two rays always nearly meet; the third tells a wrong match"
     )
+    min_fitting: float = setting(
+        0.22,
+        limits=(0.0, 1.0),
+        reason="least share of matched observations that become landmarks, or there is no map; 0.7 and more with the "
+        "right camera.yaml, 0.17 and less with another lens model or a focal length 20 % off",
+    )
+    doubtful_fitting: float = setting(
+        0.45, limits=(0.0, 1.0), reason="a smaller share is warned of; 0.3 with a focal length 5 % off"
+    )
+    max_model_error: float = setting(
+        2.0,
+        unit="px",
+        limits=(0.1, 100.0),
+        reason="median reprojection error of a model that is taken over (--model); one made with other intrinsics than "
+        "those of camera.yaml is far above, a sound one far below",
+    )
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,14 @@ class Photographs:
     board_path: Path | None
 
 
+def wrong_camera(camera: CameraModel) -> str:
+    """What to tell a user whose photographs contradict the intrinsics."""
+    return (
+        f"Does {CAMERA_FILE} belong to the camera that took the photographs? It says {camera.distortion_model}, focal "
+        f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."
+    )
+
+
 def find_photographs(folder: Path) -> Photographs:
     """List a reference folder.
 

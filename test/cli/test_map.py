@@ -213,6 +213,25 @@ def test_a_board_that_nobody_sees_is_an_error(few, tmp_path, capsys):
     expect_error(arguments, capsys, "no photograph shows a tag", "--no-board")
 
 
+def longer_lens(camera):
+    camera["camera_matrix"]["data"][0] *= 2.0
+    camera["camera_matrix"]["data"][4] *= 2.0
+
+
+def other_lens(camera):
+    camera["distortion_model"] = "equidistant"
+    camera["distortion_coefficients"] = {"rows": 1, "cols": 4, "data": [0.0] * 4}
+
+
+@pytest.mark.parametrize("another", [longer_lens, other_lens])
+def test_the_intrinsics_of_another_camera_are_named(few, tmp_path, capsys, another):
+    camera = yaml.safe_load((few / "camera.yaml").read_text())
+    another(camera)
+    (few / "camera.yaml").write_text(yaml.safe_dump(camera))
+    expect_error([few, "-o", tmp_path / "map", *QUICK], capsys, "Does camera.yaml belong to the camera")
+    assert not (tmp_path / "map").exists()
+
+
 def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     command = [
         sys.executable,
