@@ -25,10 +25,12 @@ class LandmarkSettings:
         0.22,
         limits=(0.0, 1.0),
         reason="least share of matched observations that become landmarks, or there is no map; 0.7 and more with the "
-        "right camera.yaml, 0.17 and less with another lens model or a focal length 20 % off",
+        "right camera.yaml, 0.21 and less with a focal length 20 % off",
     )
     doubtful_fitting: float = setting(
-        0.45, limits=(0.0, 1.0), reason="a smaller share is warned of; 0.3 with a focal length 5 % off"
+        0.45,
+        limits=(0.0, 1.0),
+        reason="a smaller share is warned of; 0.15 to 0.33 with another lens model, 0.3 to 0.5 with fx, fy 5 % off",
     )
     max_model_error: float = setting(
         2.0,

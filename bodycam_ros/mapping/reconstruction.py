@@ -126,7 +126,7 @@ def _check_fits(structure: Structure, matched: Structure, camera: CameraModel, s
     """
     seen = int((matched.views_per_point()[matched.observation_points] >= settings.min_views).sum())
     share = len(structure.observation_views) / max(1, seen)
-    if share >= settings.doubtful_fitting:
+    if share >= max(settings.doubtful_fitting, settings.min_fitting):
         return
     doubt = (
         f"only {100 * share:.0f} % of what the photographs show in common can be explained to within "
@@ -161,7 +161,7 @@ def _keep_seen(structure: Structure, settings: LandmarkSettings) -> Structure:
         raise MapError(
             f"none of {len(structure.points_world)} points is seen well enough to be a landmark (error <= "
             f"{settings.max_error:g} px in {settings.min_views} photographs, {settings.min_angle:g} deg between rays); "
-            "take more photographs, from places farther apart"
+            "take more photographs, from places farther apart, and check that camera.yaml belongs to the camera"
         )
     return kept
 

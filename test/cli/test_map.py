@@ -232,6 +232,14 @@ def test_the_intrinsics_of_another_camera_are_named(few, tmp_path, capsys, anoth
     assert not (tmp_path / "map").exists()
 
 
+def test_how_much_must_fit_together_is_a_setting(few, tmp_path, caplog, capsys):
+    arguments = [few, "--no-board", "-o", tmp_path / "map", *QUICK]
+    expect_error([*arguments, "--landmarks.min_fitting", "0.9"], capsys, "do not fit together", "Does camera.yaml")
+    assert not (tmp_path / "map").exists()
+    assert main(["map", *map(str, arguments), "--landmarks.doubtful_fitting", "0.9"]) == 0
+    assert "the map may be bent" in caplog.text
+
+
 def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     command = [
         sys.executable,
