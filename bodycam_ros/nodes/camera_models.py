@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import CalibrationError
+from bodycam_ros.errors import LensError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import camera_model
 from bodycam_ros.nodes.quality import reliable
@@ -49,7 +49,7 @@ class CameraModels:
             return
         try:
             self.models[camera] = camera_model(message, camera)
-        except CalibrationError as error:
+        except LensError as error:
             self.refused.add(camera)
             self._node.get_logger().error(f"{error}; the other cameras go on without this one")
         self._on_change(camera)

@@ -41,6 +41,10 @@ class SolverParameters:
     rig: str = setting(
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
     )
+    map: str = setting(
+        "",
+        reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made",
+    )
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     facing: float = setting(
         float("nan"),

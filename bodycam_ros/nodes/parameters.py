@@ -15,6 +15,8 @@ from bodycam_ros.settings import SettingDescription, describe, settings_from_map
 
 P = TypeVar("P")
 
+_SOURCE = "parameters"
+
 _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """First parts of the names of parameters that rclpy declares for every node."""
 
@@ -47,12 +49,8 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
         group, dot, setting_name = name.partition(".")
         if dot:
             grouped[group][setting_name] = value
-    kinds = CalibrationSettings.groups()
-    calibration: dict[str, Any] = {
-        group: settings_from_mapping(kinds[group], grouped.pop(group), f"parameters: {group}")
-        for group in kinds.keys() & grouped.keys()
-    }
-    return PipelineSettings.from_mapping(grouped, "parameters"), CalibrationSettings(**calibration)
+    calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
+    return PipelineSettings.from_mapping(grouped, _SOURCE), CalibrationSettings.from_mapping(calibration, _SOURCE)
 
 
 def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
@@ -68,7 +66,7 @@ def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
             raise SettingsError(f"parameters: there is no parameter '{name}'; known are {', '.join(sorted(known))}")
     mine = {f.name for f in fields(parameters_type)}
     values = {name: _tuple_of_list(value) for name, value in plain.items() if name in mine}
-    return settings_from_mapping(parameters_type, values, "parameters")
+    return settings_from_mapping(parameters_type, values, _SOURCE)
 
 
 def declare(node: Node, settings: object, group: str = "") -> None:
