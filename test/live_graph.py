@@ -18,7 +18,7 @@ from rclpy.serialization import deserialize_message
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
-from bodycam_ros.nodes.quality import latched, reliable
+from bodycam_ros.nodes.qos import latched, reliable
 from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent

@@ -10,10 +10,10 @@ from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
-from bodycam_ros.nodes.camera_models import CameraModels
-from bodycam_ros.nodes.missed_frames import MissedFrames
-from bodycam_ros.nodes.node_parameters import RegistrationParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.nodes.parameters import RegistrationParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar

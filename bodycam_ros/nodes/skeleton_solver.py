@@ -20,11 +20,11 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.nodes.body_topics import BodyTopics
-from bodycam_ros.nodes.camera_models import CameraModels
+from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.flow_of_frames import MissedFrames
 from bodycam_ros.nodes.live_calibration import LiveCalibration
-from bodycam_ros.nodes.missed_frames import MissedFrames
-from bodycam_ros.nodes.node_parameters import SolverParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import SolverParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline

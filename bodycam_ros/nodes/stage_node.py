@@ -12,10 +12,10 @@ from rclpy.subscription import Subscription
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import BodycamError, SettingsError
 from bodycam_ros.messages.status import Health, diagnostics_message
+from bodycam_ros.nodes.flow_of_frames import Skipped
 from bodycam_ros.nodes.message_classes import message_class, node_messages
 from bodycam_ros.nodes.parameters import declare, given_parameters, own_parameters, settings_from_parameters
-from bodycam_ros.nodes.quality import reliable
-from bodycam_ros.nodes.skipped import Skipped
+from bodycam_ros.nodes.qos import reliable
 
 P = TypeVar("P")
 

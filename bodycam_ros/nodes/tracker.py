@@ -12,10 +12,10 @@ from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
-from bodycam_ros.nodes.answered_frames import AnsweredFrames
-from bodycam_ros.nodes.image_source import ImageSource
-from bodycam_ros.nodes.node_parameters import TrackerParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.camera_topics import ImageSource
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
+from bodycam_ros.nodes.parameters import TrackerParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker

@@ -2,10 +2,8 @@
 
 import pytest
 
-from bodycam_ros.nodes import answered_frames
-from bodycam_ros.nodes.answered_frames import AnsweredFrames
-from bodycam_ros.nodes.missed_frames import MissedFrames
-from bodycam_ros.nodes.skipped import Skipped
+from bodycam_ros.nodes import flow_of_frames
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, MissedFrames, Skipped
 
 
 class Clock:
@@ -20,7 +18,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(answered_frames, "time", clock)
+    monkeypatch.setattr(flow_of_frames, "time", clock)
     return clock
 
 

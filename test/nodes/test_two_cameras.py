@@ -88,7 +88,7 @@ def test_images_wait_for_camera_info_and_for_a_reader(graph: Any) -> None:
     """A driver that offers raw images with best effort, and is there before anybody else."""
     from bodycam_ros.messages.factory import array_sequence
     from bodycam_ros.nodes.message_classes import node_messages
-    from bodycam_ros.nodes.quality import best_effort, reliable
+    from bodycam_ros.nodes.qos import best_effort, reliable
 
     make = node_messages()
     images = graph.publisher("/left/image_raw", "sensor_msgs/msg/Image", best_effort(100))

@@ -1,15 +1,19 @@
-"""The subscription to a camera's images, which copes with what drivers offer."""
+"""What a camera's driver publishes, images and camera_info, read in whatever way the driver offers it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import CalibrationError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.nodes.quality import best_effort, reliable
+from bodycam_ros.messages.images import camera_model
+from bodycam_ros.nodes.qos import best_effort, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 
+_INFO_DEPTH = 10
 _TOPICS = {
     "compressed": ("image_raw/compressed", "sensor_msgs/msg/CompressedImage"),
     "raw": ("image_raw", "sensor_msgs/msg/Image"),
@@ -76,3 +80,47 @@ class ImageSource:
     def _resolved(self, topic: str) -> str:
         name: str = self._node.resolve_topic_name(topic)
         return name
+
+
+class CameraModels:
+    """Listens to the camera_info of some cameras; the first message of each counts.
+
+    Args:
+        node: listens.
+        cameras: their names.
+        on_change: called when a camera's model is known, or refused.
+
+    Attributes:
+        models: camera -> its model.
+        refused: cameras whose camera_info is unusable; the others go on without them.
+    """
+
+    def __init__(self, node: StageNode[Any], cameras: Iterable[str], on_change: Callable[[str], None]) -> None:
+        self._node = node
+        self._on_change = on_change
+        self.models: dict[str, CameraModel] = {}
+        self.refused: set[str] = set()
+        self._awaited = {camera: self._listen(camera) for camera in cameras}
+
+    @property
+    def missing(self) -> list[str]:
+        """Cameras that were not heard of yet."""
+        return [camera for camera in self._awaited if camera not in self.models and camera not in self.refused]
+
+    def _listen(self, camera: str) -> Any:
+        def on_info(message: Message) -> None:
+            self._learn(camera, message)
+
+        return self._node.subscription(
+            "sensor_msgs/msg/CameraInfo", f"{camera}/camera_info", on_info, reliable(_INFO_DEPTH)
+        )
+
+    def _learn(self, camera: str, message: Message) -> None:
+        if camera in self.models or camera in self.refused:
+            return
+        try:
+            self.models[camera] = camera_model(message, camera)
+        except CalibrationError as error:
+            self.refused.add(camera)
+            self._node.get_logger().error(f"{error}; the other cameras go on without this one")
+        self._on_change(camera)
