@@ -48,9 +48,10 @@ class Registration(StageNode[RegistrationParameters]):
             )
             for camera in cameras
         }
-        self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
-        now_ns = self.get_clock().now().nanoseconds
-        self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+        if self.parameters.publish_map:
+            points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
+            now_ns = self.get_clock().now().nanoseconds
+            points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
         self._cameras = CameraModels(self, cameras, self._on_camera)
         for camera in cameras:
             self.subscription(
