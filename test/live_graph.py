@@ -98,6 +98,10 @@ class Graph:
         """Whether the listener has found somebody who publishes a topic."""
         return bool(self._node.count_publishers(topic))
 
+    def offers(self, topic: str) -> list[Any]:
+        """Quality of service of those who publish a topic."""
+        return [each.qos_profile for each in self._node.get_publishers_info_by_topic(topic)]
+
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""
         client = self._clients.get(service) or self._node.create_client(service_type, service)
