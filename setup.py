@@ -34,7 +34,8 @@ class DevelopWithInterfaces(develop):
     def run(self):
         """Install the interfaces as well."""
         super().run()
-        install_interfaces(self)
+        if not self.uninstall:
+            install_interfaces(self)
 
 
 def install_interfaces(command):

@@ -15,7 +15,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.errors import SettingsError
+from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches
@@ -94,7 +94,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         """Be ready to make the body; the rig's cameras."""
         rig = Rig.from_yaml(self.parameters.rig)
         if self.parameters.cameras:
-            raise SettingsError("the parameter 'cameras' goes with a body; a calibration needs all cameras of the rig")
+            raise BodyError(f"{path}: a calibration needs all cameras of the rig, so leave out the parameter 'cameras'")
         self._calibration = LiveCalibration(self, rig, path, lambda: self._cameras.missing, self._solve_new)
         return tuple(rig.cameras)
 

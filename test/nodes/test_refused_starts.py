@@ -17,6 +17,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     body, reference_map = str(write_body(tmp_path / "body.yaml")), str(write_map(tmp_path / "map"))
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")
+    rig = str(tmp_path / "rig.yaml")
+    Path(rig).write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     cases = {
         ("tracker",): "the parameter 'camera' is missing",
         ("tracker", "camera", "left", "transport", "pigeon"): "must be compressed or raw, not 'pigeon'",
@@ -32,6 +34,7 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
         ("skeleton_solver", "body", str(broken)): "broken.yaml",
         ("skeleton_solver", "body", body, "cameras", ("hat",)): "carries no camera hat; it carries left, right",
+        ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
         ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",
         ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",
