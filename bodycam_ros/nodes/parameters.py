@@ -17,6 +17,15 @@ from bodycam_ros.settings import SettingDescription, describe, setting, settings
 
 P = TypeVar("P")
 
+TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation")
+REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit")
+SOLVER_GROUPS: Final = (
+    *(group for group in PipelineSettings.groups() if group not in TRACKER_GROUPS + REGISTRATION_GROUPS),
+    "pose_fit",
+    *CalibrationSettings.groups(),
+)
+"""The groups of settings that a node uses."""
+
 _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """First parts of the names of parameters that rclpy declares for every node."""
 
@@ -66,10 +75,11 @@ class SolverParameters:
         "if it is not given",
     )
     info_wait: float = setting(
-        10.0,
+        1.0,
         unit="s",
         limits=(0.0, 600.0),
-        reason="once the first camera_info is here, how long to wait for the other cameras' before going on without",
+        reason="once the first camera_info is here, how long to wait for the other cameras' before starting; they join "
+        "when theirs comes",
     )
     idle_flush: float = setting(
         3.0,
