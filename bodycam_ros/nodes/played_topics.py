@@ -70,10 +70,10 @@ class PlayedTopics:
         for camera in dict.fromkeys(map(camera_of, self.types)):
             of_images = [f"/{camera}{ending}" for ending in IMAGES if f"/{camera}{ending}" in self.types]
             # A bag may have them raw and compressed, and nobody needs both.
-            if of_images and not any(self._readers(topic) for topic in of_images):
+            if of_images and not any(self._readers(topic, 1) for topic in of_images):
                 lacking.append(f"{of_images[0]} (nobody)")
             info = f"/{camera}{INFO}"
-            if info in self.types and (readers := self._readers(info)) < readers_of_info:
+            if info in self.types and (readers := self._readers(info, readers_of_info)) < readers_of_info:
                 lacking.append(f"{info} ({readers} of {readers_of_info} nodes)")
         return lacking
 
@@ -81,8 +81,11 @@ class PlayedTopics:
         """Whether the readers have everything, or get it within the patience for each topic."""
         return all(publisher.wait_for_all_acked(patience) for publisher in self._publishers.values())
 
-    def _readers(self, topic: str) -> int:
-        """Nodes that are connected; one of them may have several subscriptions."""
+    def _readers(self, topic: str, wanted: int) -> int:
+        """Nodes that are connected, as far as they are wanted."""
+        subscriptions: int = self._publishers[topic].get_subscription_count()
+        if wanted <= 1 or subscriptions < wanted:
+            return min(wanted, subscriptions)
+        # One node may have several subscriptions. To ask whose they are takes longer.
         known = self._node.get_subscriptions_info_by_topic(topic)
-        nodes = {(reader.node_namespace, reader.node_name) for reader in known}
-        return min(len(nodes), self._publishers[topic].get_subscription_count())
+        return min(wanted, len({(reader.node_namespace, reader.node_name) for reader in known}))

@@ -44,7 +44,7 @@ class Player(StageNode[PlayerParameters]):
             self._wait_for_readers(topics, stopped)
             while not stopped():
                 self._play(bag, topics, stopped)
-                if not self.parameters.loop:
+                if not self.parameters.loop or not self._played:
                     break
         deadline_s = time.monotonic() + _LAST_WORDS_S
         while not stopped() and time.monotonic() < deadline_s:
@@ -140,7 +140,8 @@ class Player(StageNode[PlayerParameters]):
             "readers lacking": few(lacking) or "none",
         }
         level = HealthLevel.WARN if lacking else HealthLevel.OK
-        self.report(self.get_clock().now().nanoseconds, [Health(self.get_name(), level, text, values)])
+        # Real time: with use_sim_time the node's own clock may stand still.
+        self.report(time.time_ns(), [Health(self.get_name(), level, text, values)])
 
 
 def main() -> int:
