@@ -118,7 +118,7 @@ class SkeletonPipeline:
         body: segments, joints and mounts.
         cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
         settings: of all stages.
-        begins_anew: whether the body follows when most cameras go back in time, as when a bag is played again.
+        live: whether the cameras are heard while they see, see ``FrameAssembler``.
 
     Raises:
         BodyError: the body carries none of the cameras.
@@ -129,13 +129,13 @@ class SkeletonPipeline:
         body: BodyModel,
         cameras: Mapping[str, CameraModel],
         settings: PipelineSettings,
-        begins_anew: bool = False,
+        live: bool = False,
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
         self._settings = settings
         on_body = [name for name in cameras if name in body.mounts]
-        self.assembler = FrameAssembler(on_body, settings.assembler, begins_anew)
+        self.assembler = FrameAssembler(on_body, settings.assembler, live)
         self._root = body.segment_index[body.root]
         self._begin()
 

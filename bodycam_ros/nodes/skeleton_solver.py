@@ -140,7 +140,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _solve_with_those_known(self) -> None:
         if self._body is not None and self._cameras.models:
-            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, begins_anew=True)
+            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
             self._late_reported = 0
 
     def _solve_new(self, body: BodyModel) -> None:

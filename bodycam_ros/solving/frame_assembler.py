@@ -1,5 +1,6 @@
 """From the streams of single cameras to frames of the whole body."""
 
+import time
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -49,6 +50,7 @@ class _Stream:
         run_ns: how far its stamps have run on; of a jump ahead only ``max_wait``.
         others_run_ns: the others' ``run_ns`` when it was last heard.
         turn: number of the message that was its latest.
+        heard_s: when that was, on the steady clock.
         behind: what it says of a time before the body's present; the body may go there.
         left_ns: the stamp from which it went back.
     """
@@ -58,6 +60,7 @@ class _Stream:
     run_ns: int = 0
     others_run_ns: dict[str, int] = field(default_factory=dict)
     turn: int = 0
+    heard_s: float = field(default_factory=time.monotonic)
     behind: list[LandmarkMatches] = field(default_factory=list)
     left_ns: int = 0
 
@@ -73,8 +76,9 @@ class FrameAssembler:
     Args:
         cameras: the cameras to wait for.
         settings: tolerances.
-        begins_anew: whether the frames follow when most cameras go back in time, as when a bag is played again;
-            otherwise what they say then is late.
+        live: whether the cameras are heard while they see. Then the frames follow when most cameras go back in time, as
+            when a bag is played again; and no camera is silent before ``max_wait`` of real time has passed as well,
+            because on a busy machine one process may stand still while others go on. Otherwise the stamps alone count.
 
     Attributes:
         assembled: frames made so far.
@@ -84,13 +88,11 @@ class FrameAssembler:
         synchrony: how the cameras go together.
     """
 
-    def __init__(
-        self, cameras: Iterable[str], settings: AssemblerSettings | None = None, begins_anew: bool = False
-    ) -> None:
+    def __init__(self, cameras: Iterable[str], settings: AssemblerSettings | None = None, live: bool = False) -> None:
         settings = settings or AssemblerSettings()
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
         self._max_wait_ns = round(1e9 * settings.max_wait)
-        self._begins_anew = begins_anew
+        self._live = live
         self._streams = {camera: _Stream() for camera in cameras}
         self._turn = 0
         self._assembled_ns = -1
@@ -123,7 +125,7 @@ class FrameAssembler:
         goes_back = self._hear(stream, matches.stamp_ns)
         if matches.stamp_ns <= self._assembled_ns:
             self._put_behind(stream, matches, goes_back)
-            frames = self._go_back() if self._begins_anew and self._most_are_behind() else []
+            frames = self._go_back() if self._live and self._most_are_behind() else []
         else:
             self._come_home(stream, matches.stamp_ns)
             stream.queue.append(matches)
@@ -150,6 +152,11 @@ class FrameAssembler:
             stream.run_ns += min(stamp_ns - stream.heard_ns, self._max_wait_ns)
         stream.heard_ns = stamp_ns
         stream.others_run_ns = self._runs_ns()
+        stream.heard_s = time.monotonic()
+        if not self._turn:
+            # Nobody is silent before anybody has spoken.
+            for each in self._streams.values():
+                each.heard_s = stream.heard_s
         self._turn += 1
         stream.turn = self._turn
         return goes_back
@@ -229,8 +236,11 @@ class FrameAssembler:
             for camera, other in self._streams.items()
             if other.heard_ns is not None and other is not stream
         }
-        if 2 * sum(ns > _FAR_BEHIND * self._max_wait_ns for ns in ahead_ns.values()) > len(self._streams):
+        far_ahead = sum(ns > _FAR_BEHIND * self._max_wait_ns for ns in ahead_ns.values())
+        if stream.heard_ns is not None and 2 * far_ahead > len(self._streams):
             return True
+        if self._live and time.monotonic() - stream.heard_s < 1e-9 * self._max_wait_ns:
+            return False
         return any(
             ns > self._max_wait_ns
             and self._streams[camera].run_ns - stream.others_run_ns.get(camera, 0) > self._max_wait_ns
