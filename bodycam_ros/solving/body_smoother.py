@@ -112,6 +112,10 @@ class BodySmoother:
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
         self._replaced: set[int] = set()
 
+    def join(self, camera: str, model: CameraModel) -> None:
+        """Use one more camera of the body from now on, or another model of one."""
+        self._cameras[camera] = model
+
     def update(self, frame: BodyFrame) -> list[BodyState]:
         """Add one instant, later than the one before.
 
