@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import ReplaySummary, replay
 
@@ -49,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
         f"time; written to {arguments.output}",
         soft_wrap=True,
     )
-    return 0
+    print_verdict(Console(), summary.verdict)
+    return exit_code(summary.verdict)
 
 
 def _table(summary: ReplaySummary) -> Table:
