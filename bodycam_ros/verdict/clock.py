@@ -13,8 +13,8 @@ from bodycam_ros.verdict.joint_view import joint_view, joint_views
 _EXPLAINED = 0.35
 """Share of the gaps that a clock must explain; on good recordings none of 5 ms explains more than 0.25."""
 
-_LEFT = 0.75
-"""Share of the usual gap that may be left once the clock is put right."""
+_LEFT = 0.85
+"""Share of the gap that may be left once the clock is put right; a fast limb is no straight line."""
 
 
 def clock_errors(agreement: Agreement, body: BodyModel, cameras: Sequence[str], limit_s: float) -> dict[str, float]:
@@ -40,5 +40,5 @@ def clock_error(
     if not errors or np.median([explained for _, explained in errors]) < _EXPLAINED:
         return None
     error_s = float(np.median([error_s for error_s, _ in errors]))
-    halved = all(view.gap_with_clock(error_s) < _LEFT * view.gap_with_clock(0.0) for view in views)
-    return error_s if abs(error_s) > limit_s and halved else None
+    better = all(view.gap_with_clock(error_s) < _LEFT * view.gap_with_clock(0.0) for view in views)
+    return error_s if abs(error_s) > limit_s and better else None

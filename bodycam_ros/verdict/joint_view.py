@@ -27,7 +27,7 @@ class JointView:
     Attributes:
         expected: (3,) where the body has it [m].
         places: (T, 3) where the other camera says that it is [m].
-        velocities: (T, 3) of the same point fixed to the camera, in the camera's axes [m/s].
+        velocities: (T, 3) of that point in the world, in the camera's axes [m/s].
         seconds: (T,) [s].
     """
 
@@ -74,8 +74,9 @@ class JointView:
         return error_s, 1.0 - float(((gaps - error_s * velocities) ** 2).sum()) / total
 
     def gap_with_clock(self, error_s: float) -> float:
-        """By how much it is still off, usually, if the camera's clock is ahead by so much [m]."""
-        return _spread(self.places - error_s * self.velocities, self.expected)
+        """By how much it is still off, root mean square, if the camera's clock is ahead by so much [m]."""
+        gaps = self.places - error_s * self.velocities - self.expected
+        return float(np.sqrt((gaps**2).sum(axis=1).mean()))
 
     def _unexplained(self, row: int) -> float:
         """What two places, the body's until a row and another from it on, leave unexplained [m]."""
@@ -97,13 +98,16 @@ def joint_views(agreement: Agreement, body: BodyModel, core: Sequence[str], came
 def joint_view(agreement: Agreement, link: CameraLink, camera: str) -> JointView:
     """What the other camera of an exact link says about its end."""
     other = link.second if camera == link.first else link.first
-    pose, twist = agreement.registered(camera), agreement.twists[:, agreement.cameras.index(camera)]
-    offset = link.place(other, agreement.registered(other)) - link.place(camera, pose)
-    in_camera = (np.swapaxes(pose[:, :3, :3], -1, -2) @ offset[:, :, None])[:, :, 0]
-    known = np.isfinite(in_camera).all(axis=1)
-    end = link.end(camera)
-    velocities = np.cross(twist[known, :3], end) + twist[known, 3:]
-    return JointView(end, end + in_camera[known], velocities, agreement.seconds[known])
+    pose, other_pose = agreement.registered(camera), agreement.registered(other)
+    camera_R_world = np.swapaxes(pose[:, :3, :3], -1, -2)
+    offset = link.place(other, other_pose) - link.place(camera, pose)
+    places = link.end(camera) + (camera_R_world @ offset[:, :, None])[:, :, 0]
+    # By the other camera: one whose places are wrong would move with its own errors.
+    twist = agreement.twists[:, agreement.cameras.index(other)]
+    moving = np.cross(twist[:, :3], link.end(other)) + twist[:, 3:]
+    velocities = (camera_R_world @ other_pose[:, :3, :3] @ moving[:, :, None])[:, :, 0]
+    known = np.isfinite(places).all(axis=1)
+    return JointView(link.end(camera), places[known], velocities[known], agreement.seconds[known])
 
 
 def _spread(places: Array, centre: Array) -> float:

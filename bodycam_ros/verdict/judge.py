@@ -27,7 +27,7 @@ def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> V
         settings: thresholds.
     """
     silent = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera, settings)]
-    alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_instant(agreement, camera)]
+    alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_time(agreement, camera)]
     cameras = [camera for camera in agreement.cameras if camera not in silent and camera not in alone]
     found = contradiction(agreement, body, cameras, settings)
     accused = causes(agreement, body, found, settings)
@@ -70,12 +70,11 @@ def _of_silent(agreement: Agreement, silent: Sequence[str], everybody: bool) -> 
             )
 
 
-def _shares_no_instant(agreement: Agreement, camera: str) -> bool:
-    """Whether no other camera was ever known when this one was."""
-    known = np.isfinite(agreement.world_T_registered[:, :, 0, 0])
-    own = agreement.cameras.index(camera)
-    others = np.delete(known, own, axis=1).any(axis=1)
-    return bool(known[:, own].any() and others.any() and not (known[:, own] & others).any())
+def _shares_no_time(agreement: Agreement, camera: str) -> bool:
+    """Whether no other camera recorded while this one did."""
+    own = agreement.counts[camera]
+    others = [agreement.counts[other] for other in agreement.cameras if other != camera]
+    return bool(others) and all(own.last_ns < other.first_ns or own.first_ns > other.last_ns for other in others)
 
 
 def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Finding:
@@ -84,7 +83,7 @@ def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Findi
     return Finding(
         camera,
         Level.WRONG,
-        "shares no instant with the other cameras",
+        "shares no time with the other cameras",
         f"its clock is far off: it begins {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} them",
         "set the cameras' clocks to one time",
     )
