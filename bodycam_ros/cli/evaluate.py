@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
+
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
 
@@ -46,7 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     write_report(evaluation, arguments.output, overlay)
     _report(evaluation, arguments.output)
-    return 0
+    print_verdict(Console(), evaluation.verdict)
+    return exit_code(evaluation.verdict)
 
 
 def _report(evaluation: "Evaluation", folder: Path) -> None:

@@ -11,6 +11,7 @@ from bodycam_ros.evaluate.camera_health import CameraHealth
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.verdict.verdict import Verdict
 
 CM_PER_M, MM_PER_M = 100.0, 1000.0
 
@@ -22,6 +23,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
     """
     solved = evaluation.solved
     figures: dict[str, Any] = {
+        "verdict": _verdict(evaluation.verdict),
         "duration_s": 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns),
         "frame_s": 1e-9 * solved.frame_ns,
         "instants": len(solved.stamps_ns),
@@ -63,6 +65,11 @@ def truth_figures(comparison: Comparison) -> dict[str, Any]:
         "rotation_deg": _spread(np.array(rotations)),
         "per_joint": per_joint,
     }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    findings = [asdict(finding) | {"level": finding.level.word} for finding in verdict.findings]
+    return {"level": verdict.level.word, "text": verdict.text, "findings": findings}
 
 
 def _camera(health: CameraHealth) -> dict[str, Any]:

@@ -113,9 +113,14 @@ def lasting(values: Array, seconds: Array, min_stay_s: float) -> float:
     values, seconds = values[known], seconds[known]
     if len(values) < _LEAST_ROWS:
         return float("nan")
-    ends = np.searchsorted(seconds, seconds + min_stay_s)
-    starts = [row for row, end in enumerate(ends) if end - row >= _LEAST_ROWS and (row == 0 or end < len(seconds))]
-    return max((float(np.median(values[row : ends[row]])) for row in starts), default=float(np.median(values)))
+    step_s = float(np.median(np.diff(seconds)))
+    rows = max(_LEAST_ROWS, round(min_stay_s / step_s))
+    if len(values) <= rows:
+        return float(np.median(values))
+    # A stretch with a pause in it is none.
+    whole = seconds[rows - 1 :] - seconds[: 1 - rows] < 2.0 * rows * step_s
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(values, rows), axis=1)[whole]
+    return float(medians.max()) if len(medians) else float(np.median(values))
 
 
 def gaps_over_time(agreement: Agreement, body: BodyModel, core: Sequence[str], camera: str) -> Array:
