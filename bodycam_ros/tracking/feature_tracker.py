@@ -37,8 +37,12 @@ class TrackerSettings:
         limits=(0.01, 6.3),
         reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
     )
-    min_keyframe_gap: int = setting(
-        3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame"
+    min_keyframe_gap: float = setting(
+        0.09,
+        unit="s",
+        limits=(0.0, 5.0),
+        reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
+        "turns quickly needs just that",
     )
     max_track_age: float = setting(
         1.5,
@@ -89,8 +93,9 @@ class FeatureTracker:
         self._ids = np.zeros(0, np.uint32)
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
-        self._keyframe_ns = 0
-        self._frames_since_keyframe = self.settings.min_keyframe_gap  # the first image is a keyframe
+        self._keyframe_ns: int | None = None
+        self._keyframe_wanted = False
+        self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
         self._rotation_per_frame = np.eye(3)
@@ -142,6 +147,10 @@ class FeatureTracker:
         if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
 
+    def want_keyframe(self) -> None:
+        """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
+        self._keyframe_wanted = True
+
     def _check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
@@ -184,11 +193,13 @@ class FeatureTracker:
         survivors = len(self._ids)
         due = (
             self._tracks_at_keyframe == 0
+            or self._keyframe_wanted
             or self._frames_since_keyframe >= self.settings.keyframe_interval
             or self._turned > self.settings.keyframe_rotation
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
         )
-        return due and self._frames_since_keyframe >= self.settings.min_keyframe_gap
+        since_keyframe_ns = self._stamp_ns - self._keyframe_ns if self._keyframe_ns is not None else None
+        return due and (since_keyframe_ns is None or since_keyframe_ns >= 1e9 * self.settings.min_keyframe_gap)
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
@@ -207,6 +218,7 @@ class FeatureTracker:
         self._ids = np.concatenate([self._ids, new_ids])
         self._born_ns = np.concatenate([self._born_ns, np.full(len(fresh), self._stamp_ns)])
         self._keyframe_ns = self._stamp_ns
+        self._keyframe_wanted = False
         self._tracks_at_keyframe = len(self._ids)
         self._frames_since_keyframe = 0
         self._turned = 0.0
