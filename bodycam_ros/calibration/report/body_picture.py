@@ -13,7 +13,6 @@ from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report import joint_panels
 from bodycam_ros.calibration.report.body_views import draw_views
 from bodycam_ros.calibration.report.report_tables import MM_PER_M
-from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.whole_file import write_whole
 
@@ -33,12 +32,9 @@ def draw_body(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Path) -> N
     """Write the picture as PNG, whole or not at all.
 
     Raises:
-        BodyError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
-    try:
-        write_whole(path, body_png(body, diagnosis))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot write this picture: {error.strerror or error}") from error
+    write_whole(path, body_png(body, diagnosis))
 
 
 def body_png(body: BodyModel, diagnosis: CalibrationDiagnosis) -> bytes:

@@ -20,7 +20,7 @@ from matplotlib.text import Text
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_figure, body_png, draw_body
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.picture_style import WARNING
 
 
@@ -123,7 +123,7 @@ def test_the_file_is_a_whole_picture_or_none(body: BodyModel, tmp_path: Path) ->
     picture = cv2.imread(str(path))
     assert picture is not None and min(picture.shape[:2]) > 1000
     assert [file.name for file in tmp_path.iterdir()] == ["body.png"]
-    with pytest.raises(BodyError, match=r"missing.*cannot write"):
+    with pytest.raises(OutputError, match=r"missing.*cannot be written"):
         draw_body(body, good_diagnosis(body), tmp_path / "missing" / "body.png")
 
 
