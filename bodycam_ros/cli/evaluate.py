@@ -40,13 +40,31 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
+    from bodycam_ros.output_place import check_output
 
     check_report_folder(arguments.output)
+    check_output(arguments.output, (arguments.solved, arguments.truth, arguments.recording))
+    _check_earlier(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     write_report(evaluation, arguments.output, overlay)
     _report(evaluation, arguments.output)
     return 0
+
+
+def _check_earlier(folder: Path) -> None:
+    """Refuse to replace pictures of these names that no evaluation made: it writes figures along with each.
+
+    Raises:
+        OutputError: there are such.
+    """
+    from bodycam_ros.evaluate.report_folder import FIGURES, OVERLAY, PICTURE
+    from bodycam_ros.output_place import check_file
+
+    check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
+    if not (folder / FIGURES).exists():
+        for name in (PICTURE, OVERLAY):
+            check_file(folder / name, force=False, mark=b"", what="picture")
 
 
 def _report(evaluation: "Evaluation", folder: Path) -> None:

@@ -16,6 +16,7 @@ from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, set
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = MapSettings(
         **{group: settings_from_flags(arguments, group, kind, arguments.config) for group, kind in groups.items()}
     )
+    check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
     check_replaceable(arguments.output, arguments.force)
     photographs = find_photographs(arguments.reference)
     board_path = None if arguments.no_board else arguments.board or photographs.board_path

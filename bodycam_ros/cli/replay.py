@@ -9,7 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.replay import ReplaySummary, replay
 
 
@@ -26,6 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     console = Console(stderr=True)
     settings = pipeline_settings(arguments)
+    check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config))
+    if arguments.output.exists():
+        check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
         duration_s = recording.duration_s
     columns = (TextColumn("replay"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())

@@ -1,5 +1,6 @@
 """The reference map: what a place looks like and where its landmarks are."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -11,6 +12,7 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
+from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
@@ -19,6 +21,7 @@ from bodycam_ros.yaml_file import read_yaml
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
+_PARTS = re.compile(r"map\.yaml|landmarks\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)")
 
 
 @dataclass(frozen=True)
@@ -99,8 +102,7 @@ class ReferenceMap:
             also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
-            MapError: something is at ``path`` that must not be replaced.
-            OutputError: the disk refuses.
+            OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
         summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
@@ -157,13 +159,13 @@ _DTYPES = {
 
 
 def check_replaceable(path: Path, force: bool) -> None:
-    """Raise MapError unless a map may be written to ``path``: nothing there, or with ``force`` a map."""
-    if not path.exists():
-        return
-    if not force:
-        raise MapError(f"{path}: exists already; choose another name or replace it with --force")
-    if not (path / _SUMMARY_FILE).is_file():
-        raise MapError(f"{path}: is not a map (it has no {_SUMMARY_FILE}), so --force does not replace it")
+    """Refuse to replace what is there, unless ``force`` is given and it is a map.
+
+    Raises:
+        OutputError: so it is.
+    """
+    if path.exists():
+        check_folder(path, force, _SUMMARY_FILE, _PARTS, "map")
 
 
 def _read_summary(path: Path) -> dict[str, Any]:
