@@ -11,6 +11,7 @@ from rich.table import Table
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.whole_file import scratch_folder
 
 _DESIGN_SOLVE_MS = 8.0
 """What the design measured for 13 segments and 16 cameras on one core of its machine."""
@@ -31,8 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
         task = progress.add_task("stages, one thread", total=None)
         timing = time_stages(*inputs, settings, on_image=lambda: progress.advance(task))
         progress.update(task, description="replay, all cores")
-        with tempfile.TemporaryDirectory() as scratch:
-            summary = replay(*inputs, Path(scratch) / "out", settings, jobs=arguments.jobs)
+        with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+            summary = replay(*inputs, scratch / "out", settings, jobs=arguments.jobs)
     console = Console()
     console.print(_table(timing))
     console.print(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from bodycam_ros.export.formats import FORMATS, export
 from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.shown import printable
 
 _MARKS = {"urdf": b"<robot"}
 """What a file of a format has near its beginning."""
@@ -30,5 +31,5 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(arguments.output, (arguments.source,), makes_folders=False)
     check_file(arguments.output, arguments.force, _MARKS[arguments.to], arguments.to)
     export(arguments.source, arguments.to, arguments.output)
-    print(f"written to {arguments.output}")
+    print(f"written to {printable(str(arguments.output))}")
     return 0

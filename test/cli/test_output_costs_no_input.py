@@ -60,7 +60,7 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (MAP, "photographs/map", "lies within what this command reads"),
         (MAP, ".", "contains what this command reads"),
         (MAP, "album", "holds dear.jpg, which is no part of a map"),
-        (EVALUATE, "walk", "is what this command reads (walk)"),
+        (EVALUATE, "walk", "ros2 bag folder"),
         (EVALUATE, "album", "ros2 bag folder"),
         (EXPORT, "body.yaml", "is what this command reads (body.yaml)"),
         (EXPORT, "thesis.yaml", "is no urdf, so --force does not replace it"),
