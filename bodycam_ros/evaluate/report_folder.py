@@ -6,8 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.overlay import OverlayView
-from bodycam_ros.evaluate.overlay_picture import draw_overlays
+from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.whole_file import whole_files

@@ -8,7 +8,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_png
 from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
-from bodycam_ros.evaluate.picture_style import FAINT, INK, QUIET, WARNING
+from bodycam_ros.drawing.picture_style import FAINT, INK, QUIET, WARNING
 from bodycam_ros.whole_file import write_whole
 
 _STYLE = f"""

@@ -13,11 +13,11 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.view.colours import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
 from bodycam_ros.view.correction import Correction, Move, Part
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.motion import Motion
-from bodycam_ros.view.stage import Stage
+from bodycam_ros.view.scene import Scene
+from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
 
 KNEE = Part("joint", "knee_left")
 FLOAT32 = 1e-6
@@ -49,8 +49,8 @@ def motion(body: BodyModel) -> Motion:
 
 
 @pytest.fixture
-def stage(server: LocalServer, sample: Path, body: BodyModel, motion: Motion) -> Stage:
-    return Stage(server, body, ReferenceMap.load(sample / "map"), motion, lambda part: None)
+def scene(server: LocalServer, sample: Path, body: BodyModel, motion: Motion) -> Scene:
+    return Scene(server, body, ReferenceMap.load(sample / "map"), motion, lambda part: None)
 
 
 def pose_of(server: LocalServer, name: str) -> NDArray[np.float64]:
@@ -71,26 +71,26 @@ def colour_of(server: LocalServer, name: str) -> tuple[int, int, int]:
 
 
 def test_everything_is_where_the_corrected_body_puts_it(
-    server: LocalServer, stage: Stage, body: BodyModel, motion: Motion
+    server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
 ) -> None:
     corrected = Correction(body).moved_by(KNEE, Move(np.array([10.0, -20.0, 30.0]), np.zeros(3))).body
-    stage.reshape(corrected)
-    stage.show(corrected, 1, follow=False)
+    scene.reshape(corrected)
+    scene.show(corrected, 1, follow=False)
     world_T_segment = motion.segments_at(corrected, 1)
     for camera, mount in corrected.mounts.items():
         expected = world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera
         found = pose_of(server, f"/world/body/{mount.segment}/camera_{camera}")
         assert_allclose(found, expected, rtol=0.0, atol=FLOAT32, err_msg=camera)
-        assert_allclose(stage.world_T_camera(corrected, 1, camera), expected, rtol=0.0, atol=1e-12)
+        assert_allclose(scene.world_T_camera(corrected, 1, camera), expected, rtol=0.0, atol=1e-12)
     for joint in corrected.joints:
         expected = world_T_segment[body.segment_index[joint.parent]] @ joint.parent_T_joint
         found = pose_of(server, f"/world/body/{joint.parent}/joint_{joint.name}")
         assert_allclose(found, expected, rtol=0.0, atol=FLOAT32, err_msg=joint.name)
 
 
-def test_bones_reach_from_joint_to_joint(server: LocalServer, stage: Stage, body: BodyModel) -> None:
+def test_bones_reach_from_joint_to_joint(server: LocalServer, scene: Scene, body: BodyModel) -> None:
     corrected = Correction(body).moved_by(KNEE, Move(np.array([0.0, 50.0, 100.0]), np.zeros(3))).body
-    stage.reshape(corrected)
+    scene.reshape(corrected)
     knee = next(joint for joint in corrected.joints if joint.name == "knee_left").parent_T_joint[:3, 3]
     names = [f"/world/body/thigh_left/bone_{number}" for number in range(30)]
     (bone,) = [handle for name in names if (handle := server.scene.get_handle_by_name(name)) is not None]
@@ -101,28 +101,28 @@ def test_bones_reach_from_joint_to_joint(server: LocalServer, stage: Stage, body
 
 
 def test_following_keeps_the_body_in_the_middle_and_on_the_floor(
-    server: LocalServer, stage: Stage, body: BodyModel, motion: Motion
+    server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
 ) -> None:
     for instant in (0, 1):
-        stage.show(body, instant, follow=True)
+        scene.show(body, instant, follow=True)
         expected = [0.0, 0.0, motion.world_T_root[instant, 2, 3]]
         assert_allclose(pose_of(server, "/world/body/pelvis")[:3, 3], expected, rtol=0.0, atol=FLOAT32)
-    stage.show(body, 0, follow=False)  # the world stays where it was left
+    scene.show(body, 0, follow=False)  # the world stays where it was left
     step = motion.world_T_root[0, :2, 3] - motion.world_T_root[1, :2, 3]
     assert_allclose(pose_of(server, "/world/body/pelvis")[:2, 3], step, rtol=0.0, atol=FLOAT32)
 
 
 def test_cameras_are_coloured_by_what_they_know_and_by_selection(
-    server: LocalServer, stage: Stage, body: BodyModel
+    server: LocalServer, scene: Scene, body: BodyModel
 ) -> None:
     head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
-    stage.show(body, 0, follow=True)
+    scene.show(body, 0, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(REGISTERED), rgb(LOST))
     assert colour_of(server, "/world/body/torso/camera_torso_back") == rgb(UNKNOWN)
-    stage.show(body, 1, follow=True)
+    scene.show(body, 1, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(LOST), rgb(REGISTERED))
-    stage.select(body, Part("camera", "head"))
+    scene.select(body, Part("camera", "head"))
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(SELECTED), rgb(REGISTERED))
-    stage.select(body, KNEE)
+    scene.select(body, KNEE)
     assert colour_of(server, head) == rgb(LOST)
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)

@@ -1,23 +1,79 @@
-"""Panels: the error over time where the truth is known, else what the solver itself believes."""
+"""Panels over time: angles of limbs, and the error or, where the truth is unknown, what the solver itself believes."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import NDArray
 
+from bodycam_ros.drawing.picture_style import (
+    INK,
+    LEFT,
+    QUIET,
+    RIGHT,
+    TRUTH,
+    WARNING,
+    light_grid,
+    panel_title,
+    side_colour,
+)
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.picture_style import INK, QUIET, TRUTH, WARNING, light_grid, panel_title
+from bodycam_ros.evaluate.flexion import LIMBS, LimbJoint, flexion, limb_joints
 from bodycam_ros.evaluate.summary import MM_PER_M
-from bodycam_ros.evaluate.time_curve import broken_at_gaps, lone_marker
 from bodycam_ros.geometry import Array
+from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
 
-PANELS = 2
-
+ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
 _SHORT_SCALE = 50.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
+_DASHED = (0, (3, 2))
+
+
+def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
+    """Draw one panel per kind of joint, left and right in their colours, the truth dashed."""
+    joints = limb_joints(evaluation.solved.urdf.segments)
+    for axes, name in zip(panels, LIMBS, strict=True):
+        for joint in (joint for joint in joints if joint.name == name):
+            _draw_joint(axes, evaluation, joint)
+        if any(joint.name == name for joint in joints):
+            light_grid(axes)
+        else:
+            axes.text(
+                0.5, 0.5, f"no {name} in this body", transform=axes.transAxes, ha="center", va="center", color=QUIET
+            )
+            axes.set_yticks([])
+        axes.set_ylabel(f"{name} [°]")
+        axes.margins(y=0.12)
+    panel_title(panels[0], "Flexion", "forward; shoulder: in any direction")
+    handles = [Line2D([], [], color=LEFT, label="left"), Line2D([], [], color=RIGHT, label="right")]
+    if evaluation.comparison is not None:
+        handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="truth"))
+    panels[0].legend(
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 0.98),
+        ncols=len(handles),
+        handlelength=1.6,
+        borderaxespad=0,
+    )
+
+
+def _draw_joint(axes: Axes, evaluation: Evaluation, joint: LimbJoint) -> None:
+    solved = evaluation.solved
+    parent = solved.urdf.parent_segments()[joint.segment]
+    world_R_parent, world_R_child = (solved.world_T_link[segment][:, :3, :3] for segment in (parent, joint.segment))
+    angle = np.degrees(flexion(joint.name, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
+    curve = broken_at_gaps(solved, solved.stamps_ns, angle)
+    axes.plot(*curve, color=side_colour(joint.segment), linewidth=1.6, marker=_lone_marker(curve))
+    if evaluation.comparison is not None and joint.segment in evaluation.comparison.joints:
+        true = np.degrees(flexion(joint.name, evaluation.comparison.joints[joint.segment].true))
+        axes.plot(
+            *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true), color=INK, linewidth=0.8, linestyle=_DASHED
+        )
 
 
 def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
@@ -47,7 +103,7 @@ def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison
 def _draw_own_doubts(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     solved = evaluation.solved
     sigma = broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
-    panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=lone_marker(sigma))
+    panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
     panels[0].set_ylabel("root sigma\n[mm]")
     _draw_spread(panels[1], broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.jitter))
     panels[1].set_ylabel("jitter\n[mm]")
@@ -61,7 +117,7 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     seconds, values = curves
     mean, worst = values.mean(axis=1), values.max(axis=1)
     axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
-    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=lone_marker(curves))
+    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=_lone_marker(curves))
     known = mean[np.isfinite(mean)]
     if len(known):
         overall = float(known.mean())
@@ -89,3 +145,14 @@ def _mark_blind(axes: Axes, evaluation: Evaluation) -> None:
         axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
     for start, end in evaluation.gaps:
         axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
+
+
+def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values: Array) -> tuple[Array, Array]:
+    """Times (N,) [s] and values (N, ...) of a curve (T, ...) at stamps (T,), with a NaN in each gap of time."""
+    after = np.flatnonzero(np.diff(stamps_ns) > GAP_FRAMES * solved.frame_ns) + 1
+    return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan, axis=0)
+
+
+def _lone_marker(curve: tuple[Array, Array]) -> str:
+    """A dot if the curve is one point, which no line would show."""
+    return "o" if len(curve[0]) == 1 else ""

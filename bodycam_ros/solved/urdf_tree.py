@@ -1,10 +1,9 @@
 """Forward kinematics of a URDF, over all instants at once.
 
-The evaluation reads a robot as every other tool does, from ``/robot_description``, and so measures what was published
+A solved bag is read as every other tool reads it, by its ``/robot_description``: what is measured is what was published
 and not what the solver had in mind.
 """
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
-from bodycam_ros.body.urdf_joint import UrdfJoint
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 
 
@@ -46,18 +45,13 @@ class UrdfTree:
             RecordingError: not a URDF, not a tree, or with joints that a body does not have.
         """
         try:
-            document = ET.fromstring(text)
-            joints = [UrdfJoint.read(element) for element in document.iterfind("joint")]
-        except (ET.ParseError, ValueError) as error:
+            document = UrdfDocument.parse(text)
+        except BodyError as error:
             raise RecordingError(f"{source}: not a URDF that can be read: {error}") from error
-        links = {link.attrib.get("name", ""): link for link in document.iterfind("link")}
-        roots = sorted(set(links) - {joint.child for joint in joints})
-        if len(roots) != 1:
-            raise RecordingError(f"{source}: a URDF has one root link, this one has {', '.join(roots) or 'none'}")
-        body = [name for name in links if not name.endswith(CAMERA_SUFFIX)]
-        drawn = [name for name in body if links[name].find("visual") is not None]
-        cameras = [name.removesuffix(CAMERA_SUFFIX) for name in links if name.endswith(CAMERA_SUFFIX)]
-        return cls(roots[0], tuple(drawn or body), tuple(cameras), _parents_first(joints, roots[0], source))
+        body = tuple(link for link in document.links if not link.endswith(CAMERA_SUFFIX))
+        drawn = tuple(link for link in body if link in document.drawn)
+        cameras = tuple(link.removesuffix(CAMERA_SUFFIX) for link in document.links if link.endswith(CAMERA_SUFFIX))
+        return cls(document.root, drawn or body, cameras, document.joints)
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -67,10 +61,11 @@ class UrdfTree:
     def parent_segments(self) -> dict[str, str]:
         """Segment -> the segment that it hangs on; the topmost has none."""
         parent_of = {joint.child: joint.parent for joint in self.joints}
+        segments = set(self.segments)
         parents = {}
         for segment in self.segments:
             above = parent_of.get(segment)
-            while above is not None and above not in self.segments:
+            while above is not None and above not in segments:
                 above = parent_of.get(above)
             if above is not None:
                 parents[segment] = above
@@ -91,16 +86,3 @@ class UrdfTree:
                 parent_T_child = joint.parent_T_joint @ rigid(turn, np.zeros(3))
             world_T_link[joint.child] = world_T_link[joint.parent] @ parent_T_child
         return world_T_link
-
-
-def _parents_first(joints: list[UrdfJoint], root: str, source: str) -> tuple[UrdfJoint, ...]:
-    """In the order of the document as far as that goes."""
-    reached, ordered, pending = {root}, [], list(joints)
-    while pending:
-        ready = next((joint for joint in pending if joint.parent in reached), None)
-        if ready is None:
-            raise RecordingError(f"{source}: joint {pending[0].name} does not hang on root link {root}")
-        ordered.append(ready)
-        reached.add(ready.child)
-        pending.remove(ready)
-    return tuple(ordered)

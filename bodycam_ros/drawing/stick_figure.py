@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
 
 _TIPS_M = {
@@ -48,3 +49,9 @@ def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> l
             tip = transform_points(poses, np.array([_TIPS_M[kind]]))[:, 0]
             lines.append(Bone(segment, origin[segment], tip))
     return lines
+
+
+def body_bones(body: BodyModel, world_T_segment: Array) -> list[Bone]:
+    """The same of a body whose segments are at poses (S, 4, 4), at one instant."""
+    poses = dict(zip(body.segments, world_T_segment[:, None], strict=True))
+    return bones(poses, {joint.child: joint.parent for joint in body.tree_joints})

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.urdf import optical_frame
-from bodycam_ros.evaluate.trajectory import between_neighbours
-from bodycam_ros.evaluate.urdf_tree import UrdfTree
 from bodycam_ros.geometry import Array
+from bodycam_ros.solved.body_motion import BodyMotion
+from bodycam_ros.solved.trajectory import between_neighbours
+from bodycam_ros.solved.urdf_tree import UrdfTree
 
-_NEIGHBOUR_FRAMES = 1.5
-"""The body is known at a time between two instants if these are no further apart than this [frames]."""
+GAP_FRAMES = 1.5
+"""Instants further apart than this are a gap [frames]; between others the body is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,28 +50,25 @@ class SolvedRecording:
     Attributes:
         path: of the bag.
         urdf: the robot that ``/robot_description`` describes.
-        stamps_ns: (T,) instants with joint states and odometry, increasing [ns].
-        joint_names: (A) in the order of ``joint_angles``.
-        joint_angles: (T, A) [rad].
-        world_T_root: (T, 4, 4) pose of the root link [m].
-        root_covariance: (T, 6, 6) of that pose, rotation [rad^2] first, then translation [m^2], in the root's axes.
+        motion: of the body.
         cameras: in the order of the URDF.
     """
 
     path: Path
     urdf: UrdfTree
-    stamps_ns: NDArray[np.int64]
-    joint_names: tuple[str, ...]
-    joint_angles: Array
-    world_T_root: Array
-    root_covariance: Array
+    motion: BodyMotion
     cameras: tuple[CameraRecord, ...]
+
+    @property
+    def stamps_ns(self) -> NDArray[np.int64]:
+        """(T,) solved instants, increasing [ns]."""
+        return self.motion.stamps_ns
 
     @cached_property
     def world_T_link(self) -> dict[str, Array]:
         """Link -> poses (T, 4, 4) in the world [m], by the URDF's forward kinematics."""
-        angles = {name: self.joint_angles[:, column] for column, name in enumerate(self.joint_names)}
-        return self.urdf.forward_kinematics(self.world_T_root, angles)
+        angles = dict(zip(self.motion.joint_names, self.motion.joint_angles.T, strict=True))
+        return self.urdf.forward_kinematics(self.motion.world_T_root, angles)
 
     @cached_property
     def start_ns(self) -> int:
@@ -96,7 +94,7 @@ class SolvedRecording:
 
     def is_solved_at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(N,) whether stamps (N,) [ns] lie between instants, without a gap."""
-        return between_neighbours(self.stamps_ns, stamps_ns, _NEIGHBOUR_FRAMES * self.frame_ns)
+        return between_neighbours(self.stamps_ns, stamps_ns, GAP_FRAMES * self.frame_ns)
 
     def solved_cameras(self) -> Iterator[tuple[CameraRecord, Array]]:
         """Each camera that the URDF mounts, with its solved poses world_T_camera (T, 4, 4) [m]."""

@@ -1,8 +1,10 @@
-"""Errors of an estimated motion against the true one, one function per measure.
+"""Errors of an estimated motion against the true one, one function per measure, and how values are spread.
 
 T instants, S segments. The measures are those of A section 5.1, and two that mend what those cannot see: the absolute
 scale, and rotations about a changing axis.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,24 @@ from bodycam_ros.geometry import Array, log_so3, nearest_rotation, umeyama
 
 ALTERNATIONS = 50
 """Steps of the alternating fit of constant frames; it has converged to rounding long before."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Mean, median, 95th percentile and maximum; NaN of no values."""
+
+    mean: float
+    median: float
+    p95: float
+    max: float
+
+    @classmethod
+    def of(cls, values: NDArray[np.floating]) -> "Distribution":
+        """The distribution of values of any shape; those that are NaN do not count."""
+        known = values[np.isfinite(values)]
+        if not known.size:
+            return cls(np.nan, np.nan, np.nan, np.nan)
+        return cls(float(known.mean()), float(np.median(known)), float(np.percentile(known, 95)), float(known.max()))
 
 
 def coverage(true_stamps_ns: NDArray[np.int64], solved_stamps_ns: NDArray[np.int64], frame_ns: float) -> float:

@@ -27,3 +27,11 @@ def between_neighbours(stamps_ns: NDArray[np.int64], at_ns: NDArray[np.int64], l
     before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
     near: NDArray[np.bool_] = inside & (stamps_ns[before + 1] - stamps_ns[before] <= longest_ns)
     return near
+
+
+def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | None:
+    """Row of the stamp (K,) nearest to a time, if there is one so near."""
+    if not len(stamps_ns):
+        return None
+    row = int(np.argmin(np.abs(stamps_ns - at_ns)))
+    return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None

@@ -5,12 +5,12 @@ import io
 import numpy as np
 import pytest
 import yourdfpy
-from evaluate.known_walk import PARENTS, Walk
+from known_walk import PARENTS, Walk
 
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.urdf_tree import UrdfTree
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.solved.urdf_tree import UrdfTree
 
 TURNED = """<robot name="turned"><link name="base"/><link name="arm"/><link name="tool"/>
 <joint name="elbow" type="continuous"><origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 2.6"/><axis xyz="1 2 -2"/>
