@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
@@ -13,6 +12,7 @@ from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_setting
 from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.terminal import Terminal
 
 _SUFFIXES = (".yaml", ".yml")
 
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_body(body, output)
     write_html_report(body, calibrated.diagnosis, page)
     print_report(calibrated.diagnosis)
-    Console().print(f"\nbody written to {output}, report to {page}", markup=False, soft_wrap=True)
+    Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
     return 0
 
 
@@ -100,7 +100,7 @@ class _Bars:
 
 def _shown_progress() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    return Progress(*columns, console=Terminal(stderr=True), transient=True)
 
 
 def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
+
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
@@ -71,7 +72,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     from bodycam_ros.evaluate.summary import summary
 
     figures = summary(evaluation)
-    console = Console(markup=False)  # units stand in square brackets
+    console = Terminal()  # units stand in square brackets
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
     console.print(_camera_table(figures["cameras"]))

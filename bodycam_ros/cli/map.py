@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as RichProgress
 from rich.table import Table
@@ -18,6 +17,7 @@ from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
@@ -87,13 +87,13 @@ class _ShownProgress:
 @contextmanager
 def _shown_progress() -> Iterator[_ShownProgress]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with RichProgress(*columns, console=Console(stderr=True)) as bars:
+    with RichProgress(*columns, console=Terminal(stderr=True)) as bars:
         yield _ShownProgress(bars)
 
 
 def _report(built: "BuiltMap", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
-    console = Console(markup=False)
+    console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
     for r in built.registrations:
         table.add_row(
