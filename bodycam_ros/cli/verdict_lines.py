@@ -1,8 +1,8 @@
 """The verdict on the terminal, and the exit code that says it to scripts."""
 
-from rich.console import Console
 from rich.text import Text
 
+from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict.verdict import Level, Verdict
 
 WRONG_RESULT = 3
@@ -11,12 +11,12 @@ WRONG_RESULT = 3
 _STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
 
 
-def print_verdict(console: Console, verdict: Verdict) -> None:
+def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
     """Print the verdict and a line for each finding, coloured where the terminal can."""
     for finding in verdict.findings:
         line = Text.assemble((f"{finding.level.word}: ", _STYLES[finding.level]), finding.text)
-        console.print(line, soft_wrap=True)
-    console.print(Text(f"verdict: {verdict.text}", _STYLES[verdict.level]), soft_wrap=True)
+        terminal.print(line, soft_wrap=True)
+    terminal.print(Text(f"verdict: {verdict.text}", _STYLES[verdict.level]), soft_wrap=True)
 
 
 def exit_code(verdict: Verdict) -> int:

@@ -23,12 +23,12 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
     """
     solved = evaluation.solved
     figures: dict[str, Any] = {
-        "verdict": _verdict(evaluation.verdict),
         "duration_s": 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns),
         "frame_s": 1e-9 * solved.frame_ns,
         "instants": len(solved.stamps_ns),
         "instants_without_camera": int(evaluation.blind.sum()),
         "image_coverage": evaluation.image_coverage,
+        "verdict": _verdict(evaluation.verdict),
         "gaps_s": [list(gap) for gap in evaluation.gaps],
         "root_position_sigma_mm": _spread(MM_PER_M * evaluation.position_sigma),
         "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),

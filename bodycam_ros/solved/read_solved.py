@@ -13,12 +13,20 @@ from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.body_motion import MotionJoiner
 from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
-from bodycam_ros.solved.topics import LANDMARKS, LANDMARKS_TYPE, MOTION_TOPICS, camera_topics, contradictions_named
+from bodycam_ros.solved.topics import (
+    LANDMARKS,
+    LANDMARKS_TYPE,
+    MOTION_TOPICS,
+    ROBOT,
+    ROBOT_TYPE,
+    camera_topics,
+    contradictions_named,
+    published_robot,
+)
 from bodycam_ros.solved.urdf_tree import UrdfTree
 
 _TRACKS, _TRACKS_TYPE = "/tracks", "bodycam_msgs/msg/FeatureTracks"
-_ROBOT = "/robot_description"
-_BODY_TOPICS = {_ROBOT: "std_msgs/msg/String", **MOTION_TOPICS}
+_BODY_TOPICS = {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}
 
 
 def read_solved(path: Path) -> SolvedRecording:
@@ -32,8 +40,8 @@ def read_solved(path: Path) -> SolvedRecording:
     """
     with BagFile(path) as bag:
         _check_topics(bag)
-        urdf = _urdf(bag)
-        body = MotionJoiner(path, urdf.moving, _ROBOT)
+        urdf = UrdfTree.parse(published_robot(bag), f"{path}: {ROBOT}")
+        body = MotionJoiner(path, urdf.moving, ROBOT)
         cameras: dict[str, _CameraMessages] = defaultdict(_CameraMessages)
         of_cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE) | camera_topics(bag, _TRACKS, _TRACKS_TYPE)
         for topic, _, message in bag.messages([*MOTION_TOPICS, *of_cameras]):
@@ -64,13 +72,6 @@ def _refuse(bag: BagFile, what: str) -> None:
         f"{bag.path}: {what}; expected a bag that 'bodycam replay' wrote, or a recording of all topics of the live "
         f"graph; there are: {', '.join(bag.topics) or 'none at all'}"
     )
-
-
-def _urdf(bag: BagFile) -> UrdfTree:
-    text = ""
-    for _, _, message in bag.messages([_ROBOT]):
-        text = message.data
-    return UrdfTree.parse(text, f"{bag.path}: {_ROBOT}")
 
 
 class _CameraMessages:

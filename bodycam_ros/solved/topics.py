@@ -9,12 +9,22 @@ from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
+ROBOT, ROBOT_TYPE = "/robot_description", "std_msgs/msg/String"
 JOINT_STATES, ODOMETRY = "/joint_states", "/odometry"
 MOTION_TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", ODOMETRY: "nav_msgs/msg/Odometry"}
 """Topic -> type of what a body's motion is published on."""
 
 LANDMARKS, LANDMARKS_TYPE = "/landmarks", "bodycam_msgs/msg/LandmarkMatches"
 """End and type of a camera's topic of registrations."""
+
+
+def published_robot(bag: BagFile) -> str:
+    """The URDF that was published last; empty if none was."""
+    text = ""
+    if bag.topics.get(ROBOT) == ROBOT_TYPE:
+        for _, _, message in bag.messages([ROBOT]):
+            text = str(message.data)
+    return text
 
 
 def camera_topics(bag: BagFile, suffix: str, message_type: str) -> dict[str, str]:
