@@ -25,6 +25,9 @@ _MOST_ROWS = 3000
 _LONGEST_STEP_NS = 150_000_000
 """Between two registrations that a place in between is read off: a limb goes straight for no longer."""
 
+_JUMP_NS = 1_000_000_000
+"""Back in time by more than this, and time begins anew; less is an image out of order, which is left out."""
+
 _LENS_INTERVAL, _FIRST_LENS_INTERVAL = 10, 3
 """Every so many registered images of a camera tell of its lens: neighbours show the same landmarks. At first more."""
 
@@ -59,13 +62,13 @@ class AgreementLog:
         self._inlier_px = inlier_px
         self._span_ns = 1e9 * span_s
         self._first_step_ns = self._step_ns = round(1e9 / settings.rate)
-        self._counts: dict[str, CameraCount] = {}
         self._lenses: dict[str, LensEvidence] = {}
         self._forget()
 
     def _forget(self) -> None:
         self._recent: dict[str, deque[tuple[int, Array]]] = {}
         self._rows: deque[tuple[int, dict[str, tuple[Array, Array]], NDArray[np.float64]]] = deque()
+        self._counts: dict[str, CameraCount] = {}
         self._step_ns = self._first_step_ns
         self._start_ns: int | None = None
 
@@ -84,9 +87,12 @@ class AgreementLog:
         if camera not in self._body.mounts:
             return
         count = self._counts.get(camera, CameraCount(first_ns=stamp_ns))
-        if stamp_ns < count.last_ns:
-            # The clock jumped back: nothing of before belongs to what comes.
+        if stamp_ns < count.last_ns - _JUMP_NS:
+            # Time begins anew: nothing of before belongs to what comes.
             self._forget()
+            count = CameraCount(first_ns=stamp_ns)
+        elif stamp_ns <= count.last_ns:
+            return
         self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
         count = replace(count, images=count.images + 1, last_ns=stamp_ns)
         if world_T_camera is not None:

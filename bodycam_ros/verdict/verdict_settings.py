@@ -68,3 +68,9 @@ class VerdictSettings:
         limits=(2.0, 3600.0),
         reason="how far a live verdict looks back: it ends this long after its cause",
     )
+    interval: float = setting(
+        3.0,
+        unit="s",
+        limits=(0.5, 600.0),
+        reason="between two live verdicts; one takes some hundredths of a second, in which nothing is solved",
+    )

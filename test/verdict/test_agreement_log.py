@@ -1,7 +1,7 @@
 """What the log keeps, and for how long."""
 
 import numpy as np
-from verdict.known_motion import BODY, RATE_HZ, START_NS, KnownMotion, segment_poses
+from known_motion import BODY, RATE_HZ, START_NS, KnownMotion, segment_poses
 
 from bodycam_ros.verdict.agreement_log import AgreementLog
 from bodycam_ros.verdict.judge import judge

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from verdict.known_motion import BODY, segment_poses
+from known_motion import BODY, segment_poses
 
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.verdict.camera_link import LEVER_M, CameraLink, camera_links

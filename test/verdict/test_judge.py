@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from verdict.known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
+from known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
 
 from bodycam_ros.geometry import Array, exp_se3, rigid
 from bodycam_ros.verdict.verdict import Finding, Level, Verdict
