@@ -12,10 +12,14 @@ from bodycam_ros.verdict.contradiction import Contradiction
 from bodycam_ros.verdict.exchange import exchanged_places
 from bodycam_ros.verdict.joint_view import joint_views
 from bodycam_ros.verdict.lens_evidence import LensError
+from bodycam_ros.verdict.map_scale import map_scale
 from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 _WELL = 0.6
 """Share of its images that a camera with the right lens is registered on, unless it is covered."""
+
+_SCALE = 0.03
+"""A map that is larger or smaller by less than this share is no cause."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,10 @@ class Cause:
 
 def causes(agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings) -> dict[str, Cause]:
     """The likely cause for each camera that contradicts."""
+    if len(found.gaps) > len(found.core):
+        scale = map_scale(agreement, body, [*found.core, *found.gaps])
+        if scale is not None and abs(scale - 1.0) > _SCALE:
+            return dict.fromkeys(found.gaps, _scale_cause(scale))
     places = exchanged_places(agreement, body, found, settings)
     return {camera: _cause(agreement, body, found, camera, places, settings) for camera in found.gaps}
 
@@ -71,6 +79,11 @@ def _cause(
         "its lens is not what camera_info says, or its pictures show something else than the map",
         "check its camera_info, and what it saw with 'bodycam view'",
     )
+
+
+def _scale_cause(scale: float) -> Cause:
+    remedy = "check the tag size of the board on the map's photographs"
+    return Cause(f"the map is {scale:.3g} times as large as the body says", remedy)
 
 
 def is_wrong(lens: LensError, settings: VerdictSettings) -> bool:

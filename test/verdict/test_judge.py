@@ -128,6 +128,17 @@ def test_a_camera_that_ends_early() -> None:
     assert finding.what == f"registered for the last time at 2.0 s of {DURATION_S:.1f} s"
 
 
+@pytest.mark.parametrize("scale", [10.0, 0.5, 1.3])
+def test_a_map_of_another_scale(scale: float) -> None:
+    def scaled(time: float, pose: Array) -> Array:
+        return rigid(pose[:3, :3], scale * pose[:3, 3])
+
+    verdict = KnownMotion(altered=dict.fromkeys(BODY.mounts, scaled)).verdict()
+    assert verdict.level == Level.WRONG
+    (why,) = {finding.why for finding in verdict.findings}
+    assert why.startswith("the map is") and float(why.split()[3]) == pytest.approx(scale, rel=0.01)
+
+
 def test_a_short_spell_of_wrong_registrations_is_no_finding() -> None:
     """The solver bridges it; half of the shortest stay is the limit."""
 
