@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.verdict.lens_evidence import LensError
+from bodycam_ros.verdict.lens_evidence import LensDeviation
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Agreement:
     twists: Array
     world_T_solved: Array
     counts: Mapping[str, CameraCount]
-    lens_errors: Mapping[str, LensError]
+    lens_errors: Mapping[str, LensDeviation]
 
     def registered(self, camera: str) -> Array:
         """(T, 4, 4) registered poses of a camera."""

@@ -11,7 +11,7 @@ from bodycam_ros.verdict.clock import clock_error
 from bodycam_ros.verdict.contradiction import Contradiction
 from bodycam_ros.verdict.exchange import exchanged_places
 from bodycam_ros.verdict.joint_view import joint_views
-from bodycam_ros.verdict.lens_evidence import LensError
+from bodycam_ros.verdict.lens_evidence import LensDeviation
 from bodycam_ros.verdict.map_scale import map_scale
 from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
@@ -86,12 +86,12 @@ def _scale_cause(scale: float) -> Cause:
     return Cause(f"the map is {scale:.3g} times as large as the body says", remedy)
 
 
-def is_wrong(lens: LensError, settings: VerdictSettings) -> bool:
+def is_wrong(lens: LensDeviation, settings: VerdictSettings) -> bool:
     """Whether a lens is too far from its model."""
     return lens.excess(settings.lens_scale, settings.lens_centre) > 1.0
 
 
-def lens_cause(lens: LensError) -> Cause:
+def lens_cause(lens: LensDeviation) -> Cause:
     """A lens that is not what its model says."""
     return Cause(f"its lens is not what camera_info says: {lens.text}", "check its camera_info, or calibrate it anew")
 

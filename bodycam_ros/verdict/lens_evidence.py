@@ -22,7 +22,7 @@ _RADII = np.linspace(0.0, 1.0, 5)
 
 
 @dataclass(frozen=True)
-class LensError:
+class LensDeviation:
     """By how much a lens is not what its model says.
 
     Attributes:
@@ -83,11 +83,11 @@ class LensEvidence:
         self._gradient -= remaining.T @ (residuals - by_pose @ explained[:, _UNKNOWNS])
         self.images += 1
 
-    def error(self) -> LensError:
+    def error(self) -> LensDeviation:
         """What explains the errors best."""
         focal, rim, *centre = np.linalg.lstsq(self._information, self._gradient, rcond=None)[0]
         scales = focal + rim * _RADII**2
-        return LensError(float(scales[np.argmax(np.abs(scales))]), float(np.linalg.norm(centre)))
+        return LensDeviation(float(scales[np.argmax(np.abs(scales))]), float(np.linalg.norm(centre)))
 
     def _by_lens(self, projected: Array) -> Array:
         """Derivatives (2N, 4) of pixels (N, 2) by what the lens may have wrong."""

@@ -9,7 +9,7 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import Array, exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
-from bodycam_ros.verdict.lens_evidence import LensError, LensEvidence
+from bodycam_ros.verdict.lens_evidence import LensDeviation, LensEvidence
 
 WIDTH, HEIGHT, FOCAL = 640, 480, 240.0
 IMAGES, LANDMARKS, PIXEL_SIGMA = 8, 60, 0.4
@@ -20,7 +20,7 @@ def lens(focal: float = FOCAL, cx: float = 319.5, rim: float = 0.0) -> CameraMod
     return camera_from_info("probe", WIDTH, HEIGHT, "equidistant", [rim, 0.0, 0.0, 0.0], K.reshape(-1))
 
 
-def seen_through(true: CameraModel, believed: CameraModel) -> LensError:
+def seen_through(true: CameraModel, believed: CameraModel) -> LensDeviation:
     """What comes of landmarks that one lens shows and another is believed to show."""
     random = np.random.default_rng(2)
     evidence = LensEvidence(believed, inlier_px=20.0)
