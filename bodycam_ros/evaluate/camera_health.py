@@ -85,7 +85,7 @@ def camera_models(solved: SolvedRecording, recording: Path) -> dict[str, CameraM
 
     Raises:
         RecordingError: not a recording, or not of these cameras.
-        CalibrationError: the recording's intrinsics cannot be used.
+        LensError: the recording's intrinsics cannot be used.
     """
     mounted = [record.camera for record, _ in solved.solved_cameras()]
     with open_recording(recording) as cameras:
