@@ -60,13 +60,28 @@ class DroppedImages:
 
 
 @dataclass(frozen=True)
+class LostImages:
+    """Images that the bag says it holds, but that are not in it."""
+
+    camera: str
+    stamp_ns: int
+    count: int
+
+    def __str__(self) -> str:
+        return (
+            f"camera {self.camera}: {self.count} images that the recording should hold are not in it; its file is "
+            "damaged, copy it again"
+        )
+
+
+@dataclass(frozen=True)
 class WorkerFailure:
     """A user's error that ended the worker."""
 
     error: BodycamError
 
 
-Result = RegisteredImage | SkippedImage | DroppedImages
+Result = RegisteredImage | SkippedImage | DroppedImages | LostImages
 """What became of an image, or of several."""
 
 WorkerItem = Result | WorkerFailure | None
@@ -128,6 +143,9 @@ def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterato
         for camera, count in sorted(recording.dropped.items()):
             if count:
                 yield DroppedImages(camera, stamp_ns, count)
+        for camera, count in sorted(recording.lost.items()):
+            if count:
+                yield LostImages(camera, stamp_ns, count)
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:
