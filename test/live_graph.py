@@ -98,6 +98,10 @@ class Graph:
         """Whether the listener has found somebody who publishes a topic."""
         return bool(self._node.count_publishers(topic))
 
+    def count_publishers(self, topic: str) -> int:
+        """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
+        return int(self._node.count_publishers(topic))
+
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""
         client = self._clients.get(service) or self._node.create_client(service_type, service)

@@ -179,6 +179,7 @@ class Tracker(StageNode[TrackerParameters]):
             "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
             "images waiting": len(self._waiting),
             "times begun anew": self._restarts,
+            "camera_info changed": self._models.changes,
             **self.skipped.counts,
             "last error": self.skipped.latest or "none",
         }
@@ -189,7 +190,7 @@ class Tracker(StageNode[TrackerParameters]):
         if tally.images == 0:
             if self._tracker is None and (tally.arrived or self._waiting):
                 return HealthLevel.ERROR, f"images, but no {self.camera}/camera_info"
-            if tally.arrived and lost:
+            if tally.arrived and lost and not self._waiting:
                 return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
             if tally.arrived == 0 and not self._waiting and self._source.quiet_s < _PATIENCE_S:
                 return HealthLevel.OK, "between two images"
