@@ -1,4 +1,4 @@
-"""bodycam evaluate: how good is a solved recording, on its own or against the truth."""
+"""bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""bodycam replay: a recorded bag in, a bag with joint states out."""
+"""bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
 
 import argparse
 from pathlib import Path

@@ -92,7 +92,9 @@ def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Findi
 def _of_contradicting(
     agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, cause: Cause, settings: VerdictSettings
 ) -> Finding:
-    gap_m = found.gaps[camera]
+    # Over segments without a camera, links tell the least that it may be off by; the solved body tells more.
+    solved_gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
+    gap_m = float(np.fmax(found.gaps[camera], solved_gap_m))
     over_time = gaps_over_time(agreement, body, found.core, camera)
     bad = over_time > settings.doubtful_gap
     known = np.isfinite(over_time)

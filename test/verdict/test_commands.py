@@ -11,6 +11,7 @@ from altered_sample import write_altered_sample
 
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.verdict.verdict import Level
 
 LEFT_LEG = ("waist_front", "thigh_left", "shin_left", "foot_left")
@@ -42,7 +43,10 @@ def test_a_wrong_lens_is_named_by_replay_and_evaluate(sample: Path, wrong_lens: 
     assert replayed.returncode == WRONG_RESULT, replayed.stderr
     assert "verdict: wrong: do not use this result; shin_left" in replayed.stdout
     assert "its lens is not what camera_info says" in replayed.stdout
-    assert (out / "metadata.yaml").exists()
+    with BagFile(out) as bag:
+        *_, (_, _, last) = bag.messages(["/diagnostics"])
+    verdict = next(status for status in last.status if status.name == "verdict")
+    assert (verdict.level, [value.key for value in verdict.values][0]) == (2, "shin_left")
 
     evaluated = bodycam("evaluate", out, "--recording", wrong_lens, "-o", report)
     assert evaluated.returncode == WRONG_RESULT, evaluated.stderr
