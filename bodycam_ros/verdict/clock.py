@@ -13,6 +13,9 @@ from bodycam_ros.verdict.joint_view import joint_view, joint_views
 _EXPLAINED = 0.35
 """Share of the gaps that a clock must explain; on good recordings none of 5 ms explains more than 0.25."""
 
+_LEAST_ROWS = 20
+"""Instants that a clock is told by: of fewer, chance explains as much."""
+
 _LEFT = 0.85
 """Share of the gap that may be left once the clock is put right; a fast limb is no straight line."""
 
@@ -23,7 +26,7 @@ def clock_errors(agreement: Agreement, body: BodyModel, cameras: Sequence[str], 
     for link in camera_links(body, body.mounts, cameras):
         if link.is_exact:
             view = joint_view(agreement, link, link.second)
-            error_s, explained = view.clock_error() if len(view.places) else (0.0, 0.0)
+            error_s, explained = view.clock_error() if len(view.places) >= _LEAST_ROWS else (0.0, 0.0)
             disagreements[link.first, link.second] = abs(error_s) if explained > _EXPLAINED else 0.0
     off, _ = blame(disagreements, limit_s, lambda camera: agreement.counts[camera].share)
     right = [camera for camera in cameras if camera not in off]
@@ -35,7 +38,7 @@ def clock_error(
     agreement: Agreement, body: BodyModel, core: Sequence[str], camera: str, limit_s: float
 ) -> float | None:
     """By how much a camera's clock is ahead of the core's [s], beyond a limit; None if no clock explains its gaps."""
-    views = joint_views(agreement, body, core, camera)
+    views = [view for view in joint_views(agreement, body, core, camera) if len(view.places) >= _LEAST_ROWS]
     errors = [view.clock_error() for view in views]
     if not errors or np.median([explained for _, explained in errors]) < _EXPLAINED:
         return None

@@ -30,14 +30,19 @@ def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> V
     alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_time(agreement, camera)]
     cameras = [camera for camera in agreement.cameras if camera not in silent and camera not in alone]
     found = contradiction(agreement, body, cameras, settings)
-    accused = causes(agreement, body, found, settings)
+    accused = [
+        _of_contradicting(agreement, body, found, camera, cause, settings)
+        for camera, cause in causes(agreement, body, found, settings).items()
+    ]
     findings = [
         *_of_silent(agreement, silent, everybody=bool(silent) and not cameras and not alone),
         *(_of_alone(agreement, camera, cameras) for camera in alone),
-        *(_of_contradicting(agreement, body, found, camera, cause, settings) for camera, cause in accused.items()),
-        *_of_the_rest(agreement, body, found, settings),
+        *accused,
+        *_of_lenses_and_clocks(agreement, body, found, settings),
         *_of_early_ends(agreement, cameras, settings),
     ]
+    if all(finding.level is not Level.WRONG for finding in accused):
+        findings += _of_solver_astray(agreement, found, settings)
     return Verdict.of(findings)
 
 
@@ -127,21 +132,26 @@ def _is_left_out(
     )
 
 
-def _of_the_rest(
+def _of_lenses_and_clocks(
     agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings
 ) -> Iterator[Finding]:
-    """Cameras that agree with each other, and yet have a lens, a clock or a solved body that does not fit."""
+    """Cameras that agree with each other, and yet have a lens or a clock that does not fit."""
     clocks = clock_errors(agreement, body, found.core, settings.clock_error)
     for camera in found.core:
         lens = agreement.lens_errors.get(camera)
-        gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
         if lens is not None and is_wrong(lens, settings):
             cause = lens_cause(lens)
             yield Finding(camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy)
         elif camera in clocks:
             cause = clock_cause(clocks[camera])
             yield Finding(camera, Level.DOUBTFUL, "its places come at other times", cause.why, cause.remedy)
-        elif gap_m > settings.doubtful_gap and not found.gaps:
+
+
+def _of_solver_astray(agreement: Agreement, found: Contradiction, settings: VerdictSettings) -> Iterator[Finding]:
+    """Cameras that agree with each other and not with what was solved, though none that is wrong explains it."""
+    for camera in found.core:
+        gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
+        if gap_m > settings.doubtful_gap:
             level = Level.WRONG if gap_m > settings.wrong_gap else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
             yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")

@@ -24,7 +24,7 @@ class Finding:
 
     Attributes:
         camera: name.
-        level: what it makes of the result.
+        level: what it makes of the result; doubtful or wrong.
         what: is seen.
         why: that likely is.
         remedy: what to do.
@@ -70,11 +70,7 @@ class Verdict:
     def text(self) -> str:
         """In one line, for a headline or a diagnostic."""
         if not self.findings:
-            return "good: all cameras agree with the body"
+            return "good: nothing contradicts the body"
         accused = list(dict.fromkeys(finding.camera for finding in self.findings if finding.level == self.level))
-        what = {
-            Level.GOOD: "usable, with remarks on",
-            Level.DOUBTFUL: "look twice at what depends on",
-            Level.WRONG: "do not use this result;",
-        }[self.level]
+        what = "do not use this result;" if self.level is Level.WRONG else "look twice at what depends on"
         return f"{self.level.word}: {what} {', '.join(accused)}"

@@ -45,7 +45,7 @@ def test_a_good_walk_is_good(solved: Path) -> None:
     assert (evaluation.verdict.level, evaluation.verdict.findings) == (Level.GOOD, ())
     assert summary(evaluation)["verdict"] == {
         "level": "good",
-        "text": "good: all cameras agree with the body",
+        "text": "good: nothing contradicts the body",
         "findings": [],
     }
 
@@ -60,7 +60,7 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
     assert (told["camera"], told["level"]) == ("shin", "wrong")
 
 
-@pytest.mark.parametrize("level", list(Level))
+@pytest.mark.parametrize("level", [Level.DOUBTFUL, Level.WRONG])
 def test_the_line_in_the_picture_names_camera_and_cause_and_is_not_too_long(level: Level) -> None:
     short = Verdict.of([Finding("head", level, "is odd", "its lens is wrong")])
     assert verdict_line(short).startswith(level.word)
