@@ -147,7 +147,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
     """
     try:
         return pycolmap.Reconstruction(folder)
-    except (ValueError, RuntimeError, IndexError) as error:
+    except (ValueError, RuntimeError, IndexError, MemoryError) as error:
         raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {error}") from error
 
 
