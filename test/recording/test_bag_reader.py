@@ -2,6 +2,8 @@
 
 import logging
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +67,7 @@ def test_camera_without_info_is_named(tmp_path: Path) -> None:
         {"k": np.array([np.nan, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0])},
         {"k": np.zeros(9)},
         {"width": 0},
+        {"width": 4_000_000_000, "height": 4_000_000_000},
     ],
 )
 def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, object]) -> None:
@@ -284,3 +287,27 @@ def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
         images = list(recording.images(["head"]))
     assert len(images) == 180
     assert decode_grey(images[0]).shape == (480, 640)
+
+
+def test_a_small_file_of_a_huge_image_takes_no_memory(tmp_path: Path) -> None:
+    """Nine hundred megabytes of grey in one of PNG; in a process of its own, as OpenCV reads its limit once."""
+    code = """
+import resource, sys, zlib
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
+def chunk(kind, data):
+    return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+side = 30_000
+header = chunk(b"IHDR", side.to_bytes(4, "big") * 2 + bytes([8, 0, 0, 0, 0]))
+squeezer = zlib.compressobj(1)
+data = b"".join(squeezer.compress(bytes(side + 1)) for _ in range(side)) + squeezer.flush()
+png = b"\\x89PNG\\r\\n\\x1a\\n" + header + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+try:
+    decode_grey(CameraImage("head", 5, png))
+except RecordingError as error:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    kilobytes, message = done.stdout.split(" ", 1)
+    assert int(kilobytes) < 400_000
+    assert "camera head: the image of stamp 5 ns" in message
