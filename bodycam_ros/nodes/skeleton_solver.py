@@ -18,7 +18,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.registration_health import timing_health
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
@@ -245,7 +245,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         now_late = self._pipeline.assembler.late if self._pipeline else 0
         late, self._late_reported = now_late - self._late_reported, now_late
         quiet_s = time.monotonic() - self._heard_s
-        lacking = ", ".join([*self._cameras.missing, *sorted(self._cameras.refused)])
+        lacking = few([*self._cameras.missing, *sorted(self._cameras.refused)])
         if quiet_s > _PATIENCE_S:
             return HealthLevel.ERROR, "no registration comes" + (
                 f", and no camera_info of {lacking}" if lacking else ""
