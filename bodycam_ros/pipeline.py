@@ -162,6 +162,10 @@ class SkeletonPipeline:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._solve(self.assembler.add(matches))
 
+    def look(self) -> list[BodyOutput]:
+        """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
+        return self._solve(self.assembler.look())
+
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
         outputs = self._solve(self.assembler.flush())

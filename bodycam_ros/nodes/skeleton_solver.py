@@ -191,6 +191,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._start()
         if now_s - self._heard_s > self.parameters.idle_flush:
             self._flush()
+        elif self._pipeline is not None:
+            self._publish(self._pipeline.look())
 
     def _on_flush(self, request: Message, response: Message) -> Message:
         response.success, response.message = True, f"{self._flush()} instants published"

@@ -117,8 +117,11 @@ def test_live_a_busy_machine_makes_nobody_silent(monkeypatch: pytest.MonkeyPatch
     assert fed(assembler, [heard("a", stamp) for stamp in range(0, 2000, 40)]) == [], "two seconds in no time"
     now_s += 0.9
     assert fed(assembler, [heard("b", 0), heard("b", 40)]) == [(0, "ab"), (40, "ab")]
+    assert fed(assembler, [heard("a", stamp) for stamp in range(2000, 4000, 40)]) == []
+    assert assembler.look() == []
     now_s += 1.1
-    assert len(fed(assembler, [heard("a", stamp) for stamp in range(2000, 4000, 40)])) > 40, "but now it is"
+    assert named(assembler.look())[-1] == (3960, "a"), "but now it is"
+    assert fed(assembler, [heard("a", 4000)]) == [(4000, "a")], "and nothing waits for it"
 
 
 def test_cameras_that_nobody_waits_for_are_ignored() -> None:
