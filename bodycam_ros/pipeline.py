@@ -120,7 +120,7 @@ class SkeletonPipeline:
         body: segments, joints and mounts.
         cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
         settings: of all stages.
-        begins_anew: whether the body follows when most cameras go back in time, as when a bag is played again.
+        live: whether the cameras are heard while they see, see ``FrameAssembler``.
 
     Raises:
         BodyError: the body carries none of the cameras.
@@ -131,13 +131,13 @@ class SkeletonPipeline:
         body: BodyModel,
         cameras: Mapping[str, CameraModel],
         settings: PipelineSettings,
-        begins_anew: bool = False,
+        live: bool = False,
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
         self._settings = settings
         on_body = [name for name in cameras if name in body.mounts]
-        self.assembler = FrameAssembler(on_body, settings.assembler, begins_anew)
+        self.assembler = FrameAssembler(on_body, settings.assembler, live)
         self._root = body.segment_index[body.root]
         self._begin()
 
@@ -163,6 +163,10 @@ class SkeletonPipeline:
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._solve(self.assembler.add(matches))
+
+    def look(self) -> list[BodyOutput]:
+        """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
+        return self._solve(self.assembler.look())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""

@@ -18,7 +18,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.registration_health import timing_health
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
@@ -142,7 +142,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _solve_with_those_known(self) -> None:
         if self._body is not None and self._cameras.models:
-            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, begins_anew=True)
+            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
             self._late_reported = 0
             self._judge_anew()
 
@@ -204,6 +204,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._start()
         if now_s - self._heard_s > self.parameters.idle_flush:
             self._flush()
+        elif self._pipeline is not None:
+            self._publish(self._pipeline.look())
 
     def _on_flush(self, request: Message, response: Message) -> Message:
         response.success, response.message = True, f"{self._flush()} instants published"
@@ -262,7 +264,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         now_late = self._pipeline.assembler.late if self._pipeline else 0
         late, self._late_reported = now_late - self._late_reported, now_late
         quiet_s = time.monotonic() - self._heard_s
-        lacking = ", ".join([*self._cameras.missing, *sorted(self._cameras.refused)])
+        lacking = few([*self._cameras.missing, *sorted(self._cameras.refused)])
         if quiet_s > _PATIENCE_S:
             return HealthLevel.ERROR, "no registration comes" + (
                 f", and no camera_info of {lacking}" if lacking else ""

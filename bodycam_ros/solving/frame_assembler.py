@@ -1,5 +1,6 @@
 """From the streams of single cameras to frames of the whole body."""
 
+import time
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -49,8 +50,10 @@ class _Stream:
         run_ns: how far its stamps have run on; of a jump ahead only ``max_wait``.
         others_run_ns: the others' ``run_ns`` when it was last heard.
         turn: number of the message that was its latest.
+        heard_s: when that was, on the steady clock.
         behind: what it says of a time before the body's present; the body may go there.
         left_ns: the stamp from which it went back.
+        far_behind: whether most others were far ahead when it spoke.
     """
 
     queue: deque[LandmarkMatches] = field(default_factory=deque)
@@ -58,8 +61,10 @@ class _Stream:
     run_ns: int = 0
     others_run_ns: dict[str, int] = field(default_factory=dict)
     turn: int = 0
+    heard_s: float = field(default_factory=time.monotonic)
     behind: list[LandmarkMatches] = field(default_factory=list)
     left_ns: int = 0
+    far_behind: bool = False
 
 
 class FrameAssembler:
@@ -67,14 +72,15 @@ class FrameAssembler:
 
     The frames depend on the stamps alone, not on the order in which cameras are heard, as long as no camera is behind
     the others by more than ``max_wait``. A camera that falls silent is waited for once. From then on an instant is
-    complete without it as soon as another camera speaks of a later one: whoever hears all cameras in order of time
-    gets the same frames whatever the order within an instant.
+    complete without it; offline as soon as another camera speaks of a later one, so that who hears all cameras in order
+    of time gets the same frames whatever the order within an instant.
 
     Args:
         cameras: the cameras to wait for.
         settings: tolerances.
-        begins_anew: whether the frames follow when most cameras go back in time, as when a bag is played again;
-            otherwise what they say then is late.
+        live: whether the cameras are heard while they see. Then the frames follow when most cameras go back in time, as
+            when a bag is played again; and no camera is silent before ``max_wait`` of real time has passed as well,
+            because on a busy machine one process may stand still while others go on. Otherwise the stamps alone count.
 
     Attributes:
         assembled: frames made so far.
@@ -84,13 +90,11 @@ class FrameAssembler:
         synchrony: how the cameras go together.
     """
 
-    def __init__(
-        self, cameras: Iterable[str], settings: AssemblerSettings | None = None, begins_anew: bool = False
-    ) -> None:
+    def __init__(self, cameras: Iterable[str], settings: AssemblerSettings | None = None, live: bool = False) -> None:
         settings = settings or AssemblerSettings()
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
         self._max_wait_ns = round(1e9 * settings.max_wait)
-        self._begins_anew = begins_anew
+        self._live = live
         self._streams = {camera: _Stream() for camera in cameras}
         self._turn = 0
         self._assembled_ns = -1
@@ -123,13 +127,18 @@ class FrameAssembler:
         goes_back = self._hear(stream, matches.stamp_ns)
         if matches.stamp_ns <= self._assembled_ns:
             self._put_behind(stream, matches, goes_back)
-            frames = self._go_back() if self._begins_anew and self._most_are_behind() else []
+            frames = self._go_back() if self._live and self._most_are_behind() else []
         else:
             self._come_home(stream, matches.stamp_ns)
             stream.queue.append(matches)
             while stream.queue[-1].stamp_ns - stream.queue[0].stamp_ns > max(_KEPT_NS, 2 * self._max_wait_ns):
                 self.late_of[stream.queue.popleft().camera] += 1
             frames = []
+        return frames + self.look()
+
+    def look(self) -> list[BodyFrame]:
+        """The frames that are complete because a camera has been silent for long enough by now."""
+        frames = []
         while self._is_complete():
             frames.append(self._take())
         return frames
@@ -150,6 +159,14 @@ class FrameAssembler:
             stream.run_ns += min(stamp_ns - stream.heard_ns, self._max_wait_ns)
         stream.heard_ns = stamp_ns
         stream.others_run_ns = self._runs_ns()
+        far_ns = stamp_ns + _FAR_BEHIND * self._max_wait_ns
+        far_ahead = sum(s.heard_ns is not None and s.heard_ns > far_ns for s in self._streams.values())
+        stream.far_behind = 2 * far_ahead > len(self._streams)
+        stream.heard_s = time.monotonic()
+        if not self._turn:
+            # Nobody is silent before anybody has spoken.
+            for each in self._streams.values():
+                each.heard_s = stream.heard_s
         self._turn += 1
         stream.turn = self._turn
         return goes_back
@@ -198,6 +215,7 @@ class FrameAssembler:
                 # It will come back as well; until then it is waited for like one that was never heard.
                 stream.heard_ns = None
             stream.others_run_ns = self._runs_ns()
+            stream.heard_s = time.monotonic()
         return frames
 
     def _heads_ns(self) -> list[int]:
@@ -219,7 +237,8 @@ class FrameAssembler:
             return True
         if not all(self._is_silent(stream) for stream in awaited):
             return False
-        return any(s.heard_ns is not None and s.heard_ns > last_ns for s in self._streams.values() if not s.behind)
+        others = (other.heard_ns for other in self._streams.values() if not other.behind)
+        return self._live or any(heard_ns is not None and heard_ns > last_ns for heard_ns in others)
 
     def _is_silent(self, stream: _Stream) -> bool:
         """Whether a camera is not worth waiting for: one of the others went on alone, or most are far ahead of it."""
@@ -229,8 +248,10 @@ class FrameAssembler:
             for camera, other in self._streams.items()
             if other.heard_ns is not None and other is not stream
         }
-        if 2 * sum(ns > _FAR_BEHIND * self._max_wait_ns for ns in ahead_ns.values()) > len(self._streams):
+        if stream.far_behind:
             return True
+        if self._live and time.monotonic() - stream.heard_s < 1e-9 * self._max_wait_ns:
+            return False
         return any(
             ns > self._max_wait_ns
             and self._streams[camera].run_ns - stream.others_run_ns.get(camera, 0) > self._max_wait_ns

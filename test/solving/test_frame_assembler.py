@@ -1,6 +1,7 @@
 """Streams of single cameras become frames of the body, whatever the order of arrival."""
 
 from collections.abc import Iterable
+from itertools import count
 
 import numpy as np
 import pytest
@@ -109,8 +110,28 @@ def test_a_camera_that_is_hopelessly_behind_holds_nobody_up() -> None:
     assert assembler.late_of["c"] > 60
 
 
+def test_live_a_busy_machine_makes_nobody_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 50.0
+    monkeypatch.setattr("time.monotonic", lambda: now_s)
+    assembler = FrameAssembler("ab", live=True)
+    assert fed(assembler, [heard("a", stamp) for stamp in range(0, 2000, 40)]) == [], "two seconds in no time"
+    now_s += 0.9
+    assert fed(assembler, [heard("b", 0), heard("b", 40)]) == [(0, "ab"), (40, "ab")]
+    assert fed(assembler, [heard("a", stamp) for stamp in range(2000, 4000, 40)]) == []
+    assert assembler.look() == []
+    now_s += 1.1
+    assert named(assembler.look())[-1] == (3960, "a"), "but now it is"
+    assert fed(assembler, [heard("a", 4000)]) == [(4000, "a")], "and nothing waits for it"
+
+
 def test_cameras_that_nobody_waits_for_are_ignored() -> None:
     assert FrameAssembler("ab").add(heard("x", 0)) == []
+
+
+def test_a_camera_that_starts_late_is_waited_for() -> None:
+    assembler = FrameAssembler("abc")
+    assert fed(assembler, spoken("ab", range(HOUR, HOUR + 900, 40))) == []
+    assert fed(assembler, [heard("c", HOUR)]) == [(HOUR, "abc")]
 
 
 def test_a_camera_joins() -> None:
@@ -125,7 +146,7 @@ def test_a_camera_joins() -> None:
 @pytest.mark.parametrize("cameras", ["a", "ab", "abcd"])
 def test_time_that_goes_back_begins_anew(cameras: str, again: int) -> None:
     """A bag that is played again from its beginning, or from its middle; the cameras go back one after the other."""
-    assembler = FrameAssembler(cameras, begins_anew=True)
+    assembler = FrameAssembler(cameras, live=True)
     first = fed(assembler, spoken(cameras, range(0, 2000, 40)))
     crossing = []
     for turn in range(8):
@@ -150,9 +171,10 @@ def test_offline_a_time_that_goes_back_is_late() -> None:
     assert (assembler.restarts, assembler.late) == (0, 20)
 
 
-def test_one_camera_with_a_clock_of_its_own_does_not_hinder_the_others() -> None:
+def test_one_camera_with_a_clock_of_its_own_does_not_hinder_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("time.monotonic", count(step=0.01).__next__)
     for off in (HOUR, -HOUR):
-        assembler = FrameAssembler("abcd", begins_anew=True)
+        assembler = FrameAssembler("abcd", live=True)
         messages = spoken("abcd", range(HOUR, HOUR + 1000, 40))
         for stamp in range(HOUR + 1000, HOUR + 40_000, 40):
             messages += [*spoken("abc", [stamp]), heard("d", stamp + off)]
@@ -168,7 +190,7 @@ def test_one_camera_with_a_clock_of_its_own_does_not_hinder_the_others() -> None
 
 def test_cameras_that_leave_a_wrong_time_are_followed() -> None:
     """All clocks are set: an hour ahead, and back."""
-    assembler = FrameAssembler("abc", begins_anew=True)
+    assembler = FrameAssembler("abc", live=True)
     fed(assembler, spoken("abc", range(HOUR, HOUR + 1000, 40)))
     ahead = fed(assembler, spoken("abc", range(2 * HOUR, 2 * HOUR + 1000, 40)))
     assert ahead == [(stamp, "abc") for stamp in range(2 * HOUR, 2 * HOUR + 1000, 40)]
