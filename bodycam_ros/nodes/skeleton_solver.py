@@ -147,10 +147,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._judge_anew()
 
     def _judge_anew(self) -> None:
-        """Other cameras or another body: what was seen before says nothing of them."""
+        # Other cameras or another body: what was seen before says nothing of them.
         if self._body is not None:
-            inlier_px = self.settings.pose_fit.inlier_px
-            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, inlier_px)
+            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, self.settings.pose_fit)
 
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
