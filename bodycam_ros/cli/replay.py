@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
-from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
+from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
@@ -63,10 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _table(summary: ReplaySummary) -> Table:
     table = Table("camera", "images", "registered", "skipped", "lost", caption="lost: the recording should hold them")
+    styles = camera_styles(summary.verdict)
     for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
         skipped, lost = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
-        table.add_row(camera, str(images), registered, skipped, lost)
+        table.add_row(camera, str(images), registered, skipped, lost, style=styles.get(camera))
     return table
 
 
