@@ -64,6 +64,6 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
 def test_the_line_in_the_picture_names_camera_and_cause_and_is_not_too_long(level: Level) -> None:
     short = Verdict.of([Finding("head", level, "is odd", "its lens is wrong")])
     assert verdict_line(short).startswith(level.word)
-    assert verdict_line(short).endswith("head: its lens is wrong")
+    assert verdict_line(short).endswith("head (head: its lens is wrong)")
     many = Verdict.of([Finding(f"camera_{number}", level, "is odd", "its lens is wrong") for number in range(40)])
     assert len(verdict_line(many)) == 150
