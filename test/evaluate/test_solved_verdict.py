@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -38,6 +39,16 @@ def test_the_published_body_is_the_one_that_was_solved(walk: Walk, rider: BodyMo
     for body in (walk.body, rider, read_body(sample / "body.yaml")):
         tree = replace(body, joints=body.tree_joints)
         assert_same_links(published_body(UrdfTree.parse(urdf_text(tree), "a test")), tree)
+
+
+def test_a_base_link_without_a_shape_still_carries_the_body(walk: Walk) -> None:
+    robot = ElementTree.fromstring(urdf_text(walk.body))
+    base = next(link for link in robot.iterfind("link") if link.attrib["name"] == walk.body.root)
+    for shape in base.findall("visual"):
+        base.remove(shape)
+    tree = UrdfTree.parse(ElementTree.tostring(robot, encoding="unicode"), "a test")
+    assert walk.body.root not in tree.segments
+    assert_same_links(published_body(tree), walk.body)
 
 
 def test_a_good_walk_is_good(solved: Path) -> None:
