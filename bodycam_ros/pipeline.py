@@ -39,6 +39,7 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class PipelineSettings(SettingsGroups):
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
     evidence: EvidenceSettings = EvidenceSettings()
+    verdict: VerdictSettings = VerdictSettings()
 
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
@@ -146,6 +148,10 @@ class SkeletonPipeline:
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._solve(self.assembler.add(matches))
+
+    def look(self) -> list[BodyOutput]:
+        """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
+        return self._solve(self.assembler.look())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""

@@ -85,6 +85,7 @@ class LiveCalibration:
 
     def begin(self, cameras: Mapping[str, CameraModel]) -> None:
         """The cameras are known; raises RangeOfMotionError if one of the rig's is not among them."""
+        self._collected = 0
         settings, facing_deg = self._node.settings, self._node.parameters.facing
         self._calibrator = BodyCalibrator(
             self._rig,

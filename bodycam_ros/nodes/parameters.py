@@ -81,7 +81,7 @@ class SolverParameters:
         "if it is not given",
     )
     info_wait: float = setting(
-        1.0,
+        0.5,
         unit="s",
         limits=(0.0, 600.0),
         reason="once the first camera_info is here, how long to wait for the other cameras' before starting; they join "

@@ -9,7 +9,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -148,9 +148,9 @@ class Registration(StageNode[RegistrationParameters]):
             "last error": self.skipped.latest or "none",
         }
         if unknown := [camera for camera in missing if self._waiting.get(camera)]:
-            level, text = HealthLevel.ERROR, f"tracks, but no camera_info of {', '.join(unknown)}"
+            level, text = HealthLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif self._cameras.refused:
-            level, text = HealthLevel.ERROR, f"no usable camera_info of {', '.join(sorted(self._cameras.refused))}"
+            level, text = HealthLevel.ERROR, f"no usable camera_info of {few(sorted(self._cameras.refused))}"
         elif lost:
             level, text = HealthLevel.WARN, f"registering, with losses: {self.skipped.latest}"
         elif frames:

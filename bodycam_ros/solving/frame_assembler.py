@@ -53,6 +53,7 @@ class _Stream:
         heard_s: when that was, on the steady clock.
         behind: what it says of a time before the body's present; the body may go there.
         left_ns: the stamp from which it went back.
+        far_behind: whether most others were far ahead when it spoke.
     """
 
     queue: deque[LandmarkMatches] = field(default_factory=deque)
@@ -63,6 +64,7 @@ class _Stream:
     heard_s: float = field(default_factory=time.monotonic)
     behind: list[LandmarkMatches] = field(default_factory=list)
     left_ns: int = 0
+    far_behind: bool = False
 
 
 class FrameAssembler:
@@ -70,8 +72,8 @@ class FrameAssembler:
 
     The frames depend on the stamps alone, not on the order in which cameras are heard, as long as no camera is behind
     the others by more than ``max_wait``. A camera that falls silent is waited for once. From then on an instant is
-    complete without it as soon as another camera speaks of a later one: whoever hears all cameras in order of time
-    gets the same frames whatever the order within an instant.
+    complete without it; offline as soon as another camera speaks of a later one, so that who hears all cameras in order
+    of time gets the same frames whatever the order within an instant.
 
     Args:
         cameras: the cameras to wait for.
@@ -111,6 +113,13 @@ class FrameAssembler:
         """Cameras that are not waited for."""
         return [camera for camera, stream in self._streams.items() if not stream.queue and self._is_silent(stream)]
 
+    def apart_s(self, camera: str) -> float | None:
+        """How far the stamps of a camera that speaks are from the body's present [s]: ahead (positive), or behind."""
+        stream = self._streams[camera]
+        if stream.heard_ns is None or not self._is_lively(stream):
+            return None
+        return 1e-9 * (stream.heard_ns - self._assembled_ns)
+
     def join(self, camera: str) -> None:
         """Wait for one more camera from now on."""
         if camera not in self._streams:
@@ -132,6 +141,11 @@ class FrameAssembler:
             while stream.queue[-1].stamp_ns - stream.queue[0].stamp_ns > max(_KEPT_NS, 2 * self._max_wait_ns):
                 self.late_of[stream.queue.popleft().camera] += 1
             frames = []
+        return frames + self.look()
+
+    def look(self) -> list[BodyFrame]:
+        """The frames that are complete because a camera has been silent for long enough by now."""
+        frames = []
         while self._is_complete():
             frames.append(self._take())
         return frames
@@ -152,6 +166,9 @@ class FrameAssembler:
             stream.run_ns += min(stamp_ns - stream.heard_ns, self._max_wait_ns)
         stream.heard_ns = stamp_ns
         stream.others_run_ns = self._runs_ns()
+        far_ns = stamp_ns + _FAR_BEHIND * self._max_wait_ns
+        far_ahead = sum(s.heard_ns is not None and s.heard_ns > far_ns for s in self._streams.values())
+        stream.far_behind = 2 * far_ahead > len(self._streams)
         stream.heard_s = time.monotonic()
         if not self._turn:
             # Nobody is silent before anybody has spoken.
@@ -185,8 +202,11 @@ class FrameAssembler:
             self.late_of[stream.queue.pop().camera] += 1
 
     def _most_are_behind(self) -> bool:
-        lately = [s for s in self._streams.values() if s.turn and self._turn - s.turn <= _LATELY * len(self._streams)]
+        lately = [stream for stream in self._streams.values() if self._is_lively(stream)]
         return 2 * sum(bool(stream.behind) for stream in lately) > len(lately)
+
+    def _is_lively(self, stream: _Stream) -> bool:
+        return stream.turn > 0 and self._turn - stream.turn <= _LATELY * len(self._streams)
 
     def _go_back(self) -> list[BodyFrame]:
         """Time begins anew where most cameras are; the frames of the time before, as far as those had come."""
@@ -205,6 +225,7 @@ class FrameAssembler:
                 # It will come back as well; until then it is waited for like one that was never heard.
                 stream.heard_ns = None
             stream.others_run_ns = self._runs_ns()
+            stream.heard_s = time.monotonic()
         return frames
 
     def _heads_ns(self) -> list[int]:
@@ -226,7 +247,8 @@ class FrameAssembler:
             return True
         if not all(self._is_silent(stream) for stream in awaited):
             return False
-        return any(s.heard_ns is not None and s.heard_ns > last_ns for s in self._streams.values() if not s.behind)
+        others = (other.heard_ns for other in self._streams.values() if not other.behind)
+        return self._live or any(heard_ns is not None and heard_ns > last_ns for heard_ns in others)
 
     def _is_silent(self, stream: _Stream) -> bool:
         """Whether a camera is not worth waiting for: one of the others went on alone, or most are far ahead of it."""
@@ -236,8 +258,7 @@ class FrameAssembler:
             for camera, other in self._streams.items()
             if other.heard_ns is not None and other is not stream
         }
-        far_ahead = sum(ns > _FAR_BEHIND * self._max_wait_ns for ns in ahead_ns.values())
-        if stream.heard_ns is not None and 2 * far_ahead > len(self._streams):
+        if stream.far_behind:
             return True
         if self._live and time.monotonic() - stream.heard_s < 1e-9 * self._max_wait_ns:
             return False

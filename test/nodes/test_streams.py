@@ -2,11 +2,13 @@
 
 import time
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
+from two_cameras import write_map
 
 from bodycam_ros.messages.factory import array_sequence
 from bodycam_ros.messages.header import header_message, stamp_ns
@@ -16,6 +18,7 @@ HOUR_NS = 3_600_000_000_000
 _START_S, _SOON_S = 60.0, 20.0
 _PERIOD_S = 0.05
 _WARN, _ERROR = 1, 2
+_TRACKS = {"/left/tracks": "bodycam_msgs/msg/FeatureTracks"}
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
@@ -62,7 +65,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     from bodycam_ros.nodes.qos import reliable
 
     camera = Camera(graph, "left", reliable(500), reliable(10))
-    graph.listen({"/left/tracks": "bodycam_msgs/msg/FeatureTracks"} | _DIAGNOSTICS)
+    graph.listen(_TRACKS | _DIAGNOSTICS)
     (tracker,) = graph.start(camera.tracker)
     graph.until(camera.images.get_subscription_count, _START_S, "the tracker reads")
 
@@ -161,3 +164,34 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
     graph.until(lambda: graph.diagnostics("tracker_late: camera late").get(changed) == "1", _SOON_S, "it is named")
     assert graph.diagnostics("tracker_best: camera best")[changed] == "0", "the same again is no change"
     assert set(graph.end().values()) == {0}, graph.report()
+
+
+def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: Any, tmp_path: Path) -> None:
+    from bodycam_ros.nodes.qos import latched, reliable
+
+    camera = Camera(graph, "left", reliable(100), latched())
+    graph.listen(_TRACKS | {"/left/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
+    camera.inform()
+    seldom = NodeProcess("tracker", "tracker_left", {**camera.tracker.parameters, "tracker.keyframe_interval": 300})
+    graph.start(seldom)
+    images = iter(_stamps(0, 2000))
+
+    def count(topic: str) -> int:
+        if camera.is_due():
+            camera.show([next(images)])
+        return len(graph.heard[f"/left/{topic}"])
+
+    def keyframes() -> list[int]:
+        return [number for number, message in enumerate(graph.messages("/left/tracks")) if message.keyframe]
+
+    graph.until(lambda: count("tracks") >= 20, _START_S, "the tracker tracks")
+    assert keyframes() == [0], "an image that stands still needs no other"
+    shared = {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]}
+    (registration,) = graph.start(NodeProcess("registration", "registration", shared))
+    graph.until(lambda: count("landmarks") >= 1, _START_S, "the registration hears")
+    came = len(graph.heard["/left/tracks"])
+    graph.until(lambda: count("landmarks") >= 20, _SOON_S, "it goes on")
+    asked = keyframes()[1:]
+    assert len(asked) >= 1 and asked[0] < came + 10, (asked, came)
+    assert len(asked) <= 3, "it does not go on asking"
+    assert set(graph.end().values()) == {0} and "Traceback" not in registration.printed, graph.report()
