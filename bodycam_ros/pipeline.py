@@ -7,8 +7,7 @@ registrations. The live graph runs the two halves of ``CameraPipeline`` in diffe
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import SettingsError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -24,7 +22,7 @@ from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
-from bodycam_ros.settings import settings_from_mapping
+from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
@@ -41,46 +39,22 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 
 @dataclass(frozen=True)
-class PipelineSettings:
-    """Settings of all stages; a field is a group in YAML, ROS parameters and flags (``tracker.max_track_age``)."""
+class PipelineSettings(SettingsGroups):
+    """Settings of all stages between an image and the body."""
 
-    tracker: TrackerSettings = field(default_factory=TrackerSettings)
-    keypoints: KeypointSettings = field(default_factory=KeypointSettings)
-    flow: OpticalFlowSettings = field(default_factory=OpticalFlowSettings)
-    rotation: RotationSettings = field(default_factory=RotationSettings)
-    registrar: RegistrarSettings = field(default_factory=RegistrarSettings)
-    matching: MatchingSettings = field(default_factory=MatchingSettings)
-    absolute_pose: AbsolutePoseSettings = field(default_factory=AbsolutePoseSettings)
-    pose_fit: PoseFitSettings = field(default_factory=PoseFitSettings)
-    assembler: AssemblerSettings = field(default_factory=AssemblerSettings)
-    smoother: SmootherSettings = field(default_factory=SmootherSettings)
-    motion: MotionSettings = field(default_factory=MotionSettings)
-    trust: TrustSettings = field(default_factory=TrustSettings)
-    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
-
-    @classmethod
-    def groups(cls) -> dict[str, type]:
-        """Group -> its settings dataclass."""
-        defaults = cls()
-        return {f.name: type(getattr(defaults, f.name)) for f in fields(cls)}
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]], source: str) -> "PipelineSettings":
-        """Settings of group -> setting -> value; what is absent keeps its default.
-
-        Raises:
-            SettingsError: an unknown group or setting, a wrong type, or a value out of range.
-        """
-        groups = cls.groups()
-        for group in values:
-            if group not in groups:
-                raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
-        return cls(
-            **{
-                group: settings_from_mapping(groups[group], given, f"{source}: {group}")
-                for group, given in values.items()
-            }
-        )
+    tracker: TrackerSettings = TrackerSettings()
+    keypoints: KeypointSettings = KeypointSettings()
+    flow: OpticalFlowSettings = OpticalFlowSettings()
+    rotation: RotationSettings = RotationSettings()
+    registrar: RegistrarSettings = RegistrarSettings()
+    matching: MatchingSettings = MatchingSettings()
+    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
+    pose_fit: PoseFitSettings = PoseFitSettings()
+    assembler: AssemblerSettings = AssemblerSettings()
+    smoother: SmootherSettings = SmootherSettings()
+    motion: MotionSettings = MotionSettings()
+    trust: TrustSettings = TrustSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
 
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:

@@ -65,7 +65,7 @@ def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView
 
     Raises:
         RecordingError: not a recording, or an image that cannot be decoded.
-        CalibrationError: the recording's intrinsics cannot be used.
+        LensError: the recording's intrinsics cannot be used.
     """
     middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
     at_ns = int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])

@@ -67,7 +67,7 @@ def live_graph(
     names = ["registration"] if count == 1 else [f"registration_{number}" for number in range(1, count + 1)]
     of_solver: dict[str, object] = {"body": str(body)}
     if rig is not None:
-        of_solver |= {"rig": str(rig), "overwrite_body": overwrite_body}
+        of_solver |= {"rig": str(rig), "map": str(reference_map), "overwrite_body": overwrite_body}
     return [
         *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
         *(

@@ -20,6 +20,7 @@ from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.map_frame import assumed_vertical, check_metric
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, RegistrationTask, SkippedImage
 from bodycam_ros.replay.front_end import register_recording
@@ -89,6 +90,9 @@ def replay(
     """
     body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
+    check_metric(reference_map, map_path)
+    if assumed := assumed_vertical(reference_map, map_path):
+        logger.warning(assumed)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
         cameras = _mounted_cameras(recording, body)

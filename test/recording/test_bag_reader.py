@@ -9,7 +9,7 @@ from mcap.writer import Writer as McapWriter
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.errors import CalibrationError, RecordingError
+from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.recording.bag_reader import open_recording
@@ -52,7 +52,7 @@ def test_intrinsics_come_from_the_first_camera_info(tiny_bag: Path) -> None:
 def test_camera_without_info_is_named(tmp_path: Path) -> None:
     with (
         open_recording(write_tiny_bag(tmp_path / "bag", infos=("left",))) as recording,
-        pytest.raises(CalibrationError, match="camera right: .* no message on /right/camera_info"),
+        pytest.raises(LensError, match="camera right: .* no message on /right/camera_info"),
     ):
         recording.camera_model("right")
 
@@ -71,7 +71,7 @@ def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, 
         write_camera_info(writer, "right", START_NS, **change)
 
     bag = write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)
-    with open_recording(bag) as recording, pytest.raises(CalibrationError, match="right"):
+    with open_recording(bag) as recording, pytest.raises(LensError, match="right"):
         recording.camera_model("right")
 
 

@@ -165,3 +165,18 @@ def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.Captur
     assert_refused(capfd, run(sample, bag, out, "--flow.window_px", "1000"), out, "window_px", "5 to 41")
     (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {smother: {window: 0.5}}}")
     assert_refused(capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "smother", "smoother")
+
+
+def test_a_map_without_scale_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    dataclasses.replace(ReferenceMap.load(sample / "map"), metric=False).save(tmp_path / "map")
+    code = run(sample, sample / "sample" / "bag", tmp_path / "out", map_path=tmp_path / "map")
+    assert_refused(capfd, code, tmp_path / "out", str(tmp_path / "map"), "not metric", "AprilTag board")
+
+
+def test_a_map_without_a_vertical_is_solved_with_a_word(
+    sample: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    dataclasses.replace(ReferenceMap.load(sample / "map"), gravity_aligned=False).save(tmp_path / "map")
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
+    assert run(sample, bag, tmp_path / "out", map_path=tmp_path / "map") == 0
+    assert "does not know what is up" in caplog.text
