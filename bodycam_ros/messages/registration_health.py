@@ -97,13 +97,10 @@ def timing_health(
     elif silent:
         level, text = HealthLevel.ERROR, "says nothing, and is not waited for"
     elif timing.spread_ms > _WANDERING * tolerance_ms:
-        level, text = HealthLevel.WARN, "its stamps wander against the others'; is it triggered with them?"
+        level, text = HealthLevel.WARN, "its stamps wander against the others': is it triggered with them?"
     elif abs(timing.offset_ms) > tolerance_ms:
-        after = "after" if timing.offset_ms > 0 else "before"
-        level, text = (
-            HealthLevel.WARN,
-            f"{abs(timing.offset_ms):.1f} ms {after} the others; its clock or trigger is off",
-        )
+        side = "after" if timing.offset_ms > 0 else "before"
+        level, text = HealthLevel.WARN, f"{abs(timing.offset_ms):.1f} ms {side} the others: is its trigger off?"
     elif timing.share < _POOR_SHARE:
         level, text = HealthLevel.WARN, "misses instants"
     return Health(f"camera {camera}", level, f"{text}; speaks of {timing.share:.0%} of the instants", values)
