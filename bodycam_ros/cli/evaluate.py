@@ -72,7 +72,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     from bodycam_ros.evaluate.summary import summary
 
     figures = summary(evaluation)
-    console = Terminal()
+    console = Terminal()  # units stand in square brackets
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
     console.print(_camera_table(figures["cameras"]))

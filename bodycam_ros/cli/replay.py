@@ -60,16 +60,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(summary: ReplaySummary) -> Table:
-    table = Table("camera", "images", "registered", "skipped")
-    counted = [summary.skipped]
-    if any(summary.lost.values()):
-        counted.append(summary.lost)
-        table.add_column("lost")
-        table.caption = "lost: the recording should hold them, but does not; they count among the images"
+    table = Table("camera", "images", "registered", "skipped", "lost", caption="lost: the recording should hold them")
     for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
-        cells = (str(counts[camera] or "") for counts in counted)
-        table.add_row(camera, str(images), registered, *cells, style="red" if summary.lost[camera] else None)
+        skipped, lost = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
+        table.add_row(camera, str(images), registered, skipped, lost)
     return table
 
 

@@ -114,7 +114,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
     rows = {
-        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6
+        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 7
     }
     assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
     assert "12 of 12 instants solved" in printed.out
