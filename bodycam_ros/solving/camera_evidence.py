@@ -23,7 +23,7 @@ class EvidenceSettings:
     """How far a camera is trusted."""
 
     mount_rotation_sigma: float = setting(
-        0.001,
+        0.0004,
         unit="rad",
         limits=(0.0, 0.1),
         reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation",
