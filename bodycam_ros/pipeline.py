@@ -26,9 +26,8 @@ from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.solving.body_smoother import BodySmoother
-from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler

@@ -12,7 +12,7 @@ from bodycam_ros.messages.body import (
 )
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import MAP_FRAME
-from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.solving.body_state import BodyOutput
 
 
 def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -> dict[str, Message]:

@@ -13,7 +13,7 @@ from bodycam_ros.messages.status import text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.solving.body_state import BodyOutput
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",

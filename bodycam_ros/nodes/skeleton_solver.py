@@ -30,7 +30,7 @@ from bodycam_ros.nodes.solver_health import SolverHealth
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.verdict.live_verdict import LiveVerdict
 
 _LOOK_S = 0.5

@@ -186,7 +186,7 @@ class BodyCovariance:
         Unseen, it is the filter's, which knows how people speed up.
         """
         if not seen or dt_s == 0.0:
-            return self._velocity[self._root].copy()
+            return np.array(self._velocity[self._root])
         changed = 1.0 - np.exp(-dt_s / self._settings.correlation_time)
         return np.asarray(2.0 * changed / dt_s**2 * root)
 

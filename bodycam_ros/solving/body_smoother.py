@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import exp_so3, inverse, log_so3, rigid
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.body_window import BodyWindow, Instant
-from bodycam_ros.solving.bridge import Posture, bridge
+from bodycam_ros.solving.bridge import Posture, Silence, bridge
 from bodycam_ros.solving.camera_evidence import (
     EvidenceSettings,
     SegmentPose,
@@ -37,8 +36,8 @@ from bodycam_ros.solving.camera_evidence import (
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
-from bodycam_ros.solving.silence import Silence
 from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
 
 _BEGIN_RAD, _BEGIN_M = 0.5, 0.5
 """Sigmas of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
@@ -137,7 +136,7 @@ class BodySmoother:
         moved = self._predict_motion(frame.stamp_ns)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refused.update(trusted.refused)
-        path = moved if moved is not None else self._first_poses(trusted.evidence)
+        path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
         turns = self._predict_turns(frame, {seen.segment for seen in trusted.evidence.values()}, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
         observed = np.isin(self.body.segments, [seen.segment for seen in evidence.values()])
@@ -209,21 +208,6 @@ class BodySmoother:
                 path[row] = turned(self._window.poses(since)[row], turn, path[row])
         return turns
 
-    def _first_poses(self, evidence: Mapping[str, SegmentPose]) -> Array:
-        """Segments where their cameras are (A 4.2, from camera poses), the others as in the N-pose."""
-        poses: dict[str, Array] = {}
-        for seen in evidence.values():
-            poses.setdefault(seen.segment, seen.world_T_segment)
-        joints = self.body.tree_joints
-        while len(poses) < len(self.body.segments):
-            for joint in (*joints, *reversed(joints)):
-                parent_T_child = joint.parent_T_joint @ joint.joint_T_child
-                if joint.parent in poses and joint.child not in poses:
-                    poses[joint.child] = poses[joint.parent] @ parent_T_child
-                elif joint.child in poses and joint.parent not in poses:
-                    poses[joint.parent] = poses[joint.child] @ inverse(parent_T_child)
-        return orthonormal(np.stack([poses[segment] for segment in self.body.segments]))
-
     def _hang(self, path: Array, known: NDArray[np.bool_], expected: ExpectedJoints) -> Array:
         """Poses (S, 4, 4) in which what is not known hangs on its joint, turned no farther than the joint turns.
 
@@ -233,17 +217,9 @@ class BodySmoother:
             return path
         rotations = self.body.joint_rotations(path)
         if self._window.instants and len(expected.rows):
-            before = self.body.joint_rotations(self._window.poses(self._window.instants[-1]))[expected.rows]
-            towards = log_so3(np.swapaxes(rotations[expected.rows], -1, -2) @ before @ expected.steps)
-            rotations[expected.rows] = rotations[expected.rows] @ exp_so3(expected.lead[:, None] * towards)
-        rotations = self._memory.within_limits(rotations)
-        hung = path.copy()
-        for row, joint in enumerate(self.body.tree_joints):
-            parent, child = self._joint_ends[row]
-            if not known[child]:
-                joint_T_joint = rigid(rotations[row], np.zeros(3))
-                hung[child] = hung[parent] @ joint.parent_T_joint @ joint_T_joint @ joint.joint_T_child
-        return orthonormal(hung)
+            before = self.body.joint_rotations(self._window.poses(self._window.instants[-1]))
+            rotations = led(rotations, before, expected)
+        return hung(self.body, path, self._memory.within_limits(rotations), known)
 
     def _seat(self, path: Array, seats: Mapping[int, Array]) -> Array:
         """Start values (S, 4, 4): the path, except for segments that start where their cameras are."""
@@ -262,28 +238,12 @@ class BodySmoother:
             mount, settings = self.body.mounts[camera], self._evidence
             start = path[self.body.segment_index[mount.segment]]
             if camera in trusted.refused:
-                start = self._turned_on_joint(matches, trusted.evidence, path)
+                start = turned_on_joint(self.body, matches, trusted.evidence.values(), path)
                 settings = replace(settings, max_weak_shift=self._trust_settings.max_gap)
             seen = weak_evidence(matches, self._cameras[camera], mount, start, self._pose_fit, settings)
             if seen:
                 weak[camera] = seen
         return weak
-
-    def _turned_on_joint(self, matches: LandmarkMatches, evidence: Mapping[str, SegmentPose], path: Array) -> Array:
-        """The pose (4, 4) of a refused camera's segment: turned as the camera says, but where its joint is.
-
-        Far landmarks fix a rotation well and a position badly, so a wrong registration is often half right.
-        """
-        mount = self.body.mounts[matches.camera]
-        start = path[self.body.segment_index[mount.segment]]
-        joint = self.body.joint_to_parent(mount.segment)
-        if joint is None or matches.world_T_camera is None:
-            return np.asarray(start)
-        parents = [seen.world_T_segment for seen in evidence.values() if seen.segment == joint.parent]
-        world_T_parent = parents[0] if parents else path[self.body.segment_index[joint.parent]]
-        world_T_joint = world_T_parent @ joint.parent_T_joint
-        world_R_segment = (matches.world_T_camera @ inverse(mount.segment_T_camera))[:3, :3]
-        return rigid(world_R_segment, world_T_joint[:3, 3] - world_R_segment @ joint.child_T_joint[:3, 3])
 
     def _past(self, index: int, dt_s: float, path: Array) -> gtsam.NonlinearFactorGraph:
         """How the instant hangs on the one before, or what stands in for it at the start."""

@@ -1,4 +1,4 @@
-"""What the solver says about the body at one instant."""
+"""What the solver says about the body at one instant, and what is published of it."""
 
 from dataclasses import dataclass
 
@@ -33,3 +33,22 @@ class BodyState:
     def predicted(self) -> bool:
         """Whether no camera spoke, so that the state follows from what came before and after."""
         return self.cameras_used == 0
+
+
+@dataclass(frozen=True)
+class BodyOutput:
+    """What is published about one instant.
+
+    Attributes:
+        state: poses of all segments.
+        joint_names: A names, in constant order.
+        positions: (A,) continuous joint angles [rad].
+        velocities: (A,) [rad/s].
+        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
+    """
+
+    state: BodyState
+    joint_names: tuple[str, ...]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    root_velocity: NDArray[np.float64]

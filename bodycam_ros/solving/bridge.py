@@ -1,8 +1,11 @@
-"""The body between two instants while no camera spoke at all: a curve that leaves and arrives with the body's velocity.
+"""The body while all cameras were silent: when they should have spoken, and how it got from one side to the other.
+
+A curve leaves with the body's velocity and arrives with it.
 
 Cubic Hermite curves, of the root's pose and of every joint's rotation, so that no limb is stretched on the way.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,11 +15,41 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3
 from bodycam_ros.solving.body_covariance import BodyUncertainty
+from bodycam_ros.solving.body_frame import BodyFrame
 
 _SWING = 0.7
 """Share of the velocities that the curve keeps: at one, a joint that reverses on the way overshoots."""
 
+_REMEMBERED = 15  # frames whose period is remembered: a single odd one does not count
+_SILENT = 1.5  # periods: one missed image is at two
+
 Array = NDArray[np.float64]
+
+
+class Silence:
+    """Knows the period of the cameras by their own stamps, so that cameras that run freely do not look faster.
+
+    Args:
+        max_pause_s: a longer silence is not filled.
+    """
+
+    def __init__(self, max_pause_s: float) -> None:
+        self._max_pause_ns = 1e9 * max_pause_s
+        self._periods_ns: deque[float] = deque(maxlen=_REMEMBERED)
+        self._last_ns: int | None = None
+
+    def missing(self, frame: BodyFrame) -> tuple[int, ...]:
+        """Stamps [ns] between the instant before and this one at which a camera would have spoken."""
+        last_ns, self._last_ns = self._last_ns, frame.stamp_ns
+        own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
+        period_ns = float(np.median(self._periods_ns)) if self._periods_ns else None
+        if own_ns:
+            self._periods_ns.append(float(np.median(own_ns)))
+        pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0
+        if period_ns is None or not _SILENT * period_ns < pause_ns <= self._max_pause_ns or last_ns is None:
+            return ()
+        steps = round(pause_ns / period_ns)
+        return tuple(last_ns + round(pause_ns * step / steps) for step in range(1, steps))
 
 
 @dataclass(frozen=True)
