@@ -23,14 +23,17 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_output import BodyOutput
-from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
+from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
@@ -54,6 +57,8 @@ class PipelineSettings(SettingsGroups):
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()
     trust: TrustSettings = TrustSettings()
+    memory: PoseMemorySettings = PoseMemorySettings()
+    covariance: CovarianceSettings = CovarianceSettings()
     evidence: EvidenceSettings = EvidenceSettings()
 
 
@@ -117,20 +122,26 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         of = self._settings
         self._smoother = BodySmoother(
-            self.body, self._cameras, of.smoother, of.motion, of.evidence, of.trust, of.pose_fit
+            self.body,
+            self._cameras,
+            of.smoother,
+            of.motion,
+            of.evidence,
+            of.trust,
+            of.memory,
+            of.covariance,
+            of.pose_fit,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
         self._solved_ns = -1
 
-    def join(self, camera: str, model: CameraModel) -> list[BodyOutput]:
-        """Use one more camera, or another model of one; the window begins anew. What waited in it is returned."""
-        outputs = self._outputs(self._smoother.flush())
+    def join(self, camera: str, model: CameraModel) -> None:
+        """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
         if camera in self.body.mounts:
             self.assembler.join(camera)
-        self._begin()
-        return outputs
+            self._smoother.join(camera, model)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""

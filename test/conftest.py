@@ -5,6 +5,7 @@ import signal
 from pathlib import Path
 
 import pytest
+from known_walk import Walk, make_walk
 from rider import rider_body
 from tiny_bag import write_tiny_bag
 
@@ -54,3 +55,9 @@ def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def rider() -> BodyModel:
     """Joint frames turned and shifted on both sides, a sensor welded to the shin, and a foot on a pedal: a loop."""
     return rider_body()
+
+
+@pytest.fixture(scope="session")
+def walk() -> Walk:
+    """A body that walks in a way that is known exactly."""
+    return make_walk()

@@ -32,15 +32,13 @@ def write_body(body: BodyModel, path: Path | str) -> None:
     """Write a body file as YAML, whole or not at all.
 
     Raises:
-        BodyError: the file cannot be written, or is named as a URDF, which would not keep all of the body.
+        BodyError: the file is named as a URDF, which would not keep all of the body.
+        OutputError: it cannot be written.
     """
     path = Path(path)
     if is_urdf(path):
         raise BodyError(f"{path}: a body is kept as YAML; write it as .yaml, then 'bodycam export --to urdf'")
-    try:
-        write_whole(path, yaml_text(body))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot write this body file: {error}") from error
+    write_whole(path, yaml_text(body))
 
 
 def is_urdf(path: Path) -> bool:

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
     from bodycam_ros.evaluate.evaluation import evaluate
-    from bodycam_ros.evaluate.overlay import overlay_views
+    from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
 
     check_report_folder(arguments.output)

@@ -10,8 +10,8 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.trajectory import interpolated
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+from bodycam_ros.solved.trajectory import interpolated
 
 _NANOSECONDS = Decimal(10**9)
 _TRUTH = "truth"

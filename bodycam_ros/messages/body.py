@@ -61,7 +61,7 @@ def odometry_message(make: MessageFactory, state: BodyState, root: str, root_vel
     """nav_msgs/Odometry of the root segment in the map.
 
     Args:
-        root: name of the root, whose pose ``state.root_covariance`` speaks of.
+        root: name of the root, whose pose ``state.uncertainty.root`` speaks of.
         root_velocity: (6,) angular [rad/s] then linear [m/s], both in the root's axes.
     """
     twist = make(
@@ -74,7 +74,7 @@ def odometry_message(make: MessageFactory, state: BodyState, root: str, root_vel
         header=header_message(make, state.stamp_ns, MAP_FRAME),
         child_frame_id=root,
         pose=pose_with_covariance_message(
-            make, state.world_T_segment[state.segments.index(root)], state.root_covariance
+            make, state.world_T_segment[state.segments.index(root)], state.uncertainty.root
         ),
         twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
     )

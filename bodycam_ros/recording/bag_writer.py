@@ -1,9 +1,8 @@
 """Writes a recording as a ros2 bag folder that appears whole or not at all."""
 
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from rosbags.interfaces import (
@@ -20,6 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.typestore import recording_typestore
+from bodycam_ros.whole_file import failure_named, whole_folder
 
 LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
@@ -40,14 +40,14 @@ class RecordingWriter:
         """Append a message made by ``recorded_messages()``, at its time of recording [ns].
 
         Raises:
-            RecordingError: the disk is full, or gone.
+            OutputError: the disk is full, or gone.
         """
         cdr = recording_typestore().serialize_cdr(message, message.__msgtype__)
         self.write_serialized(topic, message.__msgtype__, stamp_ns, cdr)
 
     def write_serialized(self, topic: str, message_type: str, stamp_ns: int, cdr: bytes | memoryview) -> None:
         """Append a message that is CDR already, such as one from another process; raises as ``write`` does."""
-        with _failure_named(self._path):
+        with failure_named(self._path):
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(
                     topic, message_type, typestore=recording_typestore(), offered_qos_profiles=[_quality(topic)]
@@ -64,42 +64,23 @@ def write_recording(path: Path, force: bool = False) -> Iterator[RecordingWriter
         force: replace a bag folder that is there already.
 
     Raises:
-        RecordingError: the path exists and ``force`` is off, or it is no bag folder, or it cannot be written.
+        RecordingError: the path exists and ``force`` is off, or it is no bag folder.
+        OutputError: it cannot be written.
     """
-    _check_free(path, force)
-    with _failure_named(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    try:
-        writer = Writer(scratch / path.name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
-        with _failure_named(path):
+    with whole_folder(path, partial(_check_replaceable, force)) as unfinished:
+        writer = Writer(unfinished, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        with failure_named(path):
             writer.open()
         try:
             yield RecordingWriter(path, writer)
         except BaseException:
             writer.abort()
             raise
-        with _failure_named(path):
+        with failure_named(path):
             writer.close()
-            _check_free(path, force)
-            if path.exists():
-                path.rename(scratch / "replaced")
-            (scratch / path.name).rename(path)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
-@contextmanager
-def _failure_named(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _check_free(path: Path, force: bool) -> None:
-    if not path.exists():
-        return
+def _check_replaceable(force: bool, path: Path) -> None:
     if not force:
         raise RecordingError(f"{path}: exists already; choose another name, or replace it with --force")
     if not (path / "metadata.yaml").exists():

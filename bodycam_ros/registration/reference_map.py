@@ -1,12 +1,9 @@
 """The reference map: what a place looks like and where its landmarks are."""
 
-import shutil
-import uuid
 import zipfile
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +12,7 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
+from bodycam_ros.whole_file import failure_named, whole_folder
 
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
@@ -101,24 +99,18 @@ class ReferenceMap:
             also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
-            MapError: something is at ``path`` that must not be replaced, or the disk refuses.
+            MapError: something is at ``path`` that must not be replaced.
+            OutputError: the disk refuses.
         """
-        check_replaceable(path, force)
-        scratch = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-        try:
-            scratch.mkdir(parents=True)
-            arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAY_NAMES}
-            np.savez_compressed(scratch / _ARRAYS_FILE, image_names=np.array(self.image_names, dtype=np.str_), **arrays)
-            summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
-            document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
-            (scratch / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAY_NAMES}
+        summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
+        document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
+        with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
+            folder.mkdir()
+            np.savez_compressed(folder / _ARRAYS_FILE, image_names=np.array(self.image_names, dtype=np.str_), **arrays)
+            (folder / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))
             if also is not None:
-                also(scratch)
-            _replace(path, scratch)
-        except OSError as error:
-            raise MapError(f"{path}: the map cannot be written: {error}") from error
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+                also(folder)
 
     def _check(self, path: Path) -> None:
         landmarks, descriptors, cameras = len(self.landmark_ids), len(self.descriptors), len(self.image_names)
@@ -163,21 +155,6 @@ def check_replaceable(path: Path, force: bool) -> None:
         raise MapError(f"{path}: exists already; choose another name or replace it with --force")
     if not (path / _SUMMARY_FILE).is_file():
         raise MapError(f"{path}: is not a map (it has no {_SUMMARY_FILE}), so --force does not replace it")
-
-
-def _replace(path: Path, scratch: Path) -> None:
-    if not path.exists():
-        scratch.rename(path)
-        return
-    old = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    path.rename(old)
-    try:
-        scratch.rename(path)
-    except OSError:
-        with suppress(OSError):
-            old.rename(path)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _read_summary(path: Path) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import pytest
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, OutputError
 
 STOOL = """
 name: stool
@@ -118,8 +118,8 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(body: BodyModel, tmp_path: Path) -> None:
     occupied = tmp_path / "body.yaml"
     (occupied / "inside").mkdir(parents=True)
-    with pytest.raises(BodyError, match=r"body\.yaml: cannot write"):
+    with pytest.raises(OutputError, match=r"body\.yaml: cannot be written"):
         write_body(body, occupied)
     assert [file.name for file in tmp_path.iterdir()] == ["body.yaml"]
-    with pytest.raises(BodyError, match="cannot write"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_body(body, tmp_path / "no_such_folder" / "body.yaml")

@@ -28,8 +28,8 @@ from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-CALIBRATION = "skeleton_solver: calibration"
 MAP = Path(__file__).parents[2] / "bags/map"
+CALIBRATION = "skeleton_solver: calibration"
 PAUSE_NS = 20_000_000_000
 LOST_M, LOST_DEG = 0.004, 0.5  # at 0.3 px
 _START_S, _SOON_S, _CALIBRATION_S = 60.0, 30.0, 120.0

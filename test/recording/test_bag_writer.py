@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from tiny_bag import START_NS
 
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import OutputError, RecordingError
 from bodycam_ros.messages.body import joint_state_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import text_message
@@ -100,7 +100,7 @@ def test_folder_that_is_no_bag_is_never_replaced(tmp_path: Path) -> None:
 
 def test_unwritable_place_is_an_error_that_names_it(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match=r"file.out: cannot be written"):
+    with pytest.raises(OutputError, match=r"file.out: cannot be written"):
         write(tmp_path / "file" / "out")
     assert left_behind(tmp_path) == ["file"]
 

@@ -13,12 +13,12 @@ from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.evaluate.comparison import compare
-from bodycam_ros.evaluate.read_solved import read_solved
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.read_solved import read_solved
 
 
 @pytest.fixture(scope="module")
