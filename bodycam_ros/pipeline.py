@@ -39,6 +39,7 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class PipelineSettings(SettingsGroups):
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
     evidence: EvidenceSettings = EvidenceSettings()
+    verdict: VerdictSettings = VerdictSettings()
 
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:

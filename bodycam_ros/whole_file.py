@@ -5,17 +5,21 @@ at any time leaves what was there before, and no temporary files.
 """
 
 import errno
+import fcntl
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from bodycam_ros.errors import OutputError
 
 SCRATCH_PREFIX = ".bodycam."
-"""How the names of the temporary folders begin; only a process that is killed leaves one."""
+"""How the names of the temporary folders begin; only a process that is killed leaves one, until the next clears it."""
+
+_YOUNG_S = 10.0
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -107,7 +111,7 @@ def failure_named(path: Path) -> Iterator[None]:
 
 def _exchange(path: Path, new: Path) -> None:
     """Move a folder to ``path`` and remove what was there; an interruption at any point leaves one of them there."""
-    old = _scratch_name(path.parent)
+    old = path.parent / f".bodycam-replaced.{uuid.uuid4().hex}"  # no scratch folder, which another process would clear
     try:
         if path.exists():
             path.rename(old)
@@ -125,19 +129,56 @@ def _exchange(path: Path, new: Path) -> None:
 
 
 @contextmanager
-def _scratch(parent: Path, named: Path) -> Iterator[Path]:
-    """An empty folder in another, removed afterwards. Raises OutputError about ``named`` if it cannot be made."""
-    scratch = _scratch_name(parent)
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """An empty folder in another, removed afterwards; those that killed processes left there are removed as well.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    scratch = parent / f"{SCRATCH_PREFIX}{uuid.uuid4().hex}"
     try:
-        with failure_named(named):
-            scratch.mkdir()
-        yield scratch
+        scratch.mkdir()
+        with _held(scratch):
+            _clear_stale(parent)
+            yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _scratch_name(parent: Path) -> Path:
-    return parent / f"{SCRATCH_PREFIX}{uuid.uuid4().hex}"
+@contextmanager
+def _scratch(parent: Path, named: Path) -> Iterator[Path]:
+    """A ``scratch_folder``. Raises OutputError about ``named`` if it cannot be made."""
+    with ExitStack() as stack:
+        with failure_named(named):
+            scratch = stack.enter_context(scratch_folder(parent))
+        yield scratch
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Hold a lock on a folder, which the system lets go of when this process ends, however it ends."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some file systems have no locks; there, nothing is taken for stale
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _clear_stale(parent: Path) -> None:
+    """Remove scratch folders that no living process holds."""
+    for folder in parent.glob(f"{SCRATCH_PREFIX}*"):
+        with suppress(OSError):
+            # One that is new may not be held yet.
+            if time.time() - folder.stat().st_mtime < _YOUNG_S:
+                continue
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)
 
 
 def _final(path: Path) -> Path:

@@ -163,3 +163,14 @@ def test_help_shows_reason_range_and_default(capsys: pytest.CaptureFixture[str])
     text = " ".join(capsys.readouterr().out.split())
     assert "--oven.heat FLOAT bakes 95 % through without burning [degC] (50 to 250); default 180.0" in text
     assert "--oven.fan true|false" in text
+
+
+@pytest.mark.parametrize("key", ["1", "null", "2001-02-03", "true", "1.5"])
+def test_keys_that_are_no_names_are_refused(tmp_path: Path, key: str) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(f"/**: {{ros__parameters: {{{key}: 2}}}}")
+    with pytest.raises(SettingsError, match="settings.yaml: .* is no name of a group"):
+        read_settings_file(file)
+    file.write_text(f"/**: {{ros__parameters: {{oven: {{{key}: 2}}}}}}")
+    with pytest.raises(SettingsError, match="there is no setting"):
+        settings_from_mapping(OvenSettings, read_settings_file(file)["oven"], "settings.yaml: oven")

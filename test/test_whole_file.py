@@ -1,6 +1,9 @@
 """Whatever goes wrong, what was there is there, and nothing else is."""
 
 import os
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -177,7 +180,10 @@ def test_an_old_folder_that_cannot_be_put_back_is_kept_and_named(
         whole_folder(tmp_path / "out", replaceable) as unfinished,
     ):
         make(unfinished, NEW)
-    (kept,) = tmp_path.glob(f"{SCRATCH_PREFIX}*")
+    monkeypatch.undo()
+    (kept,) = tmp_path.glob(".bodycam-replaced.*")
+    os.utime(kept, (0, 0))
+    write_whole(tmp_path / "next", "it clears what is stale")
     assert str(kept) in str(caught.value)
     assert contents(kept) == OLD
 
@@ -195,3 +201,35 @@ def test_a_block_that_fails_leaves_what_was_there(tmp_path: Path, error: BaseExc
     assert contents(tmp_path / "out") == OLD
     assert (tmp_path / "file").read_text() == "old"
     assert names(tmp_path) == ["file", "out"]
+
+
+def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_holds_is_not(tmp_path: Path) -> None:
+    long_ago = time.time() - 3600
+    code = "import sys, time; from pathlib import Path; from bodycam_ros.whole_file import scratch_folder\n"
+    code += "with scratch_folder(Path(sys.argv[1])): print(); sys.stdout.flush(); time.sleep(600)"
+    processes = [
+        subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE) for _ in range(2)
+    ]
+    for process in processes:
+        assert process.stdout is not None
+        process.stdout.readline()
+    try:
+        (tmp_path / f"{SCRATCH_PREFIX}new").mkdir()  # nobody holds it yet
+        held = {path for path in tmp_path.iterdir() if not path.name.endswith("new")}
+        assert len(held) == 2
+        for path in held:
+            (path / "half").write_text("half a file")
+            os.utime(path, (long_ago, long_ago))
+        write_whole(tmp_path / "file", "text")
+        assert held < set(tmp_path.iterdir())
+        processes[0].kill()
+        processes[0].wait()
+        write_whole(tmp_path / "file", "text")
+        left = set(tmp_path.iterdir()) - {tmp_path / "file"}
+        assert len(left & held) == 1 and tmp_path / f"{SCRATCH_PREFIX}new" in left
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()
+    write_whole(tmp_path / "file", "text")
+    assert names(tmp_path) == [f"{SCRATCH_PREFIX}new", "file"]

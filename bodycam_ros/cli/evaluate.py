@@ -1,12 +1,14 @@
-"""bodycam evaluate: how good is a solved recording, on its own or against the truth."""
+"""bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
+
+from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
@@ -40,23 +42,42 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
+    from bodycam_ros.output_place import check_output
 
     check_report_folder(arguments.output)
+    check_output(arguments.output, (arguments.solved, arguments.truth, arguments.recording))
+    _check_earlier(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     write_report(evaluation, arguments.output, overlay)
     _report(evaluation, arguments.output)
-    return 0
+    print_verdict(Terminal(), evaluation.verdict)
+    return exit_code(evaluation.verdict)
+
+
+def _check_earlier(folder: Path) -> None:
+    """Refuse to replace pictures of these names that no evaluation made: it writes figures along with each.
+
+    Raises:
+        OutputError: there are such.
+    """
+    from bodycam_ros.evaluate.report_folder import FIGURES, OVERLAY, PICTURE
+    from bodycam_ros.output_place import check_file
+
+    check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
+    if not (folder / FIGURES).exists():
+        for name in (PICTURE, OVERLAY):
+            check_file(folder / name, force=False, mark=b"", what="picture")
 
 
 def _report(evaluation: "Evaluation", folder: Path) -> None:
     from bodycam_ros.evaluate.summary import summary
 
     figures = summary(evaluation)
-    console = Console(markup=False)  # units stand in square brackets
+    console = Terminal()  # units stand in square brackets
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
-    console.print(_camera_table(figures["cameras"]))
+    console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
     console.print(_body_table(figures))
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))
@@ -65,7 +86,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
         console.print(line, soft_wrap=True)
 
 
-def _camera_table(cameras: Mapping[str, Any]) -> Table:
+def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Table:
     with_pixels = any("reprojection_px" in camera for camera in cameras.values())
     caption = "lost: the longest time without a pose; gap: from the registered to the solved pose, median"
     if with_pixels:
@@ -88,7 +109,7 @@ def _camera_table(cameras: Mapping[str, Any]) -> Table:
         ]
         if with_pixels:
             row.append(_number(camera.get("reprojection_px", {}).get("median"), 2))
-        table.add_row(name, *row, style=None if camera["registered"] > 0.0 else "red")
+        table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
     return table
 
 

@@ -7,16 +7,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as RichProgress
 from rich.table import Table
 
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
@@ -51,7 +53,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
     settings = settings_from_flags(arguments, MapSettings, arguments.config)
+    check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
     check_replaceable(arguments.output, arguments.force)
+    if arguments.model is not None and not arguments.model.is_dir():
+        raise MapError(f"{arguments.model}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
     photographs = find_photographs(arguments.reference)
     board_path = None if arguments.no_board else arguments.board or photographs.board_path
     with _shown_progress() as progress:
@@ -81,13 +86,13 @@ class _ShownProgress:
 @contextmanager
 def _shown_progress() -> Iterator[_ShownProgress]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with RichProgress(*columns, console=Console(stderr=True)) as bars:
+    with RichProgress(*columns, console=Terminal(stderr=True)) as bars:
         yield _ShownProgress(bars)
 
 
 def _report(built: "BuiltMap", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
-    console = Console(markup=False)
+    console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
     for r in built.registrations:
         table.add_row(

@@ -19,6 +19,7 @@ from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pai
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure
+from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
 
@@ -39,8 +40,8 @@ def reconstruct(
     Raises:
         MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
     """
-    with tempfile.TemporaryDirectory(prefix="bodycam_map_") as scratch:
-        database = Path(scratch) / "database.db"
+    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+        database = scratch / "database.db"
         colmap.write_database(database, camera, features)
 
         with progress.step("choosing pairs", len(features)) as advance:
@@ -57,7 +58,7 @@ def reconstruct(
                 advance(len(block))
 
         with progress.step("registering photographs", len(features)) as advance:
-            model = colmap.reconstruct(database, Path(scratch), workers, advance)
+            model = colmap.reconstruct(database, scratch, workers, advance)
     registered = 0 if model is None else model.num_reg_images()
     if model is None or registered < 2:
         raise MapError(

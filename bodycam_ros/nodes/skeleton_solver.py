@@ -17,6 +17,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -30,6 +31,7 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.verdict.live_verdict import LiveVerdict
 
 _LOOK_S = 0.5
 
@@ -49,6 +51,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         path = Path(self.required("body"))
         carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
+        self._verdict: LiveVerdict | None = None
         self._started = False
         self._waiting: list[LandmarkMatches] = []
         self._most_waiting = STAGE_DEPTH * len(carried)
@@ -103,6 +106,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
             return
         if self._pipeline is not None:
             self._pipeline.join(camera, model)
+            self._judge_anew()
         else:
             self._solve_with_those_known()
 
@@ -121,6 +125,12 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _solve_with_those_known(self) -> None:
         if self._body is not None and self._cameras.models:
             self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
+            self._judge_anew()
+
+    def _judge_anew(self) -> None:
+        # Other cameras or another body: what was seen before says nothing of them.
+        if self._body is not None:
+            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, self.settings.pose_fit)
 
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
@@ -132,6 +142,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _take(self, matches: LandmarkMatches) -> None:
         if self._calibration is not None:
             self._calibration.add(matches)
+        if self._verdict is not None:
+            self._verdict.add_registration(matches)
         if self._pipeline is not None:
             self._publish(self._pipeline.add(matches))
 
@@ -180,11 +192,15 @@ class SkeletonSolver(StageNode[SolverParameters]):
         for output in outputs:
             if self._body is not None:
                 self._topics.publish(output, self._body)
+            if self._verdict is not None:
+                self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)
 
     def health(self) -> list[Health]:
         """How the body and its cameras fared in the last second."""
         health = self._health.report(self._pipeline, has_body=self._body is not None)
+        if self._verdict is not None:
+            health = [*health, verdict_health(self._verdict.verdict())]
         return health if self._calibration is None else [*health, self._calibration.health()]
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from rich.console import Console
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
+from bodycam_ros.terminal import Terminal
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.view.correction_panel import CorrectionActions, CorrectionPanel
@@ -47,13 +47,13 @@ def view(solved: Path | None, map_path: Path, body_path: Path, recording: Path |
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
         session = Session(server, sources)
-        Console(markup=False).print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+        Terminal().print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
         try:
             session.run()
         finally:
             if session.unwritten:
                 lost = f"bodycam: not written to {body_path}: {', '.join(session.unwritten)}"
-                Console(stderr=True, markup=False).print(lost, soft_wrap=True)
+                Terminal(stderr=True).print(lost, soft_wrap=True)
     finally:
         server.stop()
 

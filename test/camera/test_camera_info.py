@@ -55,6 +55,9 @@ def test_known_models_are_accepted(model: str, d: list[float], distortion: tuple
         ({"distortion_model": "rational_polynomial", "d": [0.1] * 5}, "needs 8 or 12 or 14"),
         ({"distortion_model": "rational_polynomial", "d": [0.1] * 12}, r"d\[8:\] must be zero"),
         ({"d": [np.nan, 0, 0, 0, 0]}, "d must be finite"),
+        ({"d": [0, -1e300, 0, 0, 0]}, r"d has -1e\+300, which no lens has"),
+        ({"k": k_with(fx=1e9)}, "k has 1000000000.0, which no lens has"),
+        ({"width": 10**6, "height": 10**6}, "1000000 x 1000000 pixels is more than any camera has"),
         ({"d": ["a", 0, 0, 0, 0]}, "d must be a list of numbers"),
         ({"k": k_with(fx=np.nan)}, "k must be finite"),
         ({"k": k_with(cx=np.inf)}, "k must be finite"),
@@ -131,5 +134,5 @@ def test_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LensError, match="nowhere.yaml: cannot be read"):
+    with pytest.raises(LensError, match="nowhere.yaml: cannot read"):
         camera_from_yaml(tmp_path / "nowhere.yaml")

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from altered_sample import CAMERAS, write_altered_sample
 
 from bodycam_ros.cli.main import main
@@ -113,7 +114,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
     rows = {
-        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6
+        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 7
     }
     assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
     assert "12 of 12 instants solved" in printed.out
@@ -180,3 +181,29 @@ def test_a_map_without_a_vertical_is_solved_with_a_word(
     bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
     assert run(sample, bag, tmp_path / "out", map_path=tmp_path / "map") == 0
     assert "does not know what is up" in caplog.text
+
+
+def test_what_is_lost_or_off_is_said_of_each_camera(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The metadata says that there were twelve images of one camera; the clock of another is 10 ms late."""
+
+    def late(topic: str, number: int, message: object) -> object:
+        if topic == f"/{CAMERAS[2]}/image_raw/compressed":
+            stamp = message.header.stamp
+            stamp = dataclasses.replace(stamp, nanosec=stamp.nanosec + 10_000_000)
+            message = dataclasses.replace(message, header=dataclasses.replace(message.header, stamp=stamp))
+        return message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", late, frames=8)
+    metadata = yaml.safe_load((bag / "metadata.yaml").read_text())
+    for topic in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        if topic["topic_metadata"]["name"] == f"/{CAMERAS[0]}/image_raw/compressed":
+            topic["message_count"] = 12
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    assert run(sample, bag, tmp_path / "out") == 0
+    printed = capfd.readouterr().out
+    row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
+    assert [cell.strip() for cell in row.split("│")[1:-1]] == [CAMERAS[0], "12", "66.7%", "", "4"]
+    assert f"camera {CAMERAS[0]}: 4 images that the recording should hold are not in it" in caplog.text
+    assert f"camera {CAMERAS[2]}: its stamps are 10 ms after the others'" in printed
