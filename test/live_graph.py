@@ -130,9 +130,9 @@ class Graph:
             assert time.monotonic() < deadline_s, f"after {timeout_s:g} s still not: {what}\n{self.report()}"
             self._executor.spin_once(0.05)
 
-    def messages(self, topic: str) -> list[Any]:
-        """What was said on a topic."""
-        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic]]
+    def messages(self, topic: str, latest: int = 0) -> list[Any]:
+        """What was said on a topic, or the latest of it."""
+        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][-latest:]]
 
     def all_diagnostics(self, part: str) -> list[dict[str, Any]]:
         """Level, text and values of all reports on a part, named with its node."""
