@@ -6,6 +6,7 @@
 registrations. The live graph runs the two halves of ``CameraPipeline`` in different nodes.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -137,6 +138,21 @@ class SkeletonPipeline:
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
         self._solved_ns = -1
+
+    @property
+    def bridged(self) -> int:
+        """Instants at which all cameras were silent, filled in so far."""
+        return self._smoother.bridged
+
+    @property
+    def restarts(self) -> int:
+        """How often the solver had to begin anew."""
+        return self._smoother.restarts
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Camera -> instants at which it was not believed."""
+        return self._smoother.refused
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""

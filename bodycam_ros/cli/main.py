@@ -4,7 +4,9 @@ import argparse
 import errno
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
+from io import TextIOWrapper
 
 from bodycam_ros import __version__
 from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
@@ -42,8 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None, ending: Ending) -> int:
     # A name that is not UTF-8 must not keep a message from being printed.
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
+        if isinstance(stream, TextIOWrapper):
+            with suppress(OSError):  # put in the place of one that could seek
+                stream.reconfigure(errors="backslashreplace")
     arguments = _parser().parse_args(argv)
     import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run

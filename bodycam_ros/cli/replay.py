@@ -50,11 +50,15 @@ def run(arguments: argparse.Namespace) -> int:
     Terminal().print(_table(summary))
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
+    for camera, count in summary.refused.most_common():
+        Terminal().print(f"camera {camera}: not believed at {count} instants, where the others contradict it")
+    if summary.restarts:
+        Terminal().print(f"the solver could not go on {summary.restarts} times and began anew", style="red")
     share = summary.solved / summary.instants if summary.instants else 0.0
     Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera; {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real "
-        f"time; written to {arguments.output}",
+        f"any camera ({summary.bridged} without any image); {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, "
+        f"{summary.real_time_factor:.2f} of real time; written to {arguments.output}",
         soft_wrap=True,
     )
     print_verdict(Terminal(), summary.verdict)
