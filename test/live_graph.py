@@ -23,6 +23,7 @@ from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
 _DEPTH = 5000
+_ASKED = 4
 _START_S, _GRACE_S = 60.0, 30.0
 
 
@@ -114,10 +115,13 @@ class Graph:
         return client.call_async(service_type.Request(**fields))
 
     def call(self, service: str, service_type: Any, **fields: Any) -> Any:
-        """Call a service and wait for its answer."""
-        future = self.ask(service, service_type, **fields)
-        self._executor.spin_until_future_complete(future, _GRACE_S)
-        return future.result()
+        """Call a service and wait for its answer; ask again where a node that was just found has not found us yet."""
+        for _ in range(_ASKED):
+            future = self.ask(service, service_type, **fields)
+            self._executor.spin_until_future_complete(future, _GRACE_S / _ASKED)
+            if future.done():
+                return future.result()
+        raise AssertionError(f"{service} does not answer\n{self.report()}")
 
     def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Listen until something is the case."""
@@ -126,9 +130,9 @@ class Graph:
             assert time.monotonic() < deadline_s, f"after {timeout_s:g} s still not: {what}\n{self.report()}"
             self._executor.spin_once(0.05)
 
-    def messages(self, topic: str) -> list[Any]:
-        """What was said on a topic."""
-        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic]]
+    def messages(self, topic: str, latest: int = 0) -> list[Any]:
+        """What was said on a topic, or the latest of it."""
+        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][-latest:]]
 
     def all_diagnostics(self, part: str) -> list[dict[str, Any]]:
         """Level, text and values of all reports on a part, named with its node."""

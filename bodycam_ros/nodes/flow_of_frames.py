@@ -120,6 +120,10 @@ class AnsweredFrames:
             self._unanswered_ns.popleft()
         return True
 
+    def expect_nobody(self) -> None:
+        """Wait for no answer until one comes: who was to answer is gone, or has only just come."""
+        self._alone = True
+
     def forget(self) -> None:
         """Time begins anew: answers to what was sent are of no use."""
         self._unanswered_ns.clear()

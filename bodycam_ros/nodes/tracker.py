@@ -66,6 +66,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._tally = _Tally()
         self._restarts = 0
+        self._readers = 0
         self._tracks = self.publisher("bodycam_msgs/msg/FeatureTracks", f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
         self.subscription(
@@ -118,7 +119,12 @@ class Tracker(StageNode[TrackerParameters]):
         return "images come faster than they are tracked and registered"
 
     def _is_heard(self) -> bool:
-        return bool(self._tracks.get_subscription_count())
+        readers = self._tracks.get_subscription_count()
+        if readers > self._readers:
+            # It may be a registration in place of one that was killed, and that answers nothing any more.
+            self._answers.expect_nobody()
+        self._readers = readers
+        return bool(readers)
 
     def _look(self) -> None:
         self._wait(self._order.look())

@@ -60,6 +60,19 @@ def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
     assert frames.must_wait()
 
 
+def test_a_new_reader_need_not_answer_for_the_one_before(clock: Clock) -> None:
+    frames = AnsweredFrames(most_ahead=1)
+    frames.sent(10)
+    assert frames.must_wait()
+    frames.expect_nobody()
+    assert not frames.must_wait()
+    frames.sent(20)
+    assert not frames.must_wait()
+    assert frames.answered(20)
+    frames.sent(30)
+    assert frames.must_wait(), "from its first answer on it is waited for"
+
+
 def test_answers_to_what_was_never_sent_are_none(clock: Clock) -> None:
     frames = AnsweredFrames(most_ahead=1)
     assert not frames.answered(10)
