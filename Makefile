@@ -24,7 +24,7 @@ demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadgroup
 
 lint: $(VENV)/test.stamp
 	$(BIN)/ruff check .

@@ -4,8 +4,11 @@ import os
 import signal
 from pathlib import Path
 
+import cv2
 import pytest
+from made_once import made_once
 from rider import rider_body
+from threadpoolctl import threadpool_limits
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
@@ -15,9 +18,21 @@ from bodycam_ros.replay.replay import replay
 REPOSITORY = Path(__file__).parent.parent
 
 
-def pytest_configure() -> None:
-    """Let Ctrl-C reach the tests of it: what a shell started in the background ignores it, and so do its children."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Let Ctrl-C reach the tests of it, and let workers that test side by side not get in each other's way."""
+    # What a shell started in the background ignores it, and so do its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
+    threadpool_limits(1)
+    cv2.setNumThreads(1)
+    config.addinivalue_line("markers", "xdist_group(name): tests that one worker runs, one after the other")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """One worker runs the tests of a file, which share what they made; and one all that start a live graph."""
+    for item in items:
+        live = "graph" in getattr(item, "fixturenames", ())
+        item.add_marker(pytest.mark.xdist_group("live graphs" if live else item.nodeid.split("::")[0]))
 
 
 @pytest.fixture(scope="session")
@@ -43,11 +58,13 @@ def tiny_bag(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sample, replayed once for all tests."""
-    out = tmp_path_factory.mktemp("sample") / "out"
+    """The sample, replayed once for all tests of all workers."""
     bag, jobs = sample / "sample" / "bag", os.cpu_count() or 1
-    replay(bag, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs)
-    return out
+
+    def make(folder: Path) -> None:
+        replay(bag, sample / "map", sample / "body.yaml", folder / "out", PipelineSettings(), jobs)
+
+    return made_once(tmp_path_factory, "sample", make) / "out"
 
 
 @pytest.fixture

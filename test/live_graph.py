@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -23,6 +24,8 @@ from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
 _DEPTH = 5000
+_DOMAINS = range(1, 102)
+"""Those whose ports are outside of what Linux hands out to anybody who asks for a port."""
 _START_S, _GRACE_S = 60.0, 30.0
 
 
@@ -160,10 +163,30 @@ class Graph:
 
 
 @contextmanager
+def own_domain() -> Iterator[int]:
+    """A DDS domain that no other test on this machine has, as long as the context lasts, or the process."""
+    start = os.getpid() % len(_DOMAINS)
+    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
+        with socket.socket(socket.AF_UNIX) as claim:
+            try:
+                claim.bind(f"\0bodycam_ros/test/domain/{domain}")
+            except OSError:
+                continue  # somebody else's
+            yield domain
+            return
+    raise RuntimeError("all DDS domains are taken by other tests on this machine")
+
+
+@contextmanager
 def running_graph(folder: Path) -> Iterator[Graph]:
     """A graph without processes yet, on a DDS domain of its own that does not leave the machine."""
+    with own_domain() as domain:
+        yield from _graph_on(domain, folder)
+
+
+def _graph_on(domain: int, folder: Path) -> Iterator[Graph]:
     ours = {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(_REPOSITORY / "config/fastdds-shm.xml"),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
