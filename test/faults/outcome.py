@@ -1,0 +1,158 @@
+"""What came of a run: a good result, an error that names what is wrong, or a fault of ours."""
+
+import hashlib
+import json
+import os
+import re
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+from faults.run import Run
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.registration.reference_map import ReferenceMap
+
+SURVIVED, NAMED, FAULTY = "survived", "named", "faulty"
+TRACEBACK, HALF, HANG, UNREADABLE, SILENT = "traceback", "half file", "hang", "unreadable", "silent"
+FAULTS = (TRACEBACK, HALF, HANG, UNREADABLE, SILENT)
+"""Unreadable: escape sequences, or more text than anybody reads. Silent: a wrong result that nobody is told of."""
+
+_STACKS = re.compile(r"Traceback \(most recent call last\)|terminate called|stack trace: \*\*\*|Fatal Python error")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x9f]")
+_LONGEST_MESSAGE = 6000
+_TABLE = "│┃┏┡└┌├─╇┴"
+
+Snapshot = Mapping[Path, str]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a case ended.
+
+    Attributes:
+        result: ``SURVIVED`` (exit code 0), ``NAMED`` or ``FAULTY``.
+        faults: what is ours to mend -> in some words.
+        said: the last line that was printed.
+        memory_mb: of the largest process.
+    """
+
+    result: str
+    faults: Mapping[str, str]
+    said: str
+    memory_mb: float
+
+
+def snapshot(folder: Path) -> Snapshot:
+    """What is in a folder: path -> what it is and holds."""
+    found = {}
+    for parent, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = Path(parent) / name
+            mode = path.lstat().st_mode
+            if stat.S_ISLNK(mode):
+                found[path] = f"link to {os.readlink(path)}"
+            elif stat.S_ISREG(mode):
+                found[path] = hashlib.sha1(path.read_bytes()).hexdigest()
+            else:
+                found[path] = str(stat.S_IFMT(mode))
+    return found
+
+
+def judged(run: Run, before: Snapshot) -> Outcome:
+    """What came of a run in a folder that was so before."""
+    text = run.printed.decode("utf-8", "replace")
+    faults = {}
+    if run.hung:
+        faults[HANG] = run.hung
+    elif run.left:
+        faults[HANG] = f"left {run.left} processes behind"
+    elif stack := _stack(run, text):
+        faults[TRACEBACK] = stack
+    if run.attempt.stop is None and (unreadable := _unreadable(run, text)):
+        faults[UNREADABLE] = unreadable
+    if half := _half_written(run, before):
+        faults[HALF] = half
+    beside_tables = "\n".join(line for line in text.splitlines() if not set(line) & set(_TABLE))
+    if run.exit_code == 0 and run.attempt.must_say and not re.search(run.attempt.must_say, beside_tables):
+        faults[SILENT] = f"nothing was said that matches {run.attempt.must_say!r}"
+    result = FAULTY if faults else SURVIVED if run.exit_code == 0 else NAMED
+    lines = [line for line in text.splitlines() if line.strip()]
+    return Outcome(result, faults, lines[-1][:300] if lines else "", run.memory_mb)
+
+
+def _stack(run: Run, text: str) -> str:
+    """What shows that the program fell over; empty if it did not."""
+    code = run.exit_code
+    if match := _STACKS.search(text):
+        last = [line for line in text[match.start() :].splitlines() if line and not line.startswith(" ")]
+        return next((line for line in last[1:] if "Error" in line or "Exception" in line), last[-1])[:200]
+    stopped_by = run.attempt.stop[0] if run.attempt.stop else 0
+    if code is None or (code < 0 and -code != stopped_by):
+        return f"ended by signal {-(code or 0)}"
+    if code == 1 and "bodycam: error: " not in text:
+        return "exit code 1 without a word"
+    return ""
+
+
+def _unreadable(run: Run, text: str) -> str:
+    if match := _CONTROL.search(text):
+        return f"control character {match[0]!r} in {text[max(0, match.start() - 30) : match.end() + 30]!r}"
+    longest = max((len(part) for part in text.split("bodycam: error: ")[1:]), default=0)
+    return f"a message of {longest} characters" if longest > _LONGEST_MESSAGE else ""
+
+
+def _half_written(run: Run, before: Snapshot) -> str:
+    """What is in the folder that should not be, or is no longer as it should; empty if all is well."""
+    outputs = run.attempt.outputs
+    after = snapshot(run.folder)
+    scratch = run.folder / "tmp"
+    for path in sorted(after.keys() | before.keys()):
+        if any(out == path or out in path.parents for out in outputs) or path == scratch:
+            continue
+        if path not in after:
+            return f"{path.relative_to(run.folder)} is gone"
+        if path not in before:
+            # The folders on the way to an output may be made.
+            if not any(path in out.parents for out in outputs) or run.exit_code:
+                return f"{path.relative_to(run.folder)} was left behind"
+        elif after[path] != before[path]:
+            return f"{path.relative_to(run.folder)} was changed"
+    for out, kind in outputs.items():
+        changed = any(
+            before.get(path) != after.get(path) for path in after.keys() | before.keys() if _within(path, out)
+        )
+        if changed and (why := _not_whole(out, kind)):
+            return f"{out.name}: {why}"
+    return ""
+
+
+def _within(path: Path, folder: Path) -> bool:
+    return path == folder or folder in path.parents
+
+
+def _not_whole(path: Path, kind: str) -> str:
+    """Why an output cannot be read again; empty if it can."""
+    try:
+        if kind == "bag":
+            with BagFile(path) as bag:
+                states = sum(1 for _ in bag.messages(["/joint_states"]))
+            return "" if states else "holds no joint states"
+        if kind == "report":
+            json.loads((path / "summary.json").read_text())
+            return "" if cv2.imread(str(path / "summary.png")) is not None else "holds no picture"
+        if kind == "page":
+            return "" if path.read_text().rstrip().endswith("</html>") else "is cut"
+        if kind == "urdf":
+            ElementTree.parse(path)
+        elif kind == "body":
+            read_body(path)
+        else:
+            ReferenceMap.load(path)
+    except Exception as error:  # whatever makes it unreadable
+        return f"{type(error).__name__}: {error}"[:200]
+    return ""
