@@ -37,8 +37,12 @@ class TrackerSettings:
         limits=(0.01, 6.3),
         reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
     )
-    min_keyframe_gap: int = setting(
-        3, unit="frames", limits=(1, 60), reason="a camera that sees nothing must not pay for a keyframe on every frame"
+    min_keyframe_gap: float = setting(
+        0.09,
+        unit="s",
+        limits=(0.0, 5.0),
+        reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
+        "turns quickly needs just that",
     )
     max_track_age: float = setting(
         1.5,
@@ -89,8 +93,8 @@ class FeatureTracker:
         self._ids = np.zeros(0, np.uint32)
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
-        self._keyframe_ns = 0
-        self._frames_since_keyframe = self.settings.min_keyframe_gap  # the first image is a keyframe
+        self._keyframe_ns: int | None = None
+        self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
         self._rotation_per_frame = np.eye(3)
@@ -188,7 +192,8 @@ class FeatureTracker:
             or self._turned > self.settings.keyframe_rotation
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
         )
-        return due and self._frames_since_keyframe >= self.settings.min_keyframe_gap
+        since_keyframe_ns = self._stamp_ns - self._keyframe_ns if self._keyframe_ns is not None else None
+        return due and (since_keyframe_ns is None or since_keyframe_ns >= 1e9 * self.settings.min_keyframe_gap)
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
