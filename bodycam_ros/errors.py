@@ -33,5 +33,9 @@ class RangeOfMotionError(BodyError):
     """A range of motion does not tell what a body is like; the message names the joint, and what to repeat."""
 
 
+class OutputError(BodycamError):
+    """A file or folder cannot be written."""
+
+
 class ViewError(BodycamError):
     """The view in a browser cannot be served."""

@@ -5,13 +5,14 @@ joined by a dot, such as ``tracker.max_track_age``.
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
-
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
 
 S = TypeVar("S")
 
@@ -66,7 +67,7 @@ def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], sou
     checked = {}
     for name, value in values.items():
         if name not in known:
-            raise SettingsError(f"{source}: there is no setting '{name}'; known are {', '.join(sorted(known))}")
+            raise SettingsError(f"{source}: there is no setting {shown(name)}; known are {', '.join(sorted(known))}")
         checked[name] = _checked(known[name], value, source)
     return settings_type(**checked)
 
@@ -77,16 +78,15 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
     Raises:
         SettingsError: the file is missing, not YAML, or not in the form of a ROS parameter file.
     """
-    try:
-        document = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SettingsError(f"{path}: cannot be read as YAML: {error}") from error
+    document = read_yaml(path, "settings file", SettingsError)
     try:
         parameters = document["/**"]["ros__parameters"].items()
     except (TypeError, KeyError, AttributeError) as error:
         raise SettingsError(f"{path}: expected a ROS parameter file with '/**: ros__parameters:' on top") from error
     groups: dict[str, dict[str, Any]] = {}
     for name, value in parameters:
+        if not isinstance(name, str):
+            raise SettingsError(f"{path}: {shown(name)} is no name of a group of settings")
         # ROS knows two spellings: a mapping under the group's name, and the group joined to the setting by a dot.
         if isinstance(value, dict):
             groups.setdefault(name, {}).update(value)
@@ -99,12 +99,13 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
 def _checked(description: SettingDescription, value: Any, source: str) -> Any:
     wanted: type[Any] = description.type
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        with suppress(OverflowError):
+            value = float(value)
     if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
         raise SettingsError(
-            f"{source}: {description.name} must be {wanted.__name__}, not {value!r}; {description.text()}"
+            f"{source}: {description.name} must be {wanted.__name__}, not {shown(value)}; {description.text()}"
         )
     low, high = description.low, description.high
     if low is not None and high is not None and not low <= value <= high:
-        raise SettingsError(f"{source}: {description.name} = {value!r} is out of range; {description.text()}")
+        raise SettingsError(f"{source}: {description.name} = {shown(value)} is out of range; {description.text()}")
     return value

@@ -1,19 +1,205 @@
-"""A file that is there whole or not at all."""
+"""Files and folders that are there whole or not at all.
 
+Everything is written under a temporary name beside its place, brought to the disk, and then renamed. An error or Ctrl-C
+at any time leaves what was there before, and no temporary files.
+"""
+
+import errno
+import fcntl
 import os
+import shutil
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+
+from bodycam_ros.errors import OutputError
+
+SCRATCH_PREFIX = ".bodycam."
+"""How the names of the temporary folders begin; only a process that is killed leaves one, until the next clears it."""
+
+_YOUNG_S = 10.0
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file beside its place, text as UTF-8, and move it there when it is complete; an earlier one is replaced.
+    """Write a file, text as UTF-8; an earlier one is replaced.
 
     Raises:
-        OSError: it cannot be written; nothing is left behind, and an earlier file is as it was.
+        OutputError: it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give the path to write a file to; it takes its place, and that of an earlier one, when the block ends.
+
+    Raises:
+        OutputError: it cannot be written, in the block or after it, or what is there is no file.
+    """
+    final = _final(path)
+    with failure_named(path), _scratch(final.parent, named=path) as scratch:
+        if final.exists() and not final.is_file():
+            raise FileExistsError(errno.EEXIST, "is there, and is no file")
+        yield (unfinished := scratch / final.name)
+        _bring_to_disk(unfinished)
+        unfinished.replace(final)
+        _bring_to_disk(final.parent)
+
+
+@contextmanager
+def whole_files(folder: Path) -> Iterator[Path]:
+    """Give an empty folder to write files to, which are moved into ``folder`` together when the block ends.
+
+    Files of the same names are replaced; other files in the folder stay. It is made if it is not there.
+
+    Raises:
+        OutputError: they cannot be written, in the block or after it; none is moved before all are on the disk.
+    """
+    final = _final(folder)
+    with failure_named(folder):
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with _scratch(final.parent, named=folder) as scratch:
+            yield scratch
+            _bring_tree_to_disk(scratch)
+            final.mkdir(exist_ok=True)
+            for file in sorted(scratch.iterdir()):
+                file.replace(final / file.name)
+            _bring_to_disk(final)
+
+
+@contextmanager
+def whole_folder(path: Path, check_replaceable: Callable[[Path], None]) -> Iterator[Path]:
+    """Give the path to make a folder at; it takes its place when the block ends. Folders above it are made.
+
+    What is there already stays whole until the new folder has its place, and is put back if that fails.
+
+    Args:
+        path: the folder to be.
+        check_replaceable: called with ``path`` if something is there, before the block and after it; raises what the
+            user should know if that must not be replaced.
+
+    Raises:
+        OutputError: the place cannot be written to; the message says where the old folder is if it could not be put
+            back. Errors of the block are passed on as they are; ``failure_named`` makes these of it.
+    """
+    final = _final(path)
+    with failure_named(path):
+        if final.exists():
+            check_replaceable(path)
+        final.parent.mkdir(parents=True, exist_ok=True)
+    with _scratch(final.parent, named=path) as scratch:
+        yield (unfinished := scratch / final.name)
+        with failure_named(path):
+            _bring_tree_to_disk(unfinished)
+            if final.exists():
+                check_replaceable(path)
+            _exchange(final, unfinished)
+            _bring_to_disk(final.parent)
+
+
+@contextmanager
+def failure_named(path: Path) -> Iterator[None]:
+    """Say of an OSError in the block that ``path`` cannot be written, as OutputError."""
     try:
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-        temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _exchange(path: Path, new: Path) -> None:
+    """Move a folder to ``path`` and remove what was there; an interruption at any point leaves one of them there."""
+    old = path.parent / f".bodycam-replaced.{uuid.uuid4().hex}"  # no scratch folder, which another process would clear
+    try:
+        if path.exists():
+            path.rename(old)
+        new.rename(path)
+    except BaseException as error:
+        if old.exists() and not path.exists():
+            try:
+                old.rename(path)
+            except OSError:
+                raise OSError(errno.EIO, f"{error}; what was there is whole, in {old}") from error
         raise
+    finally:
+        if path.exists():
+            shutil.rmtree(old, ignore_errors=True)
+
+
+@contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """An empty folder in another, removed afterwards; those that killed processes left there are removed as well.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    scratch = parent / f"{SCRATCH_PREFIX}{uuid.uuid4().hex}"
+    try:
+        scratch.mkdir()
+        with _held(scratch):
+            _clear_stale(parent)
+            yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
+def _scratch(parent: Path, named: Path) -> Iterator[Path]:
+    """A ``scratch_folder``. Raises OutputError about ``named`` if it cannot be made."""
+    with ExitStack() as stack:
+        with failure_named(named):
+            scratch = stack.enter_context(scratch_folder(parent))
+        yield scratch
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """Hold a lock on a folder, which the system lets go of when this process ends, however it ends."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some file systems have no locks; there, nothing is taken for stale
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _clear_stale(parent: Path) -> None:
+    """Remove scratch folders that no living process holds."""
+    for folder in parent.glob(f"{SCRATCH_PREFIX}*"):
+        with suppress(OSError):
+            # One that is new may not be held yet.
+            if time.time() - folder.stat().st_mtime < _YOUNG_S:
+                continue
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)
+
+
+def _final(path: Path) -> Path:
+    """Where a path leads: what is beside it is on the same disk, and it has a name even if it is ``.``."""
+    return Path(os.path.realpath(path))
+
+
+def _bring_tree_to_disk(folder: Path) -> None:
+    for place, _, files in os.walk(folder):
+        for file in files:
+            _bring_to_disk(Path(place, file))
+        _bring_to_disk(Path(place))
+
+
+def _bring_to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        if path.is_dir():
+            with suppress(OSError):  # some file systems cannot do this for a folder
+                os.fsync(descriptor)
+        else:
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import pytest
+from known_walk import Walk, make_walk
 from made_once import made_once
 from rider import rider_body
 from threadpoolctl import threadpool_limits
@@ -71,3 +72,9 @@ def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def rider() -> BodyModel:
     """Joint frames turned and shifted on both sides, a sensor welded to the shin, and a foot on a pedal: a loop."""
     return rider_body()
+
+
+@pytest.fixture(scope="session")
+def walk() -> Walk:
+    """A body that walks in a way that is known exactly."""
+    return make_walk()

@@ -7,6 +7,7 @@ from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError
 from bodycam_ros.whole_file import write_whole
+from bodycam_ros.yaml_file import read_text
 
 URDF_SUFFIX = ".urdf"
 
@@ -18,10 +19,7 @@ def read_body(path: Path | str) -> BodyModel:
         BodyError: the file is missing, or describes no body; the message names the file and the place in it.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BodyError(f"{path}: cannot read this body file: {error}") from error
+    text = read_text(path, "body file", BodyError)
     try:
         return body_from_urdf(text) if is_urdf(path) else body_from_yaml(text)
     except BodyError as error:
@@ -32,15 +30,13 @@ def write_body(body: BodyModel, path: Path | str) -> None:
     """Write a body file as YAML, whole or not at all.
 
     Raises:
-        BodyError: the file cannot be written, or is named as a URDF, which would not keep all of the body.
+        BodyError: the file is named as a URDF, which would not keep all of the body.
+        OutputError: it cannot be written.
     """
     path = Path(path)
     if is_urdf(path):
         raise BodyError(f"{path}: a body is kept as YAML; write it as .yaml, then 'bodycam export --to urdf'")
-    try:
-        write_whole(path, yaml_text(body))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot write this body file: {error}") from error
+    write_whole(path, yaml_text(body))
 
 
 def is_urdf(path: Path) -> bool:

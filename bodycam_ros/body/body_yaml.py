@@ -46,8 +46,11 @@ from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pos
 from bodycam_ros.body.joint import LONG_AXIS_Z, Joint, default_sigmas
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import yaml_document
 
 _DECIMALS = 9  # 1 nm, 1 nrad
+_MOST_PARTS = 1000  # joints, segments, cameras
 
 _BODY_KEYS = {"name", "root", "segments", "joints", "cameras"}
 _JOINT_KEYS = {"parent", "child", "type", "origin_in_parent"}
@@ -62,12 +65,7 @@ def body_from_yaml(text: str) -> BodyModel:
     Raises:
         BodyError: it is not YAML, or describes no body; the message names the place in it.
     """
-    try:
-        _refuse_duplicates(yaml.compose(text, Loader=yaml.SafeLoader))
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        raise BodyError(f"this body file is not YAML: {' '.join(str(error).split())}") from error
-    return _body(document)
+    return _body(yaml_document(text, "body file", BodyError))
 
 
 def yaml_text(body: BodyModel) -> str:
@@ -82,29 +80,20 @@ def yaml_text(body: BodyModel) -> str:
     return "".join(parts)
 
 
-def _refuse_duplicates(node: yaml.Node | None) -> None:
-    """A second camera or joint of one name: PyYAML would keep the last and say nothing."""
-    if isinstance(node, yaml.MappingNode):
-        keys = [key.value for key, _ in node.value]
-        for key, value in node.value:
-            if keys.count(key.value) > 1:
-                problem = f"'{key.value}' is listed twice; names must differ"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            _refuse_duplicates(value)
-
-
 def _body(document: Any) -> BodyModel:
     check_keys(document, "a body file", _BODY_KEYS, {"report"})
     joints, cameras = document["joints"], document["cameras"]
     for name, table in (("joints", joints), ("cameras", cameras)):
         if not isinstance(table, dict):
-            raise BodyError(f"{name} must be a table of names, not {table!r}; write {{}} for none")
+            raise BodyError(f"{name} must be a table of names, not {shown(table)}; write {{}} for none")
+        if len(table) > _MOST_PARTS:
+            raise BodyError(f"{name}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
     report = document.get("report") or {}
     if not isinstance(report, dict):
-        raise BodyError(f"report must be a table, not {report!r}")
+        raise BodyError(f"report must be a table, not {shown(report)}")
     segments = document["segments"]
-    if not isinstance(segments, list):
-        raise BodyError(f"segments must be a list of names, not {segments!r}")
+    if not isinstance(segments, list) or len(segments) > _MOST_PARTS:
+        raise BodyError(f"segments must be a list of at most {_MOST_PARTS} names, not {shown(segments)}")
     return BodyModel(
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),

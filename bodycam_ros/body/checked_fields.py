@@ -6,8 +6,11 @@ import numpy as np
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+from bodycam_ros.shown import shown
 
 _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
+_LONGEST_NAME = 100
+_MOST_SHOWN = 5  # of unknown keys
 
 
 def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> None:
@@ -17,22 +20,24 @@ def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> 
         BodyError: so it is.
     """
     if not isinstance(entry, dict):
-        raise BodyError(f"{where}: expected a table with {', '.join(sorted(needed))}, not {entry!r}")
+        raise BodyError(f"{where}: expected a table with {', '.join(sorted(needed))}, not {shown(entry)}")
     if missing := needed - set(entry):
         raise BodyError(f"{where}: lacks {', '.join(sorted(missing))}")
-    if unknown := set(map(str, entry)) - needed - optional:
+    if unknown := [key for key in entry if key not in needed | optional]:
         known = ", ".join(sorted(needed | optional))
-        raise BodyError(f"{where}: has unknown {', '.join(sorted(unknown))}; known are {known}")
+        raise BodyError(f"{where}: has unknown {', '.join(map(shown, unknown[:_MOST_SHOWN]))}; known are {known}")
 
 
 def name_of(value: Any, where: str) -> str:
     """Return a name.
 
     Raises:
-        BodyError: it is not text.
+        BodyError: it is not text, too long, or holds characters that cannot be printed.
     """
     if not isinstance(value, str) or not value:
-        raise BodyError(f"{where} must be a name, not {value!r}; put a number that is meant as a name in quotes")
+        raise BodyError(f"{where} must be a name, not {shown(value)}; put a number that is meant as a name in quotes")
+    if len(value) > _LONGEST_NAME or not value.isprintable():
+        raise BodyError(f"{where} must be a name of at most {_LONGEST_NAME} printable characters, not {shown(value)}")
     return value
 
 
@@ -48,7 +53,7 @@ def numbers_of(value: Any, count: int, where: str) -> Array:
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty(0)
     if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
-        raise BodyError(f"{where} must be a list of {count} finite numbers, not {value!r}")
+        raise BodyError(f"{where} must be a list of {count} finite numbers, not {shown(value)}")
     return numbers
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, adjoint, hat, inverse
+from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld"]
 
@@ -71,11 +72,12 @@ class Joint:
     def __post_init__(self) -> None:
         where = f"joint {self.name}"
         if self.type not in get_args(JointType):
-            raise BodyError(f"{where}: type must be ball, hinge or weld, not {self.type!r}")
+            raise BodyError(f"{where}: type must be ball, hinge or weld, not {shown(self.type)}")
         if self.parent == self.child:
             raise BodyError(f"{where}: joins segment {self.parent} to itself; parent and child must differ")
         if sorted(self.angle_axes) != ["x", "y", "z"]:
-            raise BodyError(f"{where}: angle_axes must hold x, y and z once each, such as yzx, not {self.angle_axes!r}")
+            axes = shown(self.angle_axes)
+            raise BodyError(f"{where}: angle_axes must hold x, y and z once each, such as yzx, not {axes}")
         if not np.isfinite([self.parent_T_joint, self.child_T_joint]).all():
             raise BodyError(f"{where}: its place on a segment is not finite")
         length = float(np.linalg.norm(self.axis))

@@ -6,10 +6,8 @@ Links and joints are told apart by the names and the structure that ``urdf`` giv
 program wrote out again, with other visuals or without, reads as the same body.
 """
 
-import xml.etree.ElementTree as ET
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Sequence, Set
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, UNKNOWN_LIMITS
-from bodycam_ros.body.urdf_joint import UrdfJoint
+from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
 
@@ -31,19 +29,8 @@ def body_from_urdf(text: str) -> BodyModel:
     Raises:
         BodyError: not a URDF, or one of something else than a body of ours; the message names the joint or link.
     """
-    try:
-        robot = ET.fromstring(text)
-        if robot.tag != "robot":
-            raise BodyError(f"a URDF begins with <robot>, not <{robot.tag}>")
-        joints = [UrdfJoint.read(element) for element in robot.iterfind("joint")]
-    except ET.ParseError as error:
-        raise BodyError(f"this is not XML: {error}") from error
-    except ValueError as error:
-        raise BodyError(str(error)) from error
-    links = [element.attrib.get("name", "") for element in robot.iterfind("link")]
-    drawn = {element.attrib.get("name", "") for element in robot.iterfind("link") if element.find("visual") is not None}
-    _check_names(links, joints)
-    return _Document(robot.attrib.get("name", ""), links, joints, _inner_links(joints) - drawn).body()
+    document = UrdfDocument.parse(text)
+    return _Structure(document, _inner_links(document.joints) - document.drawn).body()
 
 
 def _inner_links(joints: Sequence[UrdfJoint]) -> set[str]:
@@ -54,46 +41,33 @@ def _inner_links(joints: Sequence[UrdfJoint]) -> set[str]:
     return after_angle | {joint.child for joint in joints if joint.child.endswith(_CHILD_FRAME)}
 
 
-def _check_names(links: Sequence[str], joints: Sequence[UrdfJoint]) -> None:
-    if "" in links:
-        raise BodyError("a link has no name")
-    for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
-        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise BodyError(f"{kind} {', '.join(twice)} is listed twice; names must differ")
-    for joint in joints:
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise BodyError(f"joint {joint.name}: link {link} is missing")
-    if twice := sorted(name for name, count in Counter(joint.child for joint in joints).items() if count > 1):
-        raise BodyError(f"link {', '.join(twice)} hangs on two joints; a URDF is a tree")
+class _Structure:
+    """What the joints of a document stand for, given which links are inside a joint."""
 
-
-@dataclass(frozen=True)
-class _Document:
-    """Names, links and joints of a URDF, and which links are inside a joint."""
-
-    name: str
-    links: Sequence[str]
-    joints: Sequence[UrdfJoint]
-    inner: set[str]
+    def __init__(self, document: UrdfDocument, inner: Set[str]) -> None:
+        self._document = document
+        self._inner = inner
+        self._below: dict[str, list[UrdfJoint]] = defaultdict(list)
+        for joint in document.joints:
+            self._below[joint.parent].append(joint)
 
     def body(self) -> BodyModel:
-        if not self.name:
+        document = self._document
+        if not document.name:
             raise BodyError("the robot has no name")
-        segments = [link for link in self.links if link not in self.inner and not link.endswith(CAMERA_SUFFIX)]
-        hung = {joint.child for joint in self.joints}
-        roots = [segment for segment in segments if segment not in hung]
-        if len(roots) != 1:
-            raise BodyError(f"a body has one root link, this has {', '.join(roots) or 'none'}")
-        chains = [self._chain(joint) for joint in self.joints if joint.parent in segments]
+        segments = [link for link in document.links if link not in self._inner and not link.endswith(CAMERA_SUFFIX)]
+        if document.root not in segments:
+            raise BodyError(f"root link {document.root} is named as a camera or as the inside of a joint")
+        carrying = set(segments)
+        chains = [self._chain(joint) for joint in document.joints if joint.parent in carrying]
         mounts = {
             chain[0].child.removesuffix(CAMERA_SUFFIX): CameraMount(chain[0].parent, chain[0].parent_T_joint)
             for chain in chains
             if _is_camera(chain)
         }
         return BodyModel(
-            name=self.name,
-            root=roots[0],
+            name=document.name,
+            root=document.root,
             segments=tuple(segments),
             joints=tuple(_joint(chain) for chain in chains if not _is_camera(chain)),
             mounts=mounts,
@@ -102,16 +76,14 @@ class _Document:
     def _chain(self, first: UrdfJoint) -> list[UrdfJoint]:
         """The joints from one segment to the next, or to a camera."""
         chain = [first]
-        while (link := chain[-1].child) in self.inner:
-            following = [joint for joint in self.joints if joint.parent == link]
+        while (link := chain[-1].child) in self._inner:
+            following = self._below[link]
             if len(following) != 1:
                 raise BodyError(
                     f"joint {first.name}: {len(following)} joints hang on link {link}, which is inside a joint of a "
                     "body; expected one, which leads on to the joint's child"
                 )
             chain += following
-            if len(chain) > len(self.joints):
-                raise BodyError(f"joint {first.name}: the links after it form a circle")
         return chain
 
 

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from bodycam_ros.body.checked_fields import check_keys, name_of
 from bodycam_ros.errors import BodyError
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
+
+_MOST_PARTS = 1000  # cameras, segments
 
 
 @dataclass(frozen=True)
@@ -59,12 +61,7 @@ class Rig:
         Raises:
             BodyError: the file is missing, not YAML, or describes no rig; the message names the file.
         """
-        try:
-            document = yaml.safe_load(Path(path).read_text())
-        except (OSError, UnicodeDecodeError) as error:
-            raise BodyError(f"{path}: cannot read this rig file: {error}") from error
-        except yaml.YAMLError as error:
-            raise BodyError(f"{path}: this rig file is not YAML: {' '.join(str(error).split())}") from error
+        document = read_yaml(path, "rig file", BodyError)
         try:
             check_keys(document, "a rig file", {"cameras", "segments"}, set())
             cameras, parents = _table(document, "cameras"), _table(document, "segments")
@@ -108,5 +105,7 @@ class Rig:
 def _table(document: dict[str, Any], key: str) -> dict[Any, Any]:
     table = document[key]
     if not isinstance(table, dict):
-        raise BodyError(f"{key} must be a table of names, not {table!r}")
+        raise BodyError(f"{key} must be a table of names, not {shown(table)}")
+    if len(table) > _MOST_PARTS:
+        raise BodyError(f"{key}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
     return table

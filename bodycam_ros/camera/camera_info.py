@@ -5,14 +5,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.equidistant import EquidistantCamera
 from bodycam_ros.camera.fov import FovCamera
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.plumb_bob import PlumbBobCamera
 from bodycam_ros.camera.rational_polynomial import RationalPolynomialCamera
 from bodycam_ros.errors import CalibrationError
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
 
 _MODELS: dict[str, type[CameraModel]] = {
     model.distortion_model: model for model in (PlumbBobCamera, RationalPolynomialCamera, EquidistantCamera, FovCamera)
@@ -45,9 +46,12 @@ def camera_from_info(
     """
     model = _MODELS.get(distortion_model)
     if model is None:
-        raise _error(name, f"distortion model '{distortion_model}' is unknown; known are {', '.join(sorted(_MODELS))}")
+        known = ", ".join(sorted(_MODELS))
+        raise _error(name, f"distortion model {shown(distortion_model)} is unknown; known are {known}")
     if not (width > 0 and height > 0):
         raise _error(name, f"the image size must be positive, not {width} x {height}")
+    if width * height > MOST_PIXELS:
+        raise _error(name, f"an image of {width} x {height} pixels is more than any camera has")
     fx, fy, cx, cy = _intrinsics(name, _numbers(name, "k", k))
     return model(name, int(width), int(height), fx, fy, cx, cy, _distortion(name, model, _numbers(name, "d", d)))
 
@@ -62,10 +66,7 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
     Raises:
         CalibrationError: the file is missing, not YAML, lacks a field, or ``camera_from_info`` refuses it.
     """
-    try:
-        document = yaml.safe_load(Path(path).read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise CalibrationError(f"{path}: cannot be read as camera_info YAML: {error}") from error
+    document = read_yaml(path, "camera_info YAML", CalibrationError)
     if not isinstance(document, Mapping):
         raise CalibrationError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
     try:
@@ -92,7 +93,7 @@ def _intrinsics(name: str, k: tuple[float, ...]) -> tuple[float, float, float, f
     if skew != 0.0:
         raise _error(name, f"k has the skew {skew:g}; only cameras without skew are supported: calibrate without it")
     if (zero_a, zero_b, zero_c, one) != (0.0, 0.0, 0.0, 1.0):
-        raise _error(name, f"k must have the form {_K_FORM}, not {list(k)}")
+        raise _error(name, f"k must have the form {_K_FORM}, not {shown(list(k))}")
     return fx, fy, cx, cy
 
 
@@ -113,10 +114,10 @@ def _distortion(name: str, model: type[CameraModel], d: tuple[float, ...]) -> tu
 def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...]:
     try:
         numbers = tuple(float(value) for value in values)
-    except (TypeError, ValueError) as error:
-        raise _error(name, f"{field} must be a list of numbers, not {values!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _error(name, f"{field} must be a list of numbers, not {shown(values)}") from error
     if not all(math.isfinite(number) for number in numbers):
-        raise _error(name, f"{field} must be finite, not {list(numbers)}: calibrate the camera again")
+        raise _error(name, f"{field} must be finite, not {shown(list(numbers))}: calibrate the camera again")
     return numbers
 
 
@@ -129,14 +130,14 @@ def _field(document: Mapping[str, Any], field: str) -> Any:
 def _size(document: Mapping[str, Any], field: str) -> int:
     value = _field(document, field)
     if type(value) is not int:
-        raise CalibrationError(f"'{field}' must be a whole number of pixels, not {value!r}")
+        raise CalibrationError(f"'{field}' must be a whole number of pixels, not {shown(value)}")
     return value
 
 
 def _data(document: Mapping[str, Any], field: str) -> Any:
     matrix = _field(document, field)
     if not isinstance(matrix, Mapping) or "data" not in matrix:
-        raise CalibrationError(f"'{field}' must have rows, cols and data, not {matrix!r}")
+        raise CalibrationError(f"'{field}' must have rows, cols and data, not {shown(matrix)}")
     return matrix["data"]
 
 

@@ -4,8 +4,7 @@ COLMAP counts pixels from the corner of the image, we (like OpenCV) from the cen
 pixels between the two adds or takes ``PIXEL_SHIFT``.
 """
 
-import pycolmap
-
+from bodycam_ros.camera.colmap_library import pycolmap
 from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_model
 from bodycam_ros.camera.model import CameraModel
 

@@ -4,13 +4,14 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.whole_file import scratch_folder
 
 _DESIGN_SOLVE_MS = 8.0
 """What the design measured for 13 segments and 16 cameras on one core of its machine."""
@@ -27,13 +28,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     settings = pipeline_settings(arguments)
     inputs = (arguments.recording, arguments.map, arguments.body)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task("stages, one thread", total=None)
         timing = time_stages(*inputs, settings, on_image=lambda: progress.advance(task))
         progress.update(task, description="replay, all cores")
-        with tempfile.TemporaryDirectory() as scratch:
-            summary = replay(*inputs, Path(scratch) / "out", settings, jobs=arguments.jobs)
-    console = Console()
+        with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+            summary = replay(*inputs, scratch / "out", settings, jobs=arguments.jobs)
+    console = Terminal()
     console.print(_table(timing))
     console.print(
         f"tracker: {timing.tracker_ratio:.2f} times the OpenCV calls that it needs\n"

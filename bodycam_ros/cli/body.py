@@ -5,13 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
 from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
 from bodycam_ros.errors import BodyError
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.terminal import Terminal
+
+_SUFFIXES = (".yaml", ".yml")
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -50,9 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.replay.calibrate import calibrate
 
     output: Path = arguments.output
-    page = arguments.report or output.with_suffix(".html")
-    _check_output(output, arguments.force)
-    _check_folder(page)
+    page = arguments.report or output.parent / f"{output.stem}.html"
+    _check_outputs(arguments, page)
     pipeline = pipeline_settings(arguments)
     settings = CalibrationSettings(
         **{
@@ -76,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_body(body, output)
     write_html_report(body, calibrated.diagnosis, page)
     print_report(calibrated.diagnosis)
-    Console().print(f"\nbody written to {output}, report to {page}", markup=False, soft_wrap=True)
+    Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
     return 0
 
 
@@ -98,18 +100,20 @@ class _Bars:
 
 def _shown_progress() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    return Progress(*columns, console=Terminal(stderr=True), transient=True)
 
 
-def _check_output(path: Path, force: bool) -> None:
-    """Refuse what cannot be written before the work is done."""
-    if path.exists() and not path.is_file():
-        raise BodyError(f"{path}: is a folder; give a file for the body, such as body.yaml")
-    if path.exists() and not force:
-        raise BodyError(f"{path}: is there already; give --force to replace it, or another name")
-    _check_folder(path)
+def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:
+    """Refuse what cannot be written, or would cost an input, before the work is done.
 
-
-def _check_folder(path: Path) -> None:
-    if not path.parent.is_dir():
-        raise BodyError(f"{path}: its folder is not there; make it first")
+    Raises:
+        BodyError: the output is named as something else than a body.
+        OutputError: so it is.
+    """
+    if arguments.output.suffix.lower() not in _SUFFIXES:
+        raise BodyError(f"{arguments.output}: a body is kept as YAML; give a name such as legs.yaml")
+    inputs = (arguments.recording, arguments.map, arguments.rig, arguments.config)
+    for path, mark, what in ((arguments.output, b"segments:", "body file"), (page, b"<title>Body ", "report")):
+        check_output(path, inputs, makes_folders=False)
+        check_file(path, arguments.force, mark, what)
+    check_output(page, (arguments.output,))

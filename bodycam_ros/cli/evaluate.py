@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
+
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
@@ -38,10 +39,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
     from bodycam_ros.evaluate.evaluation import evaluate
-    from bodycam_ros.evaluate.overlay import overlay_views
+    from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
+    from bodycam_ros.output_place import check_output
 
     check_report_folder(arguments.output)
+    check_output(arguments.output, (arguments.solved, arguments.truth, arguments.recording))
+    _check_earlier(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     write_report(evaluation, arguments.output, overlay)
@@ -49,11 +53,26 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _check_earlier(folder: Path) -> None:
+    """Refuse to replace pictures of these names that no evaluation made: it writes figures along with each.
+
+    Raises:
+        OutputError: there are such.
+    """
+    from bodycam_ros.evaluate.report_folder import FIGURES, OVERLAY, PICTURE
+    from bodycam_ros.output_place import check_file
+
+    check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
+    if not (folder / FIGURES).exists():
+        for name in (PICTURE, OVERLAY):
+            check_file(folder / name, force=False, mark=b"", what="picture")
+
+
 def _report(evaluation: "Evaluation", folder: Path) -> None:
     from bodycam_ros.evaluate.summary import summary
 
     figures = summary(evaluation)
-    console = Console(markup=False)  # units stand in square brackets
+    console = Terminal()  # units stand in square brackets
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
     console.print(_camera_table(figures["cameras"]))

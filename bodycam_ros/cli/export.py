@@ -4,6 +4,11 @@ import argparse
 from pathlib import Path
 
 from bodycam_ros.export.formats import FORMATS, export
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.shown import printable
+
+_MARKS = {"urdf": b"<robot"}
+"""What a file of a format has near its beginning."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -17,11 +22,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("source", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote, or a body YAML")
     parser.add_argument("--to", choices=sorted(FORMATS), required=True, help="format to write")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="file to write")
+    parser.add_argument("--force", action="store_true", help="replace FILE if it is there already")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    check_output(arguments.output, (arguments.source,), makes_folders=False)
+    check_file(arguments.output, arguments.force, _MARKS[arguments.to], arguments.to)
     export(arguments.source, arguments.to, arguments.output)
-    print(f"written to {arguments.output}")
+    print(f"written to {printable(str(arguments.output))}")
     return 0

@@ -1,41 +1,77 @@
 """The command ``bodycam``: one file per subcommand, imported by name."""
 
 import argparse
-import logging
-import signal
+import errno
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from types import FrameType
-from typing import NoReturn
-
-from rich.console import Console
-from rich.logging import RichHandler
 
 from bodycam_ros import __version__
+from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.shown import printable
 
 COMMANDS = ("map", "body", "replay", "evaluate", "export", "bench", "settings", "view")
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
 
-FAILED, INTERRUPTED, TERMINATED = 1, 128 + signal.SIGINT, 128 + signal.SIGTERM
+FAILED = 1
+_NO_READER = 128 + 13  # as a shell says of who wrote to a pipe that nobody reads (SIGPIPE)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a subcommand and return its exit code: 0, 1 for an error of the user's, 2 for wrong usage, 130 for Ctrl-C."""
+    """Run a subcommand and return its exit code.
+
+    0, 1 for an error of the user's, 2 for wrong usage, 128 + the number of the signal that ended it (130 for Ctrl-C).
+    """
+    ending = Ending()
+    ending.answer()
+    try:
+        return _run(argv, ending)
+    finally:
+        if argv is not None:  # not the process's own call: it goes on
+            ending.forget()
+
+
+def _run(argv: Sequence[str] | None, ending: Ending) -> int:
+    # A name that is not UTF-8 must not keep a message from being printed.
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
     arguments = _parser().parse_args(argv)
-    _log_to_stderr(arguments.verbose)
-    # A terminated run cleans up like an interrupted one: nothing half-written stays.
-    signal.signal(signal.SIGTERM, _terminate)
+    import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run
     try:
-        return run(arguments)
-    except BodycamError as error:
-        print(f"bodycam: error: {error}", file=sys.stderr)
+        ending.begin()
+        code = run(arguments)
+        sys.stdout.flush()
+        return code
+    except BaseException as error:
+        if ending.cause is not None:  # what came of the signal, be it what it may
+            ending.say()
+            let_go_of_the_terminal()
+            return ending.exit_code
+        if isinstance(error, BrokenPipeError):
+            let_go_of_the_terminal()
+            return _NO_READER
+        if (message := _message(error)) is None:
+            raise
+        print(f"bodycam: error: {printable(message)}", file=sys.stderr)
         return FAILED
-    except KeyboardInterrupt:
-        print("bodycam: interrupted", file=sys.stderr)
-        return INTERRUPTED
+    finally:
+        ending.end()
+
+
+def _message(error: BaseException) -> str | None:
+    """What to tell the user; None if it is a defect of ours, whose traceback we want to see."""
+    if isinstance(error, BodycamError):
+        return str(error)
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return "there is not enough memory for this"
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.errno is not None:
+        return str(error.strerror)
+    return None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -49,15 +85,6 @@ def _parser() -> argparse.ArgumentParser:
     for command in COMMANDS:
         import_module(f"bodycam_ros.cli.{command}").add_parser(subparsers)
     return parser
-
-
-def _log_to_stderr(verbose: bool) -> None:
-    handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False, markup=False)
-    logging.basicConfig(level=logging.DEBUG if verbose else logging.WARNING, format="%(message)s", handlers=[handler])
-
-
-def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
-    raise SystemExit(TERMINATED)
 
 
 if __name__ == "__main__":

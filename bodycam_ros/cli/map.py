@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as RichProgress
 from rich.table import Table
@@ -16,7 +15,9 @@ from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, set
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
@@ -55,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = MapSettings(
         **{group: settings_from_flags(arguments, group, kind, arguments.config) for group, kind in groups.items()}
     )
+    check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
     check_replaceable(arguments.output, arguments.force)
     photographs = find_photographs(arguments.reference)
     board_path = None if arguments.no_board else arguments.board or photographs.board_path
@@ -85,13 +87,13 @@ class _ShownProgress:
 @contextmanager
 def _shown_progress() -> Iterator[_ShownProgress]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with RichProgress(*columns, console=Console(stderr=True)) as bars:
+    with RichProgress(*columns, console=Terminal(stderr=True)) as bars:
         yield _ShownProgress(bars)
 
 
 def _report(built: "BuiltMap", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
-    console = Console(markup=False)
+    console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
     for r in built.registrations:
         table.add_row(

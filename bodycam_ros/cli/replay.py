@@ -3,14 +3,16 @@
 import argparse
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.replay import ReplaySummary, replay
+from bodycam_ros.terminal import Terminal
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -24,8 +26,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
+    check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config))
+    if arguments.output.exists():
+        check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
         duration_s = recording.duration_s
     columns = (TextColumn("replay"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())
@@ -41,9 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
             force=arguments.force,
             on_progress=lambda seconds: progress.update(task, completed=seconds),
         )
-    Console().print(_table(summary))
+    Terminal().print(_table(summary))
     share = summary.solved / summary.instants if summary.instants else 0.0
-    Console().print(
+    Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
         f"any camera; {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real "
         f"time; written to {arguments.output}",

@@ -3,12 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.error_measures import distance_in_time
-from bodycam_ros.evaluate.solved_recording import SolvedRecording
+from bodycam_ros.evaluate.measures import distance_in_time
 from bodycam_ros.geometry import Array
-
-_GAP_FRAMES = 1.5
-"""Instants further apart than this are a gap [frames]."""
+from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
 
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _EVEN_SHARE = 0.2
@@ -32,7 +29,7 @@ def gaps(solved: SolvedRecording) -> tuple[tuple[float, float], ...]:
     one_frame = solved.frame_ns
     # As if an instant were solved a frame before the first image and a frame after the last.
     edges = np.concatenate([[images[0] - one_frame], solved.stamps_ns, [images[-1] + one_frame]])
-    wide = np.flatnonzero(np.diff(edges) > _GAP_FRAMES * one_frame)
+    wide = np.flatnonzero(np.diff(edges) > GAP_FRAMES * one_frame)
     starts, ends = solved.seconds(edges[wide] + one_frame), solved.seconds(edges[wide + 1] - one_frame)
     return tuple(zip(starts.tolist(), ends.tolist(), strict=True))
 
@@ -54,8 +51,9 @@ def root_sigmas(root_covariance: Array) -> tuple[Array, Array]:
 
 def angle_ranges(solved: SolvedRecording) -> dict[str, tuple[float, float]]:
     """Joint -> the least and the greatest of its angles [rad]."""
-    low, high = solved.joint_angles.min(axis=0).tolist(), solved.joint_angles.max(axis=0).tolist()
-    return {name: (low[column], high[column]) for column, name in enumerate(solved.joint_names)}
+    angles = solved.motion.joint_angles
+    ends = zip(angles.min(axis=0).tolist(), angles.max(axis=0).tolist(), strict=True)
+    return dict(zip(solved.motion.joint_names, ends, strict=True))
 
 
 def jitter(solved: SolvedRecording) -> Array:

@@ -1,14 +1,19 @@
 """What a solved recording says about its cameras, without any truth."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.distribution import Distribution
-from bodycam_ros.evaluate.solved_recording import CameraRecord, SolvedRecording
-from bodycam_ros.evaluate.trajectory import interpolated
+from bodycam_ros.drawing.overlay import Overlay
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
+from bodycam_ros.solved.topics import read_landmarks
+from bodycam_ros.solved.trajectory import interpolated
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,37 @@ def pose_gaps(solved: SolvedRecording, record: CameraRecord) -> tuple[Array, Arr
         np.linalg.norm(solved_T_registered[:, :3, 3], axis=1),
         np.linalg.norm(log_so3(solved_T_registered[:, :3, :3]), axis=1),
     )
+
+
+def reprojection_errors(solved: SolvedRecording, recording: Path) -> dict[str, Distribution]:
+    """Camera -> distances [px] of its named tracks from their landmarks, seen from the solved pose.
+
+    The solved bag has no intrinsics; the recording has. Outliers are among them: the median is the accuracy, the tail
+    counts false names and slipped tracks.
+
+    Args:
+        solved: the body.
+        recording: the bag that it was solved from.
+
+    Raises:
+        RecordingError: not a recording, or not of these cameras.
+        CalibrationError: the recording's intrinsics cannot be used.
+    """
+    poses = {record.camera: world_T_camera for record, world_T_camera in solved.solved_cameras()}
+    with open_recording(recording) as cameras:
+        models = {camera: cameras.camera_model(camera) for camera in poses if camera in cameras.cameras}
+        if not models:
+            raise RecordingError(
+                f"{recording} has none of the cameras of {solved.path}: {', '.join(poses)}; it has "
+                f"{', '.join(cameras.cameras)}"
+            )
+    errors: dict[str, list[Array]] = {camera: [] for camera in models}
+    for matches in read_landmarks(solved.path, models):
+        at_ns = np.array([matches.stamp_ns])
+        if solved.is_solved_at(at_ns).all():
+            world_T_camera = interpolated(solved.stamps_ns, poses[matches.camera], at_ns)[0]
+            errors[matches.camera].append(Overlay.of(models[matches.camera], world_T_camera, (), matches).errors)
+    return {camera: Distribution.of(np.concatenate([np.zeros(0), *values])) for camera, values in errors.items()}
 
 
 def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate import error_measures
-from bodycam_ros.evaluate.solved_recording import SolvedRecording
+from bodycam_ros.evaluate import measures
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array, inverse, rigid
+from bodycam_ros.solved.solved_recording import SolvedRecording
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +87,9 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
         stamps_ns=stamps_ns,
         segments=segments,
         missing=tuple(s for s in sorted(truth.world_T_segment) if s not in there),
-        coverage=error_measures.coverage(truth.stamps_ns, solved.stamps_ns, truth.frame_ns),
+        coverage=measures.coverage(truth.stamps_ns, solved.stamps_ns, truth.frame_ns),
         scale=errors.scale,
-        tilt=error_measures.tilt(errors.true_T_estimate[:3, :3]),
+        tilt=measures.tilt(errors.true_T_estimate[:3, :3]),
         position_errors=errors.rigid,
         similarity_errors=errors.similarity,
         joints={
@@ -105,11 +105,11 @@ class _PositionErrors:
     """Position errors after one alignment of the whole recording, rigid and with scale."""
 
     def __init__(self, estimated: Array, true: Array) -> None:
-        scale, R, t = error_measures.alignment(estimated, true, with_scale=False)
+        scale, R, t = measures.alignment(estimated, true, with_scale=False)
         self.true_T_estimate = rigid(R, t)
-        self.rigid = error_measures.position_errors(estimated, true, scale, R, t)
-        self.scale, R, t = error_measures.alignment(estimated, true, with_scale=True)
-        self.similarity = error_measures.position_errors(estimated, true, self.scale, R, t)
+        self.rigid = measures.position_errors(estimated, true, scale, R, t)
+        self.scale, R, t = measures.alignment(estimated, true, with_scale=True)
+        self.similarity = measures.position_errors(estimated, true, self.scale, R, t)
 
 
 def _check_overlap(solved: SolvedRecording, truth: TrueMotion, inside: NDArray[np.bool_]) -> None:
@@ -132,10 +132,10 @@ def _child_in_parent(world_T_segment: Mapping[str, Array], parent: str, child: s
 
 
 def _joint_rotation(estimated: Array, true: Array) -> JointRotation:
-    A, B = error_measures.fit_constant_frames(estimated, true)
+    A, B = measures.fit_constant_frames(estimated, true)
     return JointRotation(
         estimated=estimated,
         true=A @ true @ B,
-        angle_errors=error_measures.angle_errors(estimated, true),
-        rotation_errors=error_measures.rotation_errors(estimated, true, A, B),
+        angle_errors=measures.angle_errors(estimated, true),
+        rotation_errors=measures.rotation_errors(estimated, true, A, B),
     )

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import body_health
-from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths
+from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths, reprojection_errors
 from bodycam_ros.evaluate.comparison import Comparison, compare
-from bodycam_ros.evaluate.read_solved import read_solved
-from bodycam_ros.evaluate.reprojection import reprojection_errors
-from bodycam_ros.evaluate.solved_recording import SolvedRecording
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
+from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import SolvedRecording
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     if recording_path is not None:
         reprojection = reprojection_errors(solved, recording_path)
         cameras = tuple(replace(health, reprojection=reprojection.get(health.camera)) for health in cameras)
-    position_sigma, rotation_sigma = body_health.root_sigmas(solved.root_covariance)
+    position_sigma, rotation_sigma = body_health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
         image_coverage=body_health.image_coverage(solved),

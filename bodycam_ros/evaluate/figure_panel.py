@@ -9,9 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.oblique_view import ObliqueView
-from bodycam_ros.evaluate.picture_style import (
+from bodycam_ros.drawing.oblique_view import ObliqueView
+from bodycam_ros.drawing.picture_style import (
     CENTRE,
     FAINT,
     INK,
@@ -22,7 +21,8 @@ from bodycam_ros.evaluate.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.evaluate.stick_figure import HEAD, Bone, bones
+from bodycam_ros.drawing.stick_figure import HEAD, Bone, bones
+from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 
 FIGURES = 8
@@ -62,8 +62,8 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     solved = evaluation.solved
     poses = {segment: solved.world_T_link[segment] for segment in solved.urdf.segments}
     body = bones(poses, solved.urdf.parent_segments())
-    root = solved.world_T_root[:, :3, 3]
-    scene = _scene(solved.world_T_root, body)
+    root = solved.motion.world_T_root[:, :3, 3]
+    scene = _scene(solved.motion.world_T_root, body)
     _draw_floor(axes, scene, root)
     if evaluation.comparison is not None:
         known = dict(zip(evaluation.comparison.segments, evaluation.comparison.true_segments, strict=True))

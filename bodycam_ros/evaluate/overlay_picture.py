@@ -1,6 +1,7 @@
-"""A picture of camera images with landmarks and the wearer's own limbs drawn over them."""
+"""Images of some cameras at one instant, with landmarks and the wearer's own limbs drawn over them as solved."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -9,17 +10,74 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.distribution import Distribution
-from bodycam_ros.evaluate.overlay import CAMERAS, OverlayView
-from bodycam_ros.evaluate.picture_style import QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
+from bodycam_ros.drawing.picture_style import QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
+from bodycam_ros.drawing.stick_figure import bones
+from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.geometry import Array
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
+from bodycam_ros.solved.topics import read_landmarks
+from bodycam_ros.solved.trajectory import interpolated
+
+CAMERAS = 6
+"""Cameras that are shown, spread over the body."""
+
+_LATEST_S = 20.0
+"""The instant is the recording's middle, but no later than this: bags are read from their start."""
+
 
 _COLUMNS = 3
 _PANEL_INCHES = (5.3, 4.3)
 _DOTS_PER_INCH = 110
 _WHITE_PERCENTILE = 99.5
-_GOOD, _GOOD_PX = "#35e0c4", 3.0
-"""Landmarks this near to their tracks are drawn as good; on grey images a light colour shows."""
+
+
+@dataclass(frozen=True, eq=False)
+class OverlayView:
+    """One image.
+
+    Attributes:
+        camera: name.
+        seconds: since the start of the recording.
+        registered: whether the camera knew its own pose.
+        image: (H, W) grey.
+        overlay: what the solved body and the map say that it should show.
+    """
+
+    camera: str
+    seconds: float
+    registered: bool
+    image: NDArray[np.uint8]
+    overlay: Overlay
+
+
+def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView, ...]:
+    """The views of some cameras at one instant in the middle of the recording.
+
+    Args:
+        solved: the body.
+        recording: the bag that it was solved from.
+
+    Raises:
+        RecordingError: not a recording, or an image that cannot be decoded.
+        CalibrationError: the recording's intrinsics cannot be used.
+    """
+    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
+    at_ns = int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
+    with open_recording(recording) as images:
+        known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
+        rows = np.unique(np.linspace(0, len(known) - 1, min(CAMERAS, len(known))).round().astype(int))
+        found = [(*known[row], _image_at(images, known[row][0].camera, at_ns, solved.frame_ns)) for row in rows]
+        return tuple(
+            _view(solved, record, poses, image, images.camera_model(record.camera))
+            for record, poses, image in found
+            if image is not None and image.stamp_ns in record.stamps_ns
+        )
 
 
 def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
@@ -39,7 +97,7 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
         figure.text(
             0.015,
             0.012,
-            f"Points: named tracks, green if the landmark falls within {_GOOD_PX:g} px in the solved pose, else red "
+            f"Points: named tracks, green if the landmark falls within {GOOD_PX:g} px in the solved pose, else red "
             "with a line to where it falls. Thick lines: the wearer's limbs as solved.",
             color=QUIET,
         )
@@ -49,20 +107,50 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
 
 def _draw_view(axes: Axes, view: OverlayView) -> None:
     height, width = view.image.shape
+    overlay, errors = view.overlay, view.overlay.errors
     brightest = max(float(np.percentile(view.image, _WHITE_PERCENTILE)), 1.0)  # images may be dark
     axes.imshow(view.image, cmap="gray", vmin=0.0, vmax=brightest, interpolation="nearest")
-    for segment, line in view.limbs:
+    for segment, line in overlay.limbs:
         axes.plot(*line.T, color=side_colour(segment), linewidth=3.0, alpha=0.75, solid_capstyle="round")
-    good = view.errors <= _GOOD_PX
-    colours = np.where(good, _GOOD, WARNING)
-    lines = np.stack([view.pixels, view.projected], axis=1)
+    good = errors <= GOOD_PX
+    colours = np.where(good, GOOD, WARNING)
+    lines = np.stack([overlay.pixels, overlay.projected], axis=1)
     axes.add_collection(LineCollection(list(lines[~good]), colors=WARNING, linewidths=0.9))
-    axes.scatter(
-        view.pixels[:, 0], view.pixels[:, 1], s=9.0, facecolors="none", edgecolors=colours.tolist(), linewidths=1.0
-    )
+    x, y = overlay.pixels.T
+    axes.scatter(x, y, s=9.0, facecolors="none", edgecolors=colours.tolist(), linewidths=1.0)
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
     state = "" if view.registered else ", LOST"
-    error = f", {Distribution.of(view.errors).median:.2f} px median" if len(view.pixels) else ""
-    note = f"{view.seconds:.2f} s, {len(view.pixels)} landmarks{error}{state}"
+    error = f", {Distribution.of(errors).median:.2f} px median" if len(overlay.pixels) else ""
+    note = f"{view.seconds:.2f} s, {len(overlay.pixels)} landmarks{error}{state}"
     panel_title(axes, view.camera.replace("_", " "), note)
+
+
+def _image_at(images: Recording, camera: str, at_ns: int, frame_ns: int) -> CameraImage | None:
+    """The camera's image within half a frame of a time, if there is one."""
+    for image in images.images([camera]):
+        if image.stamp_ns >= at_ns - frame_ns // 2:
+            return image if image.stamp_ns <= at_ns + frame_ns // 2 else None
+    return None
+
+
+def _view(
+    solved: SolvedRecording, record: CameraRecord, poses: Array, image: CameraImage, model: CameraModel
+) -> OverlayView:
+    at_ns = np.clip(np.array([image.stamp_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
+    found = read_landmarks(solved.path, (record.camera,))
+    matches = next(matches for matches in found if matches.stamp_ns == image.stamp_ns)
+    body = {s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments}
+    limbs = bones(body, solved.urdf.parent_segments())
+    return OverlayView(
+        camera=record.camera,
+        seconds=float(solved.seconds(np.array([image.stamp_ns]))[0]),
+        registered=matches.world_T_camera is not None,
+        image=decode_grey(image),
+        overlay=Overlay.of(model, _pose_at(solved, poses, at_ns), limbs, matches),
+    )
+
+
+def _pose_at(solved: SolvedRecording, poses: Array, at_ns: NDArray[np.int64]) -> Array:
+    pose: Array = poses[0] if len(poses) == 1 else interpolated(solved.stamps_ns, poses, at_ns)[0]
+    return pose

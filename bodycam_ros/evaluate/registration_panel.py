@@ -6,10 +6,10 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from bodycam_ros.drawing.picture_style import LANDMARKS, QUIET, WARNING, panel_title, side_colour
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.picture_style import LANDMARKS, QUIET, WARNING, panel_title, side_colour
-from bodycam_ros.evaluate.solved_recording import SolvedRecording
 from bodycam_ros.geometry import Array
+from bodycam_ros.solved.solved_recording import SolvedRecording
 
 _MOST_COLUMNS = 900
 """Columns of the strip; of the images that share one, the worst shows."""

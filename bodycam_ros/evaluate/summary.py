@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.evaluate.camera_health import CameraHealth
 from bodycam_ros.evaluate.comparison import Comparison
-from bodycam_ros.evaluate.distribution import Distribution
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.measures import Distribution
 
 CM_PER_M, MM_PER_M = 100.0, 1000.0
 

@@ -1,18 +1,22 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
+import math
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bodycam_ros.evaluate import angle_panels, error_panels
+from bodycam_ros.drawing.picture_style import INK, QUIET, TYPOGRAPHY
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.evaluate.headline import draw_headline
-from bodycam_ros.evaluate.picture_style import TYPOGRAPHY
+from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.registration_panel import draw_registrations
+from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
+from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
+from bodycam_ros.geometry import Array
 
 _SIZE_INCHES = (16.0, 11.6)
 _DOTS_PER_INCH = 110
@@ -27,15 +31,57 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
     with matplotlib.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
         FigureCanvasAgg(figure)
-        draw_headline(figure, evaluation, top=0.975)
+        _draw_headline(figure, evaluation, top=0.975)
         draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
         left, right = (0.095, 0.405), (0.6, 0.365)
         registrations = figure.add_axes((left[0], 0.232, left[1], 0.258))
         draw_registrations(registrations, evaluation)
-        error_panels.draw_errors(_stacked(figure, left, (0.045, 0.182), error_panels.PANELS, registrations), evaluation)
-        angle_panels.draw_angles(_stacked(figure, right, (0.045, 0.49), angle_panels.PANELS, registrations), evaluation)
+        draw_errors(_stacked(figure, left, (0.045, 0.182), ERROR_PANELS, registrations), evaluation)
+        draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
         figure.align_ylabels()
         figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
+
+
+def _draw_headline(figure: Figure, evaluation: Evaluation, top: float) -> None:
+    """Name, duration and key figures, below a height of the figure (0 to 1)."""
+    solved = evaluation.solved
+    duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
+    figure.text(0.03, top, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
+    what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {len(evaluation.cameras)}"
+    if evaluation.comparison is not None:
+        what += f", against the truth of {evaluation.comparison.truth_name}"
+    figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
+    figures = key_figures(evaluation)
+    for number, (value, caption) in enumerate(figures):
+        across = 0.97 - 0.112 * (len(figures) - 1 - number)
+        figure.text(across, top, value, fontsize=17.0, color=INK, va="top", ha="right")
+        figure.text(across, top - 0.032, caption, fontsize=9.0, color=QUIET, va="top", ha="right")
+
+
+def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """(value, caption) of the figures to judge by."""
+    registered = np.average([h.registered for h in evaluation.cameras], weights=[h.images for h in evaluation.cameras])
+    landmarks = np.mean([h.landmarks for h in evaluation.cameras])
+    figures = [
+        (f"{100.0 * evaluation.image_coverage:.1f} %", "body solved"),
+        (f"{100.0 * registered:.1f} %", "cameras registered"),
+        (f"{landmarks:.0f}", "landmarks per image"),
+    ]
+    if evaluation.comparison is None:
+        return [
+            *figures,
+            (_millimetres(evaluation.position_sigma), "root sigma, median"),
+            (_millimetres(evaluation.jitter), "jitter, median"),
+        ]
+    comparison = evaluation.comparison
+    rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()])
+    return [
+        *figures[:2],
+        (f"{CM_PER_M * float(comparison.position_errors.mean()):.2f} cm", "position error, mean"),
+        (f"{float(rotations.mean()):.2f}°", "rotation error, mean"),
+        (f"{100.0 * (comparison.scale - 1.0):+.2f} %", "scale error"),
+        (f"{np.degrees(comparison.tilt):.2f}°", "tilt"),
+    ]
 
 
 def _stacked(
@@ -51,3 +97,8 @@ def _stacked(
         axes.tick_params(labelbottom=number == count - 1)
         panels.append(axes)
     return panels
+
+
+def _millimetres(metres: Array) -> str:
+    median = MM_PER_M * Distribution.of(metres).median
+    return f"{median:.1f} mm" if math.isfinite(median) else "unknown"

@@ -6,12 +6,12 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.trajectory import interpolated
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+from bodycam_ros.solved.trajectory import interpolated
+from bodycam_ros.yaml_file import read_yaml
 
 _NANOSECONDS = Decimal(10**9)
 _TRUTH = "truth"
@@ -91,10 +91,11 @@ def _tree(truth: Path) -> tuple[str, dict[str, str]]:
     )
     if path is None:
         raise RecordingError(f"{truth}: no rig.yaml in it or beside it; it says which segment hangs on which")
+    document = read_yaml(path, "rig file", RecordingError)
     try:
-        segments = dict(yaml.safe_load(path.read_text())["segments"])
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"{path}: expected a table segments, segment -> parent: {error!r}") from error
+        segments = dict(document["segments"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: expected a table segments, segment -> parent") from error
     roots = [segment for segment, parent in segments.items() if not parent]
     if len(roots) != 1:
         raise RecordingError(

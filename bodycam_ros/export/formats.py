@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from bodycam_ros.errors import BodycamError
 from bodycam_ros.export.robot_description import robot_description
 from bodycam_ros.whole_file import write_whole
 
@@ -38,8 +37,4 @@ def export(source: Path, format_name: str, output: Path) -> None:
     Raises:
         BodycamError: the source cannot be read or lacks what the format needs, or the output cannot be written.
     """
-    content = FORMATS[format_name].content(source)
-    try:
-        write_whole(output, content)
-    except OSError as error:
-        raise BodycamError(f"{output}: cannot be written: {error.strerror or error}") from error
+    write_whole(output, FORMATS[format_name].content(source))

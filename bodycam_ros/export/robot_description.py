@@ -9,10 +9,10 @@ from bodycam_ros.body.joint import default_sigmas
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.solved.topics import ROBOT, ROBOT_TYPE, published_robot
 
 logger = logging.getLogger(__name__)
 
-TOPIC, TOPIC_TYPE = "/robot_description", "std_msgs/msg/String"
 _BAG_SUFFIXES = (".mcap", ".db3")
 
 
@@ -34,12 +34,10 @@ def robot_description(source: Path) -> str:
 
 def _published(path: Path) -> str:
     with BagFile(path) as bag:
-        if bag.topics.get(TOPIC) == TOPIC_TYPE:
-            texts = [str(message.data) for _, _, message in bag.messages([TOPIC])]
-            if texts and texts[-1]:
-                return texts[-1]
+        if text := published_robot(bag):
+            return text
         raise RecordingError(
-            f"{path}: nothing on {TOPIC} ({TOPIC_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
+            f"{path}: nothing on {ROBOT} ({ROBOT_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
             f"there are: {', '.join(bag.topics) or 'no topics at all'}"
         )
 

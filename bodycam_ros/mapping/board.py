@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.apriltag import FAMILIES
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
 
 _UP = re.compile(r"board (-?)([xyz]) is up")
 
@@ -39,20 +40,17 @@ def read_board(path: Path) -> Board:
     Raises:
         MapError: the file is missing, not YAML, or lacks what it must have.
     """
-    try:
-        document = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MapError(f"{path}: cannot be read as a board description: {error}") from error
+    document = read_yaml(path, "board description", MapError)
     try:
         family = str(document["family"])
         corners = {int(tag): np.array(c, dtype=np.float64) for tag, c in document["corners_in_board"].items()}
         placement = str(document.get("placement", ""))
-    except (TypeError, KeyError, ValueError, AttributeError) as error:
+    except (TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
         raise MapError(
             f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {error}"
         ) from error
     if family not in FAMILIES:
-        raise MapError(f"{path}: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
+        raise MapError(f"{path}: there is no AprilTag family {shown(family)}; known are {', '.join(FAMILIES)}")
     if not corners or any(c.shape != (4, 3) or not np.isfinite(c).all() for c in corners.values()):
         raise MapError(f"{path}: 'corners_in_board' must give each tag four corners of three finite numbers [m]")
     return Board(family, corners, _upright(placement))

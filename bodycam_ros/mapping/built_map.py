@@ -59,7 +59,8 @@ class BuiltMap:
         """Write the map folder with its COLMAP model and PLY, whole or not at all.
 
         Raises:
-            MapError: the folder exists already, or cannot be written.
+            MapError: the folder exists already.
+            OutputError: it cannot be written.
         """
 
         def write_structure(folder: Path) -> None:

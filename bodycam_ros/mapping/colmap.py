@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
+from bodycam_ros.camera.colmap_library import pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures

@@ -95,7 +95,10 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
         MapError: the file is not an image that OpenCV reads.
     """
     # Orientation tags are ignored: the calibration holds for the sensor's own rows and columns.
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    try:
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
+        image = None
     if image is None:
         raise MapError(f"{path}: not a readable image; expected a whole JPEG or PNG file")
     return np.asarray(image, dtype=np.uint8)

@@ -17,6 +17,7 @@ from bodycam_ros.mapping.map_settings import LandmarkSettings
 from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure
+from bodycam_ros.whole_file import scratch_folder
 
 _PAIRS_AT_ONCE = 40  # between two steps of the progress bar
 _SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same detail
@@ -36,8 +37,8 @@ def reconstruct(
     Raises:
         MapError: fewer than two photographs fit together.
     """
-    with tempfile.TemporaryDirectory(prefix="bodycam_map_") as scratch:
-        database = Path(scratch) / "database.db"
+    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+        database = scratch / "database.db"
         colmap.write_database(database, camera, features)
 
         with progress.step("choosing pairs", len(features)) as advance:
@@ -54,7 +55,7 @@ def reconstruct(
                 advance(len(block))
 
         with progress.step("registering photographs", len(features)) as advance:
-            model = colmap.reconstruct(database, Path(scratch), workers, advance)
+            model = colmap.reconstruct(database, scratch, workers, advance)
     registered = 0 if model is None else model.num_reg_images()
     if model is None or registered < 2:
         raise MapError(

@@ -1,9 +1,9 @@
 """Writes a recording as a ros2 bag folder that appears whole or not at all."""
 
-import shutil
-import tempfile
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from rosbags.interfaces import (
@@ -17,15 +17,22 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.output_place import check_folder
 from bodycam_ros.recording.typestore import recording_typestore
+from bodycam_ros.whole_file import failure_named, whole_folder
+from bodycam_ros.yaml_file import read_yaml
 
 LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
 _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
+
+_METADATA = "metadata.yaml"
+_PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
+_SOLVED_TOPICS = frozenset({"/robot_description", "/joint_states"})
 
 
 class RecordingWriter:
@@ -40,14 +47,14 @@ class RecordingWriter:
         """Append a message made by ``recorded_messages()``, at its time of recording [ns].
 
         Raises:
-            RecordingError: the disk is full, or gone.
+            OutputError: the disk is full, or gone.
         """
         cdr = recording_typestore().serialize_cdr(message, message.__msgtype__)
         self.write_serialized(topic, message.__msgtype__, stamp_ns, cdr)
 
     def write_serialized(self, topic: str, message_type: str, stamp_ns: int, cdr: bytes | memoryview) -> None:
         """Append a message that is CDR already, such as one from another process; raises as ``write`` does."""
-        with _failure_named(self._path):
+        with failure_named(self._path):
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(
                     topic, message_type, typestore=recording_typestore(), offered_qos_profiles=[_quality(topic)]
@@ -61,49 +68,47 @@ def write_recording(path: Path, force: bool = False) -> Iterator[RecordingWriter
 
     Args:
         path: the folder to be.
-        force: replace a bag folder that is there already.
+        force: replace a solved bag that is there already.
 
     Raises:
-        RecordingError: the path exists and ``force`` is off, or it is no bag folder, or it cannot be written.
+        OutputError: it cannot be written, or ``check_replaceable`` refuses to replace what is there.
     """
-    _check_free(path, force)
-    with _failure_named(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    try:
-        writer = Writer(scratch / path.name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
-        with _failure_named(path):
+    with whole_folder(path, partial(check_replaceable, force)) as unfinished:
+        writer = Writer(unfinished, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        with failure_named(path):
             writer.open()
         try:
             yield RecordingWriter(path, writer)
         except BaseException:
             writer.abort()
             raise
-        with _failure_named(path):
+        with failure_named(path):
             writer.close()
-            _check_free(path, force)
-            if path.exists():
-                path.rename(scratch / "replaced")
-            (scratch / path.name).rename(path)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
-@contextmanager
-def _failure_named(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+def check_replaceable(force: bool, path: Path) -> None:
+    """Refuse to replace what is no solved bag: a recording cannot be made again.
 
-
-def _check_free(path: Path, force: bool) -> None:
-    if not path.exists():
+    Raises:
+        OutputError: something is at ``path``, and ``force`` is off or it is no bag that a replay wrote.
+    """
+    check_folder(path, force, _METADATA, _PARTS, "solved bag")
+    if not any(path.iterdir()):
         return
-    if not force:
-        raise RecordingError(f"{path}: exists already; choose another name, or replace it with --force")
-    if not (path / "metadata.yaml").exists():
-        raise RecordingError(f"{path}: is not a ros2 bag folder, so it is not replaced; choose another name")
+    types = _topic_types(path / _METADATA)
+    if not _SOLVED_TOPICS <= set(types) or any("Image" in str(kind) for kind in types.values()):
+        raise OutputError(
+            f"{path}: is no bag that 'bodycam replay' wrote, so --force does not replace it; choose another name"
+        )
+
+
+def _topic_types(metadata: Path) -> dict[str, str]:
+    """Topic -> type, as far as a bag's metadata can be read."""
+    with suppress(OutputError, KeyError, TypeError):
+        document = read_yaml(metadata, "bag's metadata", OutputError)
+        listed = document["rosbag2_bagfile_information"]["topics_with_message_count"]
+        return {str(entry["topic_metadata"]["name"]): str(entry["topic_metadata"]["type"]) for entry in listed}
+    return {}
 
 
 def _quality(topic: str) -> Qos:

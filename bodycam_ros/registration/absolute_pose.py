@@ -6,11 +6,11 @@ pycolmap does it on the rays of our calibrated cameras, so a fisheye image needs
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
+from bodycam_ros.camera.colmap_library import pycolmap
 from bodycam_ros.geometry import inverse
 from bodycam_ros.settings import setting
 

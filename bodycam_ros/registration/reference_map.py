@@ -1,12 +1,9 @@
 """The reference map: what a place looks like and where its landmarks are."""
 
-import shutil
-import uuid
-import zipfile
+import re
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, fields
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +12,16 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
+from bodycam_ros.output_place import check_folder
+from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.shown import shown
+from bodycam_ros.whole_file import failure_named, whole_folder
+from bodycam_ros.yaml_file import read_yaml
 
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
+_PARTS = re.compile(r"map\.yaml|landmarks\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)")
 
 
 @dataclass(frozen=True)
@@ -75,20 +78,18 @@ class ReferenceMap:
         summary = _read_summary(path / _SUMMARY_FILE)
         if summary.get("version") != VERSION:
             raise MapError(
-                f"{path}: the map has version {summary.get('version')!r}, this program reads {VERSION}; "
+                f"{path}: the map has version {shown(summary.get('version'))}, this program reads {VERSION}; "
                 "build it again with 'bodycam map'"
             )
-        try:
-            with np.load(path / _ARRAYS_FILE, allow_pickle=False) as arrays:
-                reference_map = cls(
-                    **{name: arrays[name] for name in _ARRAY_NAMES},
-                    image_names=tuple(arrays["image_names"].tolist()),
-                    metric=bool(summary["metric"]),
-                    gravity_aligned=bool(summary["gravity_aligned"]),
-                    summary=summary,
-                )
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
-            raise MapError(f"{path / _ARRAYS_FILE}: damaged or incomplete ({error}); build the map again") from error
+        arrays = read_arrays(path / _ARRAYS_FILE, _DTYPES)
+        names = arrays.pop("image_names")
+        reference_map = cls(
+            **arrays,
+            image_names=tuple(map(str, names.ravel())),
+            metric=_flag(summary, "metric", path),
+            gravity_aligned=_flag(summary, "gravity_aligned", path),
+            summary=summary,
+        )
         reference_map._check(path)
         return reference_map
 
@@ -101,24 +102,17 @@ class ReferenceMap:
             also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
-            MapError: something is at ``path`` that must not be replaced, or the disk refuses.
+            OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
-        check_replaceable(path, force)
-        scratch = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-        try:
-            scratch.mkdir(parents=True)
-            arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAY_NAMES}
-            np.savez_compressed(scratch / _ARRAYS_FILE, image_names=np.array(self.image_names, dtype=np.str_), **arrays)
-            summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
-            document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
-            (scratch / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))
+        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
+        summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
+        document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
+        with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
+            folder.mkdir()
+            np.savez_compressed(folder / _ARRAYS_FILE, **arrays)
+            (folder / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))
             if also is not None:
-                also(scratch)
-            _replace(path, scratch)
-        except OSError as error:
-            raise MapError(f"{path}: the map cannot be written: {error}") from error
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+                also(folder)
 
     def _check(self, path: Path) -> None:
         landmarks, descriptors, cameras = len(self.landmark_ids), len(self.descriptors), len(self.image_names)
@@ -150,41 +144,42 @@ class ReferenceMap:
             raise MapError(f"{path}: damaged: descriptors do not follow the landmarks; build the map again")
 
 
-_ARRAY_NAMES = tuple(
-    f.name for f in fields(ReferenceMap) if f.name not in ("image_names", "metric", "gravity_aligned", "summary")
-)
+_DTYPES = {
+    "landmark_ids": "u4",
+    "points_world": "f8",
+    "colours": "u1",
+    "descriptor_landmark": "u4",
+    "descriptors": "u1",
+    "descriptor_view": "f4",
+    "descriptor_size": "f4",
+    "world_T_camera": "f8",
+    "image_names": "U",
+}
+"""Arrays of the file; the names are those of ``ReferenceMap``."""
 
 
 def check_replaceable(path: Path, force: bool) -> None:
-    """Raise MapError unless a map may be written to ``path``: nothing there, or with ``force`` a map."""
-    if not path.exists():
-        return
-    if not force:
-        raise MapError(f"{path}: exists already; choose another name or replace it with --force")
-    if not (path / _SUMMARY_FILE).is_file():
-        raise MapError(f"{path}: is not a map (it has no {_SUMMARY_FILE}), so --force does not replace it")
+    """Refuse to replace what is there, unless ``force`` is given and it is a map.
 
-
-def _replace(path: Path, scratch: Path) -> None:
-    if not path.exists():
-        scratch.rename(path)
-        return
-    old = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    path.rename(old)
-    try:
-        scratch.rename(path)
-    except OSError:
-        with suppress(OSError):
-            old.rename(path)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
+    Raises:
+        OutputError: so it is.
+    """
+    if path.exists():
+        check_folder(path, force, _SUMMARY_FILE, _PARTS, "map")
 
 
 def _read_summary(path: Path) -> dict[str, Any]:
     try:
-        summary = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MapError(f"{path.parent}: not a map: {path.name} cannot be read ({error})") from error
+        summary = read_yaml(path, "summary of a map", MapError)
+    except MapError as error:
+        raise MapError(f"{path.parent}: not a map: {error}") from error
     if not isinstance(summary, dict):
         raise MapError(f"{path.parent}: not a map: {path.name} should say how the map was made")
     return summary
+
+
+def _flag(summary: Mapping[str, Any], name: str, path: Path) -> bool:
+    value = summary.get(name)
+    if not isinstance(value, bool):
+        raise MapError(f"{path / _SUMMARY_FILE}: {name} must be true or false, not {shown(value)}")
+    return value

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.queues import Queue
@@ -19,6 +18,7 @@ from bodycam_ros.recording.typestore import recorded_messages, recording_typesto
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.beat import Beat
+from bodycam_ros.replay.orphan import end_with_parent
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 
@@ -93,10 +93,7 @@ class RegistrationTask:
 
 def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: "Queue[WorkerItem]") -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None."""
-    # Ctrl-C reaches the whole group; the parent alone answers it, and ends this process by SIGTERM. COLMAP's libraries
-    # would print a stack trace at that, so the plain answer is put back.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    end_with_parent()
     # What there is to warn about goes to the parent, who counts it and says it once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)

@@ -6,6 +6,7 @@ import queue
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnProcess
 from multiprocessing.queues import Queue
 
@@ -49,28 +50,50 @@ def _workers(
     task: RegistrationTask, shares: Sequence[tuple[str, ...]]
 ) -> Iterator[list[tuple[SpawnProcess, "Queue[WorkerItem]"]]]:
     context = multiprocessing.get_context("spawn")
-    workers = []
-    # The processes share the cores among themselves; threads inside them would only get in each other's way.
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
+    workers: list[tuple[SpawnProcess, Queue[WorkerItem]]] = []
     try:
-        for cameras in shares:
-            outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
-            process = context.Process(target=run_camera_worker, args=(task, cameras, outbox), daemon=True)
-            process.start()
-            workers.append((process, outbox))
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
-    try:
+        with _one_thread_each(), _signals_for_us_alone():
+            for cameras in shares:
+                outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
+                process = context.Process(target=run_camera_worker, args=(task, cameras, outbox), daemon=True)
+                process.start()
+                workers.append((process, outbox))
         yield workers
     except BaseException:
         for process, _ in workers:
-            process.terminate()
+            process.kill()
         raise
     finally:
         for process, _ in workers:
             process.join()
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """The processes share the cores among themselves; threads inside them would only get in each other's way."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+
+
+@contextmanager
+def _signals_for_us_alone() -> Iterator[None]:
+    """Processes that are started in this block never hear of what ends us, not even while they start.
+
+    Ctrl-C and a closed terminal reach a whole group of processes; the parent alone answers, and kills the others. What
+    is blocked here stays blocked there; here it comes when the block ends.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()  # it would unblock the others
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _next_result(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> Result | None:

@@ -1,26 +1,28 @@
-"""A camera's image with the wearer's limbs and the map's landmarks drawn where the body puts them."""
+"""What one camera saw, with the wearer's limbs and the map's landmarks drawn where the body puts them."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from viser import GuiApi
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.evaluate.picture_style import WARNING, side_colour
-from bodycam_ros.evaluate.stick_figure import Bone
-from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
+from bodycam_ros.drawing.picture_style import WARNING, side_colour
+from bodycam_ros.drawing.stick_figure import Bone
+from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.view.colours import rgb
+from bodycam_ros.view.inbox import Inbox, on_input, set_value
+from bodycam_ros.view.scene_nodes import rgb
 
 WIDTH = 640
 """Of the picture [px]; a larger image is made smaller, which a panel shows anyway."""
 
-_GOOD, _GOOD_PX = "#35e0c4", 3.0
-"""Landmarks this near to where they were seen are drawn as good."""
-
-_POINTS_PER_BONE = 40  # a straight line is bent in a fisheye image
+_NO_CAMERA = "none"
+_BLANK = np.full((12, 16, 3), 227, np.uint8)
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 _FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
 
@@ -62,24 +64,45 @@ def draw_picture(
     size = (round(model.width * scale), round(model.height * scale))
     grey = cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA)
     pixels = np.ascontiguousarray(np.repeat(np.asarray(grey, dtype=np.uint8)[:, :, None], 3, axis=2))
-    camera_T_world = inverse(world_T_camera)
-    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
-    for limb in limbs:
-        line_world = (1.0 - along) * limb.start + along * limb.end
-        line = model.project(transform_points(camera_T_world, line_world))[0] * scale
-        _draw_lines(pixels, np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(limb.segment)), 3)
-    if matches is None or not len(matches.pixels):
-        return CameraPicture(pixels, float("nan"))
-    seen = matches.pixels.astype(np.float64)
-    expected, _ = model.project(transform_points(camera_T_world, matches.points_world.astype(np.float64)))
-    errors = np.linalg.norm(expected - seen, axis=1)
-    good = errors <= _GOOD_PX
-    _draw_lines(pixels, np.stack([seen, expected], axis=1)[~good] * scale, rgb(WARNING), 1)
-    for centre, is_good in zip(_fixed(seen * scale), good, strict=True):
-        colour = rgb(_GOOD if is_good else WARNING)
+    overlay = Overlay.of(model, world_T_camera, limbs, matches)
+    for segment, line in overlay.limbs:
+        _draw_lines(pixels, scale * np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(segment)), 3)
+    errors = overlay.errors
+    good = errors <= GOOD_PX
+    _draw_lines(pixels, np.stack([overlay.pixels, overlay.projected], axis=1)[~good] * scale, rgb(WARNING), 1)
+    for centre, is_good in zip(_fixed(overlay.pixels * scale), good, strict=True):
+        colour = rgb(GOOD if is_good else WARNING)
         cv2.circle(pixels, centre.tolist(), 3 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)
     known = errors[np.isfinite(errors)]
     return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))
+
+
+class PicturePanel:
+    """A list of cameras, and the image of the chosen one."""
+
+    def __init__(
+        self, gui: GuiApi, inbox: Inbox, cameras: Iterable[str], on_choice: Callable[[str | None], None]
+    ) -> None:
+        with gui.add_folder("Image"):
+            self._camera = gui.add_dropdown("camera", (_NO_CAMERA, *cameras))
+            self._image = gui.add_image(_BLANK, format="jpeg", visible=False)
+            self._remark = gui.add_markdown("")
+
+        on_input(self._camera, lambda: inbox.put(lambda: on_choice(self._chosen()), "camera"))
+
+    def choose(self, camera: str | None) -> None:
+        """Show which camera is chosen."""
+        set_value(self._camera, _NO_CAMERA if camera is None else camera)
+
+    def show(self, pixels: NDArray[np.uint8] | None, remark: str) -> None:
+        """Show an image (H, W, 3), or none, and say something about it."""
+        if pixels is not None:
+            self._image.image = pixels
+        self._image.visible = pixels is not None
+        self._remark.content = remark
+
+    def _chosen(self) -> str | None:
+        return None if self._camera.value == _NO_CAMERA else self._camera.value
 
 
 def _draw_lines(pixels: NDArray[np.uint8], ends: Array, colour: tuple[int, int, int], width: int) -> None:

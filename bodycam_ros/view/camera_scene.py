@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from viser import CameraFrustumHandle, SceneApi
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.view.colours import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
 from bodycam_ros.view.correction import Part
-from bodycam_ros.view.skeleton_scene import place, segment_name, when_clicked
+from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, place, rgb, segment_name, when_clicked
 
 _FIELD_OF_VIEW = np.radians(60.0)
 _ASPECT = 4.0 / 3.0

@@ -1,7 +1,6 @@
 """Writes a corrected body back to the file that it was read from."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,7 +44,8 @@ class BodyFile:
         The first write keeps the file as it was beside it; a file kept before is never replaced.
 
         Raises:
-            BodyError: somebody else changed the file since, or it cannot be written.
+            BodyError: somebody else changed the file since.
+            OutputError: it cannot be written.
         """
         if self._content() != self._read:
             raise BodyError(
@@ -53,25 +53,17 @@ class BodyFile:
                 "file elsewhere first, or start 'bodycam view' again on the new one"
             )
         body = _noted(correction.body, correction.moves())
-        with self._original_kept():
-            write_body(body, self.path)
-        self._read = self._content()
-        return body
-
-    @contextmanager
-    def _original_kept(self) -> Iterator[None]:
-        """Keep the file as it was beside it, if nobody did before and what is done meanwhile succeeds."""
         kept_before = self.original_path.exists()
+        if not kept_before:
+            write_whole(self.original_path, self._read)
         try:
-            if not kept_before:
-                write_whole(self.original_path, self._read)
-            yield
-        except OSError as error:
-            raise BodyError(f"{self.original_path}: cannot keep the body file as it was: {error}") from error
-        except BodyError:
+            write_body(body, self.path)
+        except BaseException:
             if not kept_before:
                 self.original_path.unlink(missing_ok=True)
             raise
+        self._read = self._content()
+        return body
 
     def _content(self) -> bytes:
         try:

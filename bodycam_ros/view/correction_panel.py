@@ -8,8 +8,7 @@ import numpy as np
 from viser import GuiApi
 
 from bodycam_ros.view.correction import NO_MOVE, Move, Part
-from bodycam_ros.view.gui_value import on_input, set_value
-from bodycam_ros.view.inbox import Inbox
+from bodycam_ros.view.inbox import Inbox, on_input, set_value
 
 NOTHING = "nothing"
 """What the list of parts says when no part is selected."""

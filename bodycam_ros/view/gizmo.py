@@ -8,7 +8,7 @@ from viser import SceneApi, TransformControlsEvent, TransformControlsHandle
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 from bodycam_ros.view.correction import Part, can_turn, place_of
-from bodycam_ros.view.skeleton_scene import place, segment_name
+from bodycam_ros.view.scene_nodes import place, segment_name
 
 SIZE_M = 0.22
 """Length of its arrows."""

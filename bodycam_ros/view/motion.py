@@ -1,7 +1,9 @@
 """The instants that a view steps through: of a solved recording, or the N-pose alone."""
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +11,17 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
-from bodycam_ros.evaluate.stick_figure import bones
+from bodycam_ros.drawing.stick_figure import body_bones
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.pose import transform_from_pose
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.solved.body_motion import MotionJoiner
+from bodycam_ros.solved.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics
+from bodycam_ros.solved.trajectory import nearest
 
+_POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # where a single instant does not tell
 
 
@@ -38,9 +48,8 @@ class Motion:
     def standing(cls, body: BodyModel) -> "Motion":
         """The N-pose at the map's origin, the lowest end of a bone on the floor."""
         names = JointAngles(body).names
-        segments = dict(zip(body.segments, n_pose(body, np.eye(4))[:, None], strict=True))
-        parents = {joint.child: joint.parent for joint in body.tree_joints}
-        lowest = min((min(b.start[0, 2], b.end[0, 2]) for b in bones(segments, parents)), default=0.0)
+        standing = body_bones(body, n_pose(body, np.eye(4)))
+        lowest = min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
         world_T_root = np.eye(4)
         world_T_root[2, 3] = -lowest
         return cls(np.zeros(1, np.int64), world_T_root[None], names, np.zeros((1, len(names))), {})
@@ -73,9 +82,60 @@ class Motion:
         return None if row is None else world_T_camera[row]
 
 
-def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | None:
-    """Row of the stamp nearest to a time, if there is one so near."""
-    if not len(stamps_ns):
-        return None
-    row = int(np.argmin(np.abs(stamps_ns - at_ns)))
-    return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None
+def read_motion(path: Path, body: BodyModel) -> Motion:
+    """Read how a body moved.
+
+    Args:
+        path: ros2 bag folder or .mcap file.
+        body: that it should be the motion of.
+
+    Raises:
+        RecordingError: not a bag, or without joint states and odometry of the same instants.
+        BodyError: the bag is of a body with other joints or another root.
+    """
+    joiner = MotionJoiner(path, JointAngles(body).names, f"body {body.name}")
+    poses: dict[str, dict[int, Array]] = defaultdict(dict)
+    with BagFile(path) as bag:
+        _check_topics(bag)
+        cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *cameras]):
+            if topic in MOTION_TOPICS:
+                joiner.add(topic, message)
+            else:
+                poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
+    motion = joiner.joined()
+    _check_body(joiner, body, path)
+    return Motion(
+        stamps_ns=motion.stamps_ns,
+        world_T_root=motion.world_T_root,
+        angle_names=motion.joint_names,
+        angles=motion.joint_angles,
+        # Where some cameras' poses were recorded, a camera without one never knew where it was.
+        registered={camera: _in_order(poses[camera]) for camera in body.mounts} if cameras else {},
+    )
+
+
+def _in_order(poses: dict[int, Array]) -> tuple[NDArray[np.int64], Array]:
+    stamps = sorted(poses)
+    return np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 4, 4)
+
+
+def _check_topics(bag: BagFile) -> None:
+    for topic, wanted in MOTION_TOPICS.items():
+        kind = bag.topics.get(topic)
+        if kind != wanted or bag.message_count(topic) == 0:
+            came = "no such topic" if kind is None else "no message on it" if kind == wanted else f"it is {kind}"
+            raise RecordingError(
+                f"{bag.path}: expected {topic} ({wanted}), {came}; OUT is a bag that 'bodycam replay' wrote, the "
+                "images that it was made from go to --recording"
+            )
+
+
+def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
+    if joiner.others:
+        raise BodyError(
+            f"{path}: {JOINT_STATES} is of another body than the one given with --body: only the bag has "
+            f"{', '.join(sorted(joiner.others))}"
+        )
+    if others := sorted(joiner.roots - {body.root}):
+        raise BodyError(f"{path}: {ODOMETRY} is of {', '.join(others)}, but the root of the body is {body.root}")

@@ -5,23 +5,21 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from rich.console import Console
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
-from bodycam_ros.view.camera_picture import CameraPicture
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.view.correction_panel import CorrectionActions, CorrectionPanel
-from bodycam_ros.view.footage_loader import FootageLoader
+from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
 from bodycam_ros.view.local_server import LocalServer
-from bodycam_ros.view.picture_panel import PicturePanel
-from bodycam_ros.view.playback import Playback
+from bodycam_ros.view.scene import Scene
 from bodycam_ros.view.show_panel import ShowPanel
 from bodycam_ros.view.sources import Sources
-from bodycam_ros.view.stage import Stage
-from bodycam_ros.view.time_panel import TimePanel
+from bodycam_ros.view.time_panel import Playback, TimePanel
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
@@ -49,13 +47,13 @@ def view(solved: Path | None, map_path: Path, body_path: Path, recording: Path |
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
         session = Session(server, sources)
-        Console(markup=False).print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+        Terminal().print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
         try:
             session.run()
         finally:
             if session.unwritten:
                 lost = f"bodycam: not written to {body_path}: {', '.join(session.unwritten)}"
-                Console(stderr=True, markup=False).print(lost, soft_wrap=True)
+                Terminal(stderr=True).print(lost, soft_wrap=True)
     finally:
         server.stop()
 
@@ -74,7 +72,7 @@ class Session:
         duration_s = float(sources.motion.seconds[-1])
         self._playback = Playback(duration_s, time.monotonic)
         scene, gui = server.scene, server.gui
-        self._stage = Stage(server, sources.body, sources.reference_map, sources.motion, self._click)
+        self._scene = Scene(server, sources.body, sources.reference_map, sources.motion, self._click)
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
         actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
@@ -83,11 +81,11 @@ class Session:
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
-        switches = {"map": self._stage.show_map, "cameras": self._stage.show_cameras}
+        switches = {"map": self._scene.show_map, "cameras": self._scene.show_cameras}
         ShowPanel(gui, inbox, switches, knows_registration=bool(sources.motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
-        self._stage.look_at_body(sources.body, 0)
+        self._scene.look_at_body(sources.body, 0)
 
     def run(self) -> None:
         """Do what people ask for, for ever."""
@@ -113,18 +111,18 @@ class Session:
 
     def _show_instant(self) -> None:
         """Show the body at the time of the slider."""
-        self._stage.show(self._correction.body, self._instant, follow=self._time.follows)
+        self._scene.show(self._correction.body, self._instant, follow=self._time.follows)
         self._show_picture()
 
     def _show_picture(self) -> None:
         """Show what the chosen camera saw at that time."""
         footage = None if self._loader is None else self._loader.footage
-        picture = self._stage.show_picture(self._correction.body, self._instant, self._camera, footage)
+        picture = self._scene.show_picture(self._correction.body, self._instant, self._camera, footage)
         self._picture.show(None if picture is None else picture.pixels, self._remark(picture))
 
     def _show_correction(self) -> None:
         """Show the body as it is corrected now."""
-        self._stage.reshape(self._correction.body)
+        self._scene.reshape(self._correction.body)
         self._show_instant()
         move = None if self._selected is None else self._correction.move_of(self._selected)
         turns = can_turn(self._correction.body, self._selected)
@@ -146,7 +144,7 @@ class Session:
         world_T_registered = self._sources.motion.registered_at(camera, self._instant)
         if world_T_registered is None:
             return "lost: it does not know where it is"
-        gap = inverse(self._stage.world_T_camera(self._correction.body, self._instant, camera)) @ world_T_registered
+        gap = inverse(self._scene.world_T_camera(self._correction.body, self._instant, camera)) @ world_T_registered
         distance_mm, angle = 1e3 * np.linalg.norm(gap[:3, 3]), np.degrees(np.linalg.norm(log_so3(gap[:3, :3])))
         return f"its own pose: {distance_mm:.1f} mm, {angle:.2f} deg off"
 
@@ -166,7 +164,7 @@ class Session:
         self._goes_on = False
         self._panel.select(part)
         self._gizmo.select(self._correction.body, part)
-        self._stage.select(self._correction.body, part)
+        self._scene.select(self._correction.body, part)
         if part is not None and part.kind == "camera" and part.name in self._sources.cameras:
             self._choose_camera(part.name)
         self._show_correction()

@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping
 
 from viser import GuiApi
 
-from bodycam_ros.evaluate.picture_style import LEFT, RIGHT
-from bodycam_ros.view.colours import LOST, REGISTERED, SELECTED, UNKNOWN
-from bodycam_ros.view.gui_value import on_input
-from bodycam_ros.view.inbox import Inbox
+from bodycam_ros.drawing.picture_style import LEFT, RIGHT
+from bodycam_ros.view.inbox import Inbox, on_input
+from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
 
 _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
 _CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))

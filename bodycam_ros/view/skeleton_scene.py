@@ -4,15 +4,14 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from viser import CameraFrustumHandle, CylinderHandle, FrameHandle, IcosphereHandle, SceneApi, SceneNodeHandle
+from viser import CylinderHandle, FrameHandle, IcosphereHandle, SceneApi
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.evaluate.stick_figure import Bone, bones
-from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, transform_points
-from bodycam_ros.view.colours import SELECTED, rgb, segment_rgb
+from bodycam_ros.drawing.stick_figure import Bone, body_bones
+from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.view.correction import Part
-from bodycam_ros.view.map_scene import WORLD
+from bodycam_ros.view.scene_nodes import SELECTED, place, rgb, segment_name, segment_rgb, when_clicked
 
 _BONE_RADIUS_M = 0.02
 _JOINT_RADIUS_M = 0.032
@@ -62,34 +61,13 @@ class SkeletonScene:
             self._joints[joint.name].color = rgb(SELECTED) if is_selected else segment_rgb(joint.child)
 
 
-def segment_name(segment: str) -> str:
-    """Name of a segment's frame in the scene."""
-    return f"{WORLD}/body/{segment}"
-
-
-def place(handle: SceneNodeHandle, parent_T_node: Array) -> None:
-    """Put a node of the scene at a pose (4, 4) in its parent [m]."""
-    handle.position = parent_T_node[:3, 3]
-    handle.wxyz = np.roll(quaternion_xyzw(parent_T_node[:3, :3]), 1)
-
-
-def when_clicked(handle: IcosphereHandle | CameraFrustumHandle, act: Callable[[], None]) -> None:
-    """Call ``act()`` when a person clicks a node of the scene."""
-
-    async def clicked(_: object) -> None:
-        act()
-
-    handle.on_click(clicked)
-
-
 def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
     """Segment, start (3,) and end (3,) of each line of the body, in that segment's frame [m]."""
-    root_T_segment = dict(zip(body.segments, n_pose(body, np.eye(4))[:, None], strict=True))
-    parents = {joint.child: joint.parent for joint in body.tree_joints}
+    root_T_segment = n_pose(body, np.eye(4))
     lines = []
-    for bone in bones(root_T_segment, parents):
-        ends = np.concatenate([bone.start, bone.end])
-        start, end = transform_points(inverse(root_T_segment[bone.segment][0]), ends)
+    for bone in body_bones(body, root_T_segment):
+        segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])
+        start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
         lines.append((bone.segment, start, end))
     return lines
 

@@ -8,8 +8,7 @@ from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.corrected_file import BodyFile
-from bodycam_ros.view.motion import Motion
-from bodycam_ros.view.read_motion import read_motion
+from bodycam_ros.view.motion import Motion, read_motion
 
 
 @dataclass(frozen=True, eq=False)

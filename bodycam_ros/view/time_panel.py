@@ -4,14 +4,48 @@ from collections.abc import Callable
 
 from viser import GuiApi, GuiSliderHandle
 
-from bodycam_ros.view.gui_value import on_input, set_value
-from bodycam_ros.view.inbox import Inbox
-from bodycam_ros.view.playback import Playback
+from bodycam_ros.view.inbox import Inbox, on_input, set_value
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S = 0.001
 _DECIMALS = 3
 _PLAY, _PAUSE = "Play", "Pause"
+
+
+class Playback:
+    """Where playing is, in seconds of the recording; it begins again at the end."""
+
+    def __init__(self, duration_s: float, now: Callable[[], float]) -> None:
+        self._speed = 1.0
+        self._duration_s = duration_s
+        self._now = now
+        self._since: float | None = None
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether time goes on."""
+        return self._since is not None
+
+    def play(self) -> None:
+        """Let time go on from now."""
+        self._since = self._now()
+
+    def pause(self) -> None:
+        """Hold time."""
+        self._since = None
+
+    def change_speed(self, speed: float) -> None:
+        """Let so many seconds of the recording pass in a second."""
+        self._speed = speed
+
+    def advance(self, seconds: float) -> float:
+        """The time to show after the time shown last, in seconds since the first instant."""
+        if self._since is None or self._duration_s <= 0.0:
+            return seconds
+        now = self._now()
+        seconds += (now - self._since) * self._speed
+        self._since = now
+        return seconds if seconds <= self._duration_s else 0.0
 
 
 class TimePanel:

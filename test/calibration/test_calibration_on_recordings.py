@@ -13,12 +13,12 @@ from bodycam_ros.calibration.body_calibrator import CalibratedBody
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.evaluate.comparison import compare
-from bodycam_ros.evaluate.read_solved import read_solved
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.calibrate import calibrate
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.read_solved import read_solved
 
 JOBS = os.cpu_count() or 1
 

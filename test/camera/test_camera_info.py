@@ -131,5 +131,5 @@ def test_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="nowhere.yaml: cannot be read"):
+    with pytest.raises(CalibrationError, match="nowhere.yaml: cannot read"):
         camera_from_yaml(tmp_path / "nowhere.yaml")

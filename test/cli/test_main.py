@@ -1,10 +1,12 @@
 """The command line as a person meets it: real processes for signals and exit codes."""
 
 import argparse
+import errno
 import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 
 import bodycam_ros
 from bodycam_ros.cli import main as command_line
+from bodycam_ros.cli.ending import SIGNALS
 from bodycam_ros.errors import RecordingError
 
 
@@ -25,11 +28,10 @@ def run_with(monkeypatch: pytest.MonkeyPatch, run: Callable[[argparse.Namespace]
 
     monkeypatch.setattr(command_line, "COMMANDS", ("probe",))
     monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        return command_line.main(["probe"])
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    before = [signal.getsignal(number) for number in SIGNALS]
+    code = command_line.main(["probe"])
+    assert [signal.getsignal(number) for number in SIGNALS] == before
+    return code
 
 
 def test_exit_code_of_the_command_is_ours(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,6 +45,25 @@ def test_errors_of_the_user_are_one_line(monkeypatch: pytest.MonkeyPatch, capsys
 
     assert run_with(monkeypatch, fail) == 1
     assert capsys.readouterr().err == "bodycam: error: walk.mcap: is cut off\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (OSError(errno.ENAMETOOLONG, "File name too long", "x" * 300), "x" * 300 + ": File name too long"),
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+        (MemoryError(), "there is not enough memory for this"),
+        (RecordingError("topic /\x1b[2J\x9bcam\udcfc"), r"topic /\x1b[2J\x9bcam\udcfc"),
+    ],
+)
+def test_what_the_machine_refuses_is_one_line_that_a_terminal_can_bear(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: Exception, told: str
+) -> None:
+    def fail(arguments: argparse.Namespace) -> int:
+        raise error
+
+    assert run_with(monkeypatch, fail) == 1
+    assert capsys.readouterr().err == f"bodycam: error: {told}\n"
 
 
 def test_ctrl_c_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,20 +84,44 @@ def test_defects_of_ours_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None
         run_with(monkeypatch, stumble)
 
 
-def test_termination_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_every_signal_that_ends_a_command_cleans_up(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: int, code: int
+) -> None:
+    """Even if it comes twice, and something turns it into another error on its way."""
     cleaned = []
 
     def wait(arguments: argparse.Namespace) -> int:
         try:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), number)
             signal.pause()
-        finally:
+        except BaseException as error:
+            os.kill(os.getpid(), number)
             cleaned.append(True)
+            raise ImportError("numpy failed to import") from error
         return 0
 
-    with pytest.raises(SystemExit) as caught:
-        run_with(monkeypatch, wait)
-    assert (caught.value.code, cleaned) == (143, [True])
+    assert (run_with(monkeypatch, wait), cleaned) == (code, [True])
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_signal_that_comes_while_an_object_is_destroyed_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Dying:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+            for _ in range(1000):
+                pass
+
+    def destroy(arguments: argparse.Namespace) -> int:
+        del_me = Dying()
+        del del_me
+        time.sleep(5)
+        return 0
+
+    assert run_with(monkeypatch, destroy) == 143
+    assert capsys.readouterr().err == ""
 
 
 def bodycam(*arguments: str) -> "subprocess.CompletedProcess[str]":

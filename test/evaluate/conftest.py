@@ -3,12 +3,7 @@
 from pathlib import Path
 
 import pytest
-from evaluate.known_walk import Walk, make_walk, write_solved, write_truth
-
-
-@pytest.fixture(scope="session")
-def walk() -> Walk:
-    return make_walk()
+from known_walk import Walk, write_solved, write_truth
 
 
 @pytest.fixture(scope="session")

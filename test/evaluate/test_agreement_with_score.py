@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from evaluate.known_walk import FRAMES, Walk, write_solved
+from known_walk import FRAMES, Walk, write_solved
 from tools.body_from_truth import body_from_truth
 
 from bodycam_ros.evaluate.evaluation import evaluate

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluate.known_walk import FRAMES, Walk, write_solved, write_truth
+from known_walk import FRAMES, Walk, write_solved, write_truth
 
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.evaluate.evaluation import evaluate

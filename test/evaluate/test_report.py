@@ -9,16 +9,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from evaluate.known_walk import LOST, START_NS, Walk, write_images, write_solved
+from known_walk import LOST, START_NS, Walk, write_images, write_solved
 from numpy.typing import NDArray
 
 import bodycam_ros
 from bodycam_ros.cli import main as command_line
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.drawing.picture_style import LEFT, RIGHT, WARNING
+from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate import report_folder
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.flexion import flexion, limb_joints
-from bodycam_ros.evaluate.picture_style import LEFT, RIGHT, WARNING
 from bodycam_ros.evaluate.registration_panel import registration_table
 from bodycam_ros.evaluate.report_folder import write_report
 from bodycam_ros.geometry import exp_so3
@@ -132,7 +132,7 @@ def test_a_report_that_fails_leaves_the_old_one(solved: Path, tmp_path: Path, mo
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(report_folder, "draw_summary", full)
-    with pytest.raises(RecordingError, match="cannot be written: No space left on device"):
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         write_report(evaluation, folder)
     assert [p.name for p in tmp_path.iterdir()] == ["report"]
     assert [p.name for p in folder.iterdir()] == ["summary.json"]

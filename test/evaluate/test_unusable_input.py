@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluate.known_walk import START_NS, Walk, write_solved, write_truth
+from known_walk import START_NS, Walk, write_solved, write_truth
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate

@@ -77,4 +77,4 @@ def test_an_output_that_cannot_be_written_is_named(
 ) -> None:
     output = tmp_path / "missing" / "body.urdf"
     assert main(["export", str(sample / "body.yaml"), "--to", "urdf", "-o", str(output)]) == 1
-    assert f"{output}: cannot be written: No such file or directory" in capsys.readouterr().err
+    assert f"{output}: cannot be written: its folder is not there" in capsys.readouterr().err

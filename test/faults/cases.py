@@ -174,13 +174,14 @@ KINDS: Mapping[str, Mapping[str, Make]] = {
 """Kind -> name of the damage -> what prepares it."""
 
 
-def chosen(count: int, seed: int, kinds: frozenset[str]) -> Iterator[Case]:
-    """So many cases of some kinds, each kind with its share; more than there are damages are variants of them."""
+def chosen(count: int | None, seed: int, kinds: frozenset[str]) -> Iterator[Case]:
+    """So many cases of some kinds, each kind with its share; each damage once by default, in variants if more."""
     total = sum(len(KINDS[kind]) for kind in kinds)
     for kind in (kind for kind in KINDS if kind in kinds):
         names = list(KINDS[kind])
         order = np.random.default_rng([seed, zlib.crc32(kind.encode())]).permutation(len(names))
-        for place in range(max(1, round(count * len(names) / total))):
+        share = len(names) if count is None else max(1, round(count * len(names) / total))
+        for place in range(share):
             number, at = divmod(place, len(names))
             name = names[order[at]]
             yield Case(kind, name, number, KINDS[kind][name])

@@ -14,7 +14,6 @@ from live_graph import Graph, Started, running_graph
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess, live_graph
-from bodycam_ros.nodes.quality import reliable
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recording_typestore
 
@@ -161,7 +160,7 @@ class _Session:
             stamp = replace(message.header.stamp, sec=seconds, nanosec=nanoseconds)
             message = replace(message, header=replace(message.header, stamp=stamp))
             if topic not in self._publishers:
-                self._publishers[topic] = self._graph.publisher(topic, kind, reliable(int(4 * _RATE_HZ)))
+                self._publishers[topic] = self._graph.publisher(topic, kind)
             self._publishers[topic].publish(bytes(recording_typestore().serialize_cdr(message, kind)))
 
 

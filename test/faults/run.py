@@ -6,6 +6,7 @@ started anew, as a user starts them.
 
 import atexit
 import os
+import pkgutil
 import resource
 import signal
 import sys
@@ -20,13 +21,10 @@ from faults.limits import limit, obey_permissions
 from faults.processes import cpu_of_session, end_session, of_session
 from faults.work import Attempt
 
-_MODULES = (
-    "bodycam_ros.cli.main",
-    *(f"bodycam_ros.cli.{name}" for name in ("map", "body", "replay", "evaluate", "export")),
-    *("bodycam_ros.mapping.build", "bodycam_ros.replay.calibrate", "bodycam_ros.body.body_file"),
-    *("bodycam_ros.calibration.report.html_report", "bodycam_ros.calibration.report.terminal_report"),
-    *("bodycam_ros.evaluate.evaluation", "bodycam_ros.evaluate.overlay", "bodycam_ros.evaluate.report_folder"),
-)
+import bodycam_ros
+
+_NOT_IMPORTED = ("bodycam_ros.nodes", "bodycam_ros.view", "bodycam_ros.cli.view")
+"""They need ROS, or a server."""
 _MEMORY_BYTES = 2 << 30
 """Above what the libraries map: a run on such small input needs a tenth of it."""
 _LONGEST_S, _LONGEST_CPU_S, _ASLEEP_S = 600.0, 60.0, 12.0
@@ -36,8 +34,9 @@ _MOST_PRINTED = 1 << 20
 
 def warm_up() -> None:
     """Import all that the commands need."""
-    for module in _MODULES:
-        import_module(module)
+    for module in pkgutil.walk_packages(bodycam_ros.__path__, "bodycam_ros."):
+        if not module.name.startswith(_NOT_IMPORTED):
+            import_module(module.name)
 
 
 def _mapped_bytes() -> int:

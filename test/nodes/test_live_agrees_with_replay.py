@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.evaluate.read_solved import read_solved
 from bodycam_ros.nodes.graph import live_graph, player
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.read_solved import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
 
@@ -71,8 +71,8 @@ def test_live_joint_states_agree_with_the_replay(graph: Any, sample: Path, tmp_p
     live = read_solved(graph.write(tmp_path / "live"))
     _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)
     assert len(of_live) >= enough
-    assert live.joint_names == replayed.joint_names
-    apart_deg = np.degrees(np.abs(live.joint_angles[of_live] - replayed.joint_angles[of_replay]))
+    assert live.motion.joint_names == replayed.motion.joint_names
+    apart_deg = np.degrees(np.abs(live.motion.joint_angles[of_live] - replayed.motion.joint_angles[of_replay]))
     assert np.median(apart_deg) <= ANGLE_DEG
     for link, world_T_link in replayed.world_T_link.items():
         apart_m = np.linalg.norm(live.world_T_link[link][of_live, :3, 3] - world_T_link[of_replay, :3, 3], axis=1)

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from tiny_bag import START_NS
 
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.body import joint_state_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import text_message
@@ -84,7 +84,7 @@ def test_an_interrupted_replacement_keeps_the_old_bag(tmp_path: Path) -> None:
 
 def test_existing_bag_is_replaced_only_when_forced(tmp_path: Path) -> None:
     write(tmp_path / "out")
-    with pytest.raises(RecordingError, match="exists already"):
+    with pytest.raises(OutputError, match="exists already"):
         write(tmp_path / "out")
     write(tmp_path / "out", force=True)
     assert left_behind(tmp_path) == ["out"]
@@ -93,14 +93,14 @@ def test_existing_bag_is_replaced_only_when_forced(tmp_path: Path) -> None:
 def test_folder_that_is_no_bag_is_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious" / "thesis.txt").write_text("ten years of work")
-    with pytest.raises(RecordingError, match="not a ros2 bag folder"):
+    with pytest.raises(OutputError, match="holds thesis.txt, which is no part of a solved bag"):
         write(tmp_path / "precious", force=True)
     assert (tmp_path / "precious" / "thesis.txt").exists()
 
 
 def test_unwritable_place_is_an_error_that_names_it(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match=r"file.out: cannot be written"):
+    with pytest.raises(OutputError, match=r"file.out: cannot be written"):
         write(tmp_path / "file" / "out")
     assert left_behind(tmp_path) == ["file"]
 

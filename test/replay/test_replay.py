@@ -1,10 +1,5 @@
-"""The offline replay on real images: deterministic, complete, interruptible, and right."""
+"""The offline replay on real images: deterministic, complete and right."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +8,12 @@ from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.evaluate.comparison import compare
-from bodycam_ros.evaluate.read_solved import read_solved
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.read_solved import read_solved
 
 
 @pytest.fixture(scope="module")
@@ -104,19 +99,3 @@ def test_the_sample_comes_out_right(sample: Path, sample_out: Path) -> None:
     assert np.degrees(comparison.tilt) < 0.2
     rotation_errors = [joint.rotation_errors.mean() for joint in comparison.joints.values()]
     assert np.degrees(np.mean(rotation_errors)) < 0.3
-
-
-def test_an_interrupted_replay_leaves_nothing_behind(sample: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "bodycam_ros.cli.main", "replay", str(sample / "sample" / "bag"), "--jobs", "2"]
-    command += ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "-o", str(tmp_path / "out")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert list(tmp_path.iterdir()), "the replay never began to write"
-    os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in errors
-    assert "interrupted" in errors
-    assert list(tmp_path.iterdir()) == []

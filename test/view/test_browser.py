@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.view.colours import REGISTERED, SELECTED, rgb, segment_rgb
 from bodycam_ros.view.correction import Correction, Move, Part, place_of
 from bodycam_ros.view.gizmo import SIZE_M
-from bodycam_ros.view.motion import Motion
-from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView
-from bodycam_ros.view.read_motion import read_motion
+from bodycam_ros.view.motion import Motion, read_motion
+from bodycam_ros.view.scene import FIELD_OF_VIEW, OpeningView
+from bodycam_ros.view.scene_nodes import REGISTERED, SELECTED, rgb, segment_rgb
 from bodycam_ros.view.skeleton_scene import limbs_of
 
 pytest.importorskip("playwright", reason="playwright is not installed: pip install -r requirements-test.txt")

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.evaluate.stick_figure import Bone
+from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
-from bodycam_ros.view.colours import segment_rgb
 from bodycam_ros.view.footage import read_footage
-from bodycam_ros.view.read_motion import read_motion
+from bodycam_ros.view.motion import read_motion
+from bodycam_ros.view.scene_nodes import segment_rgb
 from bodycam_ros.view.skeleton_scene import limbs_of
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, OutputError
 from bodycam_ros.view.corrected_file import BodyFile
 from bodycam_ros.view.correction import Correction, Move, Part
 
@@ -65,7 +65,7 @@ def test_a_failed_write_leaves_the_file_whole(body_file: Path, monkeypatch: pyte
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full_disk)
-    with pytest.raises(BodyError, match="No space left"):
+    with pytest.raises(OutputError, match="No space left"):
         file.write(correction)
     assert body_file.read_bytes() == before
     assert sorted(path.name for path in body_file.parent.iterdir()) == ["body.yaml"]

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import BodyError, RecordingError
-from bodycam_ros.evaluate.read_solved import read_solved
-from bodycam_ros.view.motion import Motion, nearest
-from bodycam_ros.view.read_motion import read_motion
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.trajectory import nearest
+from bodycam_ros.view.motion import Motion, read_motion
 from bodycam_ros.view.skeleton_scene import segment_bones
 
 
@@ -67,7 +67,7 @@ def test_without_a_bag_the_body_stands_on_the_floor_with_its_arms_down(body: Bod
 
 
 def test_a_bag_of_another_body_says_what_differs(sample_out: Path, rider: BodyModel) -> None:
-    with pytest.raises(BodyError, match="only the body has .*knee.*only the bag has .*knee_left") as error:
+    with pytest.raises(RecordingError, match="lacks .*knee.*but has .*knee_left") as error:
         read_motion(sample_out, rider)
     assert str(sample_out) in str(error.value)
 

@@ -2,7 +2,6 @@
 
 import textwrap
 from io import BytesIO
-from pathlib import Path
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -13,9 +12,7 @@ from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report import joint_panels
 from bodycam_ros.calibration.report.body_views import draw_views
 from bodycam_ros.calibration.report.report_tables import MM_PER_M
-from bodycam_ros.errors import BodyError
-from bodycam_ros.evaluate.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
-from bodycam_ros.whole_file import write_whole
+from bodycam_ros.drawing.picture_style import INK, QUIET, TYPOGRAPHY, WARNING
 
 _WIDTH = 16.0  # [in] here and below
 _HEADLINE = 1.35
@@ -27,18 +24,6 @@ _DOTS_PER_INCH = 110
 _LINE_LETTERS = 185
 _MOST_LINES = 12
 _MARGIN = 0.03  # of the width
-
-
-def draw_body(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Path) -> None:
-    """Write the picture as PNG, whole or not at all.
-
-    Raises:
-        BodyError: the file cannot be written.
-    """
-    try:
-        write_whole(path, body_png(body, diagnosis))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot write this picture: {error.strerror or error}") from error
 
 
 def body_png(body: BodyModel, diagnosis: CalibrationDiagnosis) -> bytes:

@@ -9,11 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Ellipse
 from matplotlib.patheffects import withStroke
 
+from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import LEFT as LEFT_SIDE
 from bodycam_ros.calibration.anatomy import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis
-from bodycam_ros.evaluate.picture_style import (
+from bodycam_ros.drawing.picture_style import (
     CENTRE,
     FAINT,
     INK,
@@ -24,7 +25,7 @@ from bodycam_ros.evaluate.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.evaluate.stick_figure import HEAD, Bone, bones
+from bodycam_ros.drawing.stick_figure import HEAD, Bone, body_bones
 from bodycam_ros.geometry import Array
 
 _FRONT, _RIGHT = (1, 2), (0, 2)
@@ -59,11 +60,10 @@ class _Standing:
 
     @classmethod
     def of(cls, body: BodyModel) -> "_Standing":
-        upright = np.broadcast_to(np.eye(3), (len(body.tree_joints), 3, 3))
-        poses = dict(zip(body.segments, body.forward_kinematics(np.eye(4), upright), strict=True))
-        parents = {joint.child: joint.parent for joint in body.tree_joints}
+        root_T_segment = n_pose(body, np.eye(4))
+        poses = dict(zip(body.segments, root_T_segment, strict=True))
         return cls(
-            lines=bones({segment: pose[None] for segment, pose in poses.items()}, parents),
+            lines=body_bones(body, root_T_segment),
             joints={joint.name: (poses[joint.parent] @ joint.parent_T_joint)[:3, 3] for joint in body.joints},
             cameras={camera: poses[mount.segment] @ mount.segment_T_camera for camera, mount in body.mounts.items()},
         )

@@ -8,8 +8,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_png
 from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
-from bodycam_ros.errors import BodyError
-from bodycam_ros.evaluate.picture_style import FAINT, INK, QUIET, WARNING
+from bodycam_ros.drawing.picture_style import FAINT, INK, QUIET, WARNING
 from bodycam_ros.whole_file import write_whole
 
 _STYLE = f"""
@@ -31,12 +30,9 @@ def write_html_report(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Pa
     """Write the page, whole or not at all.
 
     Raises:
-        BodyError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
-    try:
-        write_whole(path, html_report(body, diagnosis))
-    except OSError as error:
-        raise BodyError(f"{path}: cannot write this report: {error.strerror or error}") from error
+    write_whole(path, html_report(body, diagnosis))
 
 
 def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:

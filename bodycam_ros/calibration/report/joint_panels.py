@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from bodycam_ros.calibration.diagnosis import JointDiagnosis
 from bodycam_ros.calibration.report.report_tables import MM_PER_M
-from bodycam_ros.evaluate.picture_style import FAINT, WARNING, panel_title, side_colour
+from bodycam_ros.drawing.picture_style import FAINT, WARNING, panel_title, side_colour
 from bodycam_ros.geometry import Array
 
 _BAR_HEIGHT = 0.2

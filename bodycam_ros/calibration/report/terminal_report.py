@@ -9,6 +9,7 @@ from rich.text import Text
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
+from bodycam_ros.terminal import Terminal
 
 WIDTH = 100
 """Columns that a report needs, and has where it goes to a file or pipe whose width nobody knows."""
@@ -21,7 +22,7 @@ _LOOK_HERE = "bold red"
 
 def print_report(diagnosis: CalibrationDiagnosis, console: Console | None = None) -> None:
     """Print the tables of a diagnosis, then its warnings; rows that a warning speaks of are red."""
-    console = console or Console()
+    console = console or Terminal()
     if not console.is_terminal:
         console.width = max(console.width, WIDTH)
     console.print(terminal_report(diagnosis))

@@ -11,7 +11,7 @@ from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_png
 from bodycam_ros.calibration.report.html_report import html_report, write_html_report
 from bodycam_ros.calibration.report.report_tables import report_tables
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import OutputError
 
 VOID = {"meta", "img"}
 
@@ -92,5 +92,5 @@ def test_the_file_is_whole_or_none(body: BodyModel, diagnosis: CalibrationDiagno
     write_html_report(body, diagnosis, path)
     assert path.read_text(encoding="utf-8").endswith("</html>\n")
     assert [file.name for file in tmp_path.iterdir()] == ["body.html"]
-    with pytest.raises(BodyError, match=r"missing.*cannot write"):
+    with pytest.raises(OutputError, match=r"missing.*cannot be written"):
         write_html_report(body, diagnosis, tmp_path / "missing" / "body.html")

@@ -1,0 +1,212 @@
+"""A URDF document as it stands: links, joints, and nothing believed before it is checked.
+
+Bodies and solved bags read the same documents, and both through here. They may come from anywhere: there are no
+entities, which could stand for any file or any length, and what is read is bounded.
+"""
+
+import heapq
+import xml.etree.ElementTree as ET
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from xml.parsers import expat
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, rigid
+
+MOST_LETTERS = 4_000_000
+"""Of a document; that of a person with 16 cameras has 20,000."""
+
+_MOST_LEVELS = 50
+_TURNING = ("revolute", "continuous")
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfJoint:
+    """One joint.
+
+    Attributes:
+        name: of the joint.
+        parent, child: links.
+        parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
+        axis: (3,) unit axis in the joint's axes; None for a fixed joint.
+        limits: (low, high) [rad] of a revolute joint; None for others.
+    """
+
+    name: str
+    parent: str
+    child: str
+    parent_T_joint: Array
+    axis: Array | None
+    limits: tuple[float, float] | None
+
+    @classmethod
+    def read(cls, element: ET.Element) -> "UrdfJoint":
+        """The joint of an element.
+
+        Raises:
+            ValueError: it lacks something, or is of a type that no body has.
+        """
+        name, kind = element.attrib.get("name", ""), element.attrib.get("type", "")
+        if not name:
+            raise ValueError("a joint has no name")
+        if kind not in (*_TURNING, "fixed"):
+            raise ValueError(
+                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_TURNING)} and fixed joints"
+            )
+        parent, child = (_link(element, role) for role in ("parent", "child"))
+        if not parent or not child:
+            raise ValueError(f"joint {name} lacks its parent or child link")
+        try:
+            origin = _origin(element.find("origin"))
+            axis = _axis(element.find("axis")) if kind in _TURNING else None
+            limits = _limits(element.find("limit")) if kind == "revolute" else None
+        except ValueError as error:
+            raise ValueError(f"joint {name}: {error}") from error
+        return cls(name, parent, child, origin, axis, limits)
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfDocument:
+    """A tree of links.
+
+    Attributes:
+        name: of the robot; may be empty.
+        root: the link without a parent.
+        links: names, in the order of the document.
+        drawn: those that have a shape.
+        joints: parents first, else in the order of the document.
+    """
+
+    name: str
+    root: str
+    links: tuple[str, ...]
+    drawn: frozenset[str]
+    joints: tuple[UrdfJoint, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> "UrdfDocument":
+        """Read a document.
+
+        Raises:
+            BodyError: not a URDF, not one tree, or with joints that no body has; the message names the joint or link.
+        """
+        robot = _elements(text)
+        if robot.tag != "robot":
+            raise BodyError(f"a URDF begins with <robot>, not <{robot.tag}>")
+        try:
+            joints = [UrdfJoint.read(element) for element in robot.iterfind("joint")]
+        except ValueError as error:
+            raise BodyError(str(error)) from error
+        links = {element: element.attrib.get("name", "") for element in robot.iterfind("link")}
+        names = list(links.values())
+        _check_names(names, joints)
+        hung = {joint.child for joint in joints}
+        roots = [name for name in names if name not in hung]
+        if len(roots) != 1:
+            raise BodyError(f"a body has one root link, this has {', '.join(roots) or 'none'}")
+        drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
+        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, _parents_first(joints, roots[0]))
+
+
+def _elements(text: str) -> ET.Element:
+    if len(text) > MOST_LETTERS:
+        raise BodyError(f"a URDF of {len(text)} letters is not read; a body's has fewer than {MOST_LETTERS}")
+    parser, builder = expat.ParserCreate(), ET.TreeBuilder()
+    open_tags: list[str] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        open_tags.append(tag)
+        if len(open_tags) > _MOST_LEVELS:
+            raise BodyError(f"elements are nested deeper than {_MOST_LEVELS} levels, which no URDF needs")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        open_tags.pop()
+        builder.end(tag)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = partial(_refuse_doctype)
+    try:
+        parser.Parse(text, True)
+        return builder.close()
+    except (expat.ExpatError, ValueError) as error:
+        raise BodyError(f"this is not XML: {error}") from error
+
+
+def _refuse_doctype(*_: object) -> None:
+    raise BodyError("a URDF has no <!DOCTYPE>, and so no entities; remove it")
+
+
+def _check_names(links: Sequence[str], joints: Sequence[UrdfJoint]) -> None:
+    if "" in links:
+        raise BodyError("a link has no name")
+    for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
+        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
+            raise BodyError(f"{kind} {', '.join(twice)} is listed twice; names must differ")
+    known = set(links)
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in known:
+                raise BodyError(f"joint {joint.name}: link {link} is missing")
+    if twice := sorted(name for name, count in Counter(joint.child for joint in joints).items() if count > 1):
+        raise BodyError(f"link {', '.join(twice)} hangs on two joints; a URDF is a tree")
+
+
+def _parents_first(joints: Sequence[UrdfJoint], root: str) -> tuple[UrdfJoint, ...]:
+    below: dict[str, list[int]] = defaultdict(list)
+    for place, joint in enumerate(joints):
+        below[joint.parent].append(place)
+    ordered, ready = [], list(below[root])
+    while ready:
+        ordered.append(joints[heapq.heappop(ready)])
+        for place in below[ordered[-1].child]:
+            heapq.heappush(ready, place)
+    if lost := {joint.name for joint in joints} - {joint.name for joint in ordered}:
+        raise BodyError(f"joint {', '.join(sorted(lost))} does not hang on root link {root}")
+    return tuple(ordered)
+
+
+def _link(element: ET.Element, role: str) -> str:
+    found = element.find(role)
+    return "" if found is None else found.attrib.get("link", "")
+
+
+def _origin(element: ET.Element | None) -> Array:
+    roll_pitch_yaw = _numbers(element, "rpy", "0 0 0", 3)
+    # URDF turns about fixed axes: x, then y, then z.
+    R = np.asarray(Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix(), dtype=np.float64)
+    return rigid(R, _numbers(element, "xyz", "0 0 0", 3))
+
+
+def _axis(element: ET.Element | None) -> Array:
+    axis = _numbers(element, "xyz", "1 0 0", 3)
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise ValueError("its axis has no direction")
+    return axis / length
+
+
+def _limits(element: ET.Element | None) -> tuple[float, float]:
+    low, high = (float(_numbers(element, bound, "0", 1)[0]) for bound in ("lower", "upper"))
+    return low, high
+
+
+def _numbers(element: ET.Element | None, attribute: str, default: str, count: int) -> Array:
+    text = default if element is None else element.attrib.get(attribute, default)
+    numbers = np.array([_number(word) for word in text.split()])
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        wanted = "three numbers" if count == 3 else "a number"
+        raise ValueError(f'{attribute}="{text}" is not {wanted}')
+    return numbers
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan

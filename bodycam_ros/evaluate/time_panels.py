@@ -1,0 +1,158 @@
+"""Panels over time: angles of limbs, and the error or, where the truth is unknown, what the solver itself believes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from bodycam_ros.drawing.picture_style import (
+    INK,
+    LEFT,
+    QUIET,
+    RIGHT,
+    TRUTH,
+    WARNING,
+    light_grid,
+    panel_title,
+    side_colour,
+)
+from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.flexion import LIMBS, LimbJoint, flexion, limb_joints
+from bodycam_ros.evaluate.summary import MM_PER_M
+from bodycam_ros.geometry import Array
+from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
+
+ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
+_SHORT_SCALE = 50.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
+_ROOM = 1.3  # beyond the least and the greatest value, as a factor
+_LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
+_DASHED = (0, (3, 2))
+
+
+def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
+    """Draw one panel per kind of joint, left and right in their colours, the truth dashed."""
+    joints = limb_joints(evaluation.solved.urdf.segments)
+    for axes, name in zip(panels, LIMBS, strict=True):
+        for joint in (joint for joint in joints if joint.name == name):
+            _draw_joint(axes, evaluation, joint)
+        if any(joint.name == name for joint in joints):
+            light_grid(axes)
+        else:
+            axes.text(
+                0.5, 0.5, f"no {name} in this body", transform=axes.transAxes, ha="center", va="center", color=QUIET
+            )
+            axes.set_yticks([])
+        axes.set_ylabel(f"{name} [°]")
+        axes.margins(y=0.12)
+    panel_title(panels[0], "Flexion", "forward; shoulder: in any direction")
+    handles = [Line2D([], [], color=LEFT, label="left"), Line2D([], [], color=RIGHT, label="right")]
+    if evaluation.comparison is not None:
+        handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="truth"))
+    panels[0].legend(
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 0.98),
+        ncols=len(handles),
+        handlelength=1.6,
+        borderaxespad=0,
+    )
+
+
+def _draw_joint(axes: Axes, evaluation: Evaluation, joint: LimbJoint) -> None:
+    solved = evaluation.solved
+    parent = solved.urdf.parent_segments()[joint.segment]
+    world_R_parent, world_R_child = (solved.world_T_link[segment][:, :3, :3] for segment in (parent, joint.segment))
+    angle = np.degrees(flexion(joint.name, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
+    curve = broken_at_gaps(solved, solved.stamps_ns, angle)
+    axes.plot(*curve, color=side_colour(joint.segment), linewidth=1.6, marker=_lone_marker(curve))
+    if evaluation.comparison is not None and joint.segment in evaluation.comparison.joints:
+        true = np.degrees(flexion(joint.name, evaluation.comparison.joints[joint.segment].true))
+        axes.plot(
+            *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true), color=INK, linewidth=0.8, linestyle=_DASHED
+        )
+
+
+def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
+    """Draw two panels, of position and of rotation, with instants that no camera speaks about in red."""
+    if evaluation.comparison is not None:
+        _draw_true_errors(panels, evaluation, evaluation.comparison)
+    else:
+        _draw_own_doubts(panels, evaluation)
+    for axes in panels:
+        light_grid(axes)
+        _mark_blind(axes, evaluation)
+    panels[-1].set_xlabel("time [s]")
+
+
+def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison: Comparison) -> None:
+    rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
+    for axes, errors, label in (
+        (panels[0], MM_PER_M * comparison.position_errors, "position\n[mm]"),
+        (panels[1], rotations, "rotation\n[°]"),
+    ):
+        _draw_spread(axes, broken_at_gaps(evaluation.solved, comparison.stamps_ns, errors))
+        _scale_by_decades(axes, errors)
+        axes.set_ylabel(label)
+    panel_title(panels[0], "Error against the truth", "mean over joints, and the worst joint")
+
+
+def _draw_own_doubts(panels: Sequence[Axes], evaluation: Evaluation) -> None:
+    solved = evaluation.solved
+    sigma = broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
+    panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
+    panels[0].set_ylabel("root sigma\n[mm]")
+    _draw_spread(panels[1], broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.jitter))
+    panels[1].set_ylabel("jitter\n[mm]")
+    for axes in panels:
+        axes.set_ylim(bottom=0.0)
+    panel_title(panels[0], "Uncertainty", "of the root; jitter of all segments: mean, and the worst")
+
+
+def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
+    """The mean over the columns of values (T, J) as a line, up to their maximum an area."""
+    seconds, values = curves
+    mean, worst = values.mean(axis=1), values.max(axis=1)
+    axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
+    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=_lone_marker(curves))
+    known = mean[np.isfinite(mean)]
+    if len(known):
+        overall = float(known.mean())
+        axes.annotate(
+            f"mean {overall:#.2g}", (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
+            textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
+        )  # fmt: skip
+
+
+def _scale_by_decades(axes: Axes, errors: Array) -> None:
+    """A logarithmic scale: a limb that is lost is wrong by orders of magnitude more than one that is not."""
+    low = max(float(errors.mean(axis=1).min()), _LEAST_ERROR) / _ROOM
+    high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
+    axes.set_yscale("log", nonpositive="clip")
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < _SHORT_SCALE * low else (1.0,)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
+def _mark_blind(axes: Axes, evaluation: Evaluation) -> None:
+    solved = evaluation.solved
+    half_s = 0.5e-9 * solved.frame_ns
+    for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
+        axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
+    for start, end in evaluation.gaps:
+        axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
+
+
+def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values: Array) -> tuple[Array, Array]:
+    """Times (N,) [s] and values (N, ...) of a curve (T, ...) at stamps (T,), with a NaN in each gap of time."""
+    after = np.flatnonzero(np.diff(stamps_ns) > GAP_FRAMES * solved.frame_ns) + 1
+    return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan, axis=0)
+
+
+def _lone_marker(curve: tuple[Array, Array]) -> str:
+    """A dot if the curve is one point, which no line would show."""
+    return "o" if len(curve[0]) == 1 else ""

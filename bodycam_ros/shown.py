@@ -1,0 +1,45 @@
+"""Values and texts that came from a file, as they may be shown to a person: short, and without control characters."""
+
+import reprlib
+import unicodedata
+from typing import Any
+
+_HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+"""Unicode's categories of what a terminal obeys, or cannot show: controls, direction marks, lone surrogates."""
+
+
+class _Shortened(reprlib.Repr):
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxdict, self.maxlist, self.maxtuple, self.maxset = 2, 3, 7, 7, 3
+        self.maxstring = self.maxlong = self.maxother = 60
+
+    def repr_int(self, x: int, level: int) -> str:
+        # Python refuses to write out more than some thousand digits.
+        return f"a number of {x.bit_length()} bits" if x.bit_length() > 4 * self.maxlong else repr(x)
+
+
+_shortened = _Shortened()
+
+
+def shown(value: Any) -> str:
+    """A value as Python writes it, shortened: a message must not be as long as the file that it is about."""
+    return _shortened.repr(value)
+
+
+def printable(text: str) -> str:
+    r"""Text whose control characters (all but line feed and tab) are written as escapes, as in ``\x1b[31m``.
+
+    A topic's name could otherwise clear a terminal, or write to it what nobody said.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(character if _harmless(character) else _escaped(character) for character in text)
+
+
+def _harmless(character: str) -> bool:
+    return character in "\n\t" or unicodedata.category(character) not in _HIDDEN
+
+
+def _escaped(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")

@@ -1,0 +1,37 @@
+"""Poses between the instants at which they are known."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+
+
+def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:
+    """Poses (N, 4, 4) at stamps (N,) within a trajectory (K, 4, 4) known at stamps (K,), two or more, increasing [ns].
+
+    Between two instants the position goes straight and the rotation about one axis, both at constant speed.
+    """
+    before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
+    share = ((at_ns - stamps_ns[before]) / (stamps_ns[before + 1] - stamps_ns[before]))[:, None]
+    start, end = poses[before], poses[before + 1]
+    position = (1.0 - share) * start[:, :3, 3] + share * end[:, :3, 3]
+    start_R_end = np.swapaxes(start[:, :3, :3], 1, 2) @ end[:, :3, :3]
+    return rigid(start[:, :3, :3] @ exp_so3(share * log_so3(start_R_end)), position)
+
+
+def between_neighbours(stamps_ns: NDArray[np.int64], at_ns: NDArray[np.int64], longest_ns: float) -> NDArray[np.bool_]:
+    """(N,) whether a stamp (N,) lies within a trajectory's stamps (K,), in a step no longer than ``longest_ns``."""
+    if len(stamps_ns) < 2:
+        return np.zeros(len(at_ns), dtype=bool)
+    inside = (at_ns >= stamps_ns[0]) & (at_ns <= stamps_ns[-1])
+    before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
+    near: NDArray[np.bool_] = inside & (stamps_ns[before + 1] - stamps_ns[before] <= longest_ns)
+    return near
+
+
+def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | None:
+    """Row of the stamp (K,) nearest to a time, if there is one so near."""
+    if not len(stamps_ns):
+        return None
+    row = int(np.argmin(np.abs(stamps_ns - at_ns)))
+    return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None

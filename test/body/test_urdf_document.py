@@ -1,0 +1,59 @@
+"""Documents that are not to be believed."""
+
+import time
+
+import pytest
+
+from bodycam_ros.body.urdf_document import MOST_LETTERS, UrdfDocument
+from bodycam_ros.errors import BodyError
+
+TENFOLD = '<!ENTITY l{} "{}">'
+LAUGHS = "".join(TENFOLD.format(n, 10 * f"&l{n - 1};") for n in range(1, 12))
+
+
+def chain(links: int, backwards: bool = False) -> str:
+    listed = [f'<link name="l{n}"/>' for n in range(links)]
+    joints = [
+        f'<joint name="j{n}" type="fixed"><parent link="l{n - 1}"/><child link="l{n}"/></joint>'
+        for n in range(1, links)
+    ]
+    return f"<robot>{''.join(listed)}{''.join(joints[::-1] if backwards else joints)}</robot>"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (f'<!DOCTYPE robot [<!ENTITY l0 "ha">{LAUGHS}]><robot name="&l11;"/>', "no <!DOCTYPE>"),
+        ('<!DOCTYPE robot [<!ENTITY f SYSTEM "/etc/hostname">]><robot><link name="&f;"/></robot>', "no <!DOCTYPE>"),
+        ('<!DOCTYPE robot SYSTEM "robot.dtd"><robot/>', "no <!DOCTYPE>"),
+        ('<robot name="&f;"/>', "not XML: undefined entity"),
+        ("<robot>" + "<link>" * 100_000, "nested deeper than 50"),
+        ("<robot>" + " " * MOST_LETTERS + "</robot>", "letters is not read"),
+        ("<robot name='\x00'/>", "not XML"),
+        ("<robot name='\ud800'/>", "not XML"),
+        ("<robot/><robot/>", "not XML: junk after"),
+    ],
+)  # fmt: skip
+def test_what_could_stand_for_anything_or_never_ends_is_refused(text: str, complaint: str) -> None:
+    with pytest.raises(BodyError, match=complaint):
+        UrdfDocument.parse(text)
+
+
+def test_joints_come_parents_first_and_else_as_they_are_listed() -> None:
+    document = UrdfDocument.parse(chain(5, backwards=True))
+    assert [joint.name for joint in document.joints] == ["j1", "j2", "j3", "j4"]
+    star = chain(4).replace('parent link="l1"', 'parent link="l0"').replace('parent link="l2"', 'parent link="l0"')
+    swapped = star.replace("j1", "?").replace("j3", "j1").replace("?", "j3")
+    assert [joint.name for joint in UrdfDocument.parse(swapped).joints] == ["j3", "j2", "j1"]
+
+
+def test_a_circle_beside_the_tree_is_named() -> None:
+    text = chain(4).replace('<parent link="l1"/>', '<parent link="l3"/>')
+    with pytest.raises(BodyError, match="joint j2, j3 does not hang on root link l0"):
+        UrdfDocument.parse(text)
+
+
+def test_ten_thousand_joints_take_seconds_and_not_hours() -> None:
+    started = time.monotonic()
+    assert len(UrdfDocument.parse(chain(10_000, backwards=True)).joints) == 9_999
+    assert time.monotonic() - started < 20.0

@@ -1,0 +1,94 @@
+"""Arrays of a map: nothing in the file is believed before it is checked."""
+
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodycam_ros.errors import MapError
+from bodycam_ros.registration.checked_npz import read_arrays
+
+DTYPES = {"places": "f8", "names": "U"}
+PLACES = np.arange(12.0).reshape(4, 3)
+NAMES = np.array(["a.jpg", "ä.png"])
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    np.savez_compressed(tmp_path / "arrays.npz", places=PLACES, names=NAMES)
+    return tmp_path / "arrays.npz"
+
+
+def npy(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def write(file: Path, places: bytes) -> None:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("places.npy", places)
+        archive.writestr("names.npy", npy(NAMES))
+
+
+def test_arrays_are_read_as_they_were_written(file: Path) -> None:
+    for places in (PLACES, np.asfortranarray(PLACES), PLACES.astype(">f8")):
+        write(file, npy(places))
+        arrays = read_arrays(file, DTYPES)
+        np.testing.assert_array_equal(arrays["places"], PLACES)
+        assert arrays["places"].dtype == np.float64
+        assert arrays["names"].tolist() == NAMES.tolist()
+
+
+def test_no_bit_can_flip_unnoticed(file: Path) -> None:
+    content = file.read_bytes()
+    wrong = 0
+    for place in range(0, len(content), 3):
+        file.write_bytes(content[:place] + bytes([content[place] ^ 0x10]) + content[place + 1 :])
+        try:
+            arrays = read_arrays(file, DTYPES)
+        except MapError as error:
+            assert str(file) in str(error) and "build the map again" in str(error)
+            wrong += 1
+            continue
+        np.testing.assert_array_equal(arrays["places"], PLACES)  # a date, a flag that nobody reads
+        assert arrays["names"].tolist() == NAMES.tolist()
+    assert wrong > len(content) // 3 // 2
+
+
+@pytest.mark.parametrize(
+    ("places", "complaint"),
+    [
+        (npy(PLACES).replace(b"(4, 3)", b"(30000000000,)"), "its header claims 240000000000 bytes"),
+        (npy(PLACES).replace(b"(4, 3)", b"(-4, 3)"), "claims"),
+        (npy(PLACES).replace(b"(4, 3)", b"(4, [)"), ""),
+        (npy(np.float32(PLACES)), "it holds float32, expected f8"),
+        (npy(np.array([{}], dtype=object)), "it holds object, expected f8"),
+        (npy(np.zeros(20_000_000)), "it claims 160000128 bytes of"),
+        (b"no array", ""),
+        (b"", ""),
+    ],
+)
+def test_headers_are_held_to_the_file(file: Path, places: bytes, complaint: str) -> None:
+    write(file, places)
+    with pytest.raises(MapError, match=rf"arrays\.npz: damaged or incomplete \(places: .*{complaint}"):
+        read_arrays(file, DTYPES)
+
+
+def test_encrypted_missing_and_foreign_files_are_named(file: Path, tmp_path: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[6] |= 1
+    content[content.index(b"PK\x01\x02") + 8] |= 1
+    file.write_bytes(content)
+    with pytest.raises(MapError, match="places: it is encrypted"):
+        read_arrays(file, DTYPES)
+    write(file, npy(PLACES))
+    with pytest.raises(MapError, match="sizes: There is no item"):
+        read_arrays(file, {"sizes": "f4"})
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, tmp_path / "none"):
+        with pytest.raises(MapError, match="damaged or incomplete"):
+            read_arrays(path, DTYPES)

@@ -1,0 +1,96 @@
+"""A replay that is ended, at any time and in any way, leaves no traceback, no process and no file."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bodycam_ros.whole_file import SCRATCH_PREFIX, write_whole
+
+TIME_S = 120.0
+CODE_OF = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+
+
+def start(sample: Path, folder: Path) -> "subprocess.Popen[str]":
+    """A replay of the sample, in two processes beside it, in a process group of its own."""
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "replay", str(sample / "sample" / "bag"), "--jobs", "2"]
+    command += ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "-o", str(folder / "out")]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def wait_until(happened: Callable[[], object]) -> None:
+    deadline = time.monotonic() + TIME_S
+    while not happened():
+        assert time.monotonic() < deadline, "it never came so far"
+        time.sleep(0.02)
+
+
+def group_of(process: "subprocess.Popen[str]") -> set[int]:
+    """Processes of its group that live, zombies left out."""
+    living = set()
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, group = stat.read_text().rpartition(")")[2].split()[:3]
+        except (OSError, ValueError):
+            continue
+        if int(group) == process.pid and state != "Z":
+            living.add(int(stat.parent.name))
+    return living
+
+
+@pytest.mark.parametrize(
+    ("number", "to_all"),
+    [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True), (signal.SIGHUP, False)],
+)
+def test_a_signal_amid_the_work_leaves_nothing_behind(
+    sample: Path, tmp_path: Path, number: signal.Signals, to_all: bool
+) -> None:
+    process = start(sample, tmp_path)
+    # Two workers and the tracker of their semaphores: some are still starting.
+    wait_until(lambda: process.poll() is not None or len(group_of(process)) == 4)
+    time.sleep(0.3)
+    os.killpg(process.pid, number) if to_all else process.send_signal(number)
+    _, errors = process.communicate(timeout=TIME_S)
+    assert process.returncode == CODE_OF[number]
+    assert errors.strip() == ("bodycam: interrupted" if number == signal.SIGINT else "")
+    assert list(tmp_path.iterdir()) == []
+    wait_until(lambda: not group_of(process))
+
+
+def test_workers_end_with_a_parent_that_is_killed_and_the_next_run_clears_up(sample: Path, tmp_path: Path) -> None:
+    process = start(sample, tmp_path)
+    wait_until(lambda: list(tmp_path.glob(f"{SCRATCH_PREFIX}*/out/*.mcap")))
+    wait_until(lambda: len(group_of(process)) == 4)
+    process.kill()
+    process.communicate(timeout=TIME_S)
+    wait_until(lambda: not group_of(process))
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
+    write_whole(tmp_path / "another_output", "text")
+    assert [path.name for path in tmp_path.iterdir()] == ["another_output"]
+
+
+@pytest.mark.parametrize("number", CODE_OF)
+@pytest.mark.parametrize("delay_s", [0.0, 0.4, 1.2])
+def test_a_signal_while_it_starts_leaves_no_traceback(
+    sample: Path, tmp_path: Path, number: signal.Signals, delay_s: float
+) -> None:
+    process = start(sample, tmp_path)
+    wait_until(lambda: process.poll() is not None or answers(process.pid, signal.SIGTERM))
+    time.sleep(delay_s)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=TIME_S)
+    assert (process.returncode, "Traceback" in errors, "***" in errors) == (CODE_OF[number], False, False), errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def answers(pid: int, number: int) -> bool:
+    """Whether a process has a handler of its own for a signal."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    caught = int(next(line.split()[1] for line in lines if line.startswith("SigCgt")), 16)
+    return bool(caught & 1 << (number - 1))

@@ -1,0 +1,128 @@
+"""What the scene holds, read back from the server."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import rigid, rotation_from_xyzw
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.view.correction import Correction, Move, Part
+from bodycam_ros.view.local_server import LocalServer
+from bodycam_ros.view.motion import Motion
+from bodycam_ros.view.scene import Scene
+from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
+
+KNEE = Part("joint", "knee_left")
+FLOAT32 = 1e-6
+
+
+@pytest.fixture
+def server() -> Iterator[LocalServer]:
+    server = LocalServer(0, "test")
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def body(sample: Path) -> BodyModel:
+    return read_body(sample / "body.yaml")
+
+
+@pytest.fixture
+def motion(body: BodyModel) -> Motion:
+    """Two steps; one camera is registered first and lost then, another the reverse."""
+    standing = Motion.standing(body)
+    stamps = np.array([0, 33_333_333], dtype=np.int64)
+    root = np.repeat(standing.world_T_root, 2, axis=0)
+    root[:, :2, 3] = [[2.0, 1.0], [2.5, 1.5]]
+    angles = np.repeat(standing.angles, 2, axis=0)
+    angles[1, [name.startswith("knee") for name in standing.angle_names]] = 0.8
+    registered = {"head": (stamps[:1], root[:1]), "shin_left": (stamps[1:], root[1:])}
+    return replace(standing, stamps_ns=stamps, world_T_root=root, angles=angles, registered=registered)
+
+
+@pytest.fixture
+def scene(server: LocalServer, sample: Path, body: BodyModel, motion: Motion) -> Scene:
+    return Scene(server, body, ReferenceMap.load(sample / "map"), motion, lambda part: None)
+
+
+def pose_of(server: LocalServer, name: str) -> NDArray[np.float64]:
+    """Pose of a node of the scene, through all its parents."""
+    pose = np.eye(4)
+    for depth in range(2, len(name.split("/")) + 1):
+        node = server.scene.get_handle_by_name("/".join(name.split("/")[:depth]))
+        if node is not None:
+            pose = pose @ rigid(rotation_from_xyzw(np.roll(node.wxyz, -1)), np.array(node.position))
+    return pose
+
+
+def colour_of(server: LocalServer, name: str) -> tuple[int, int, int]:
+    node = server.scene.get_handle_by_name(name)
+    assert node is not None
+    colour: tuple[int, int, int] = tuple(node.color)  # type: ignore[attr-defined]
+    return colour
+
+
+def test_everything_is_where_the_corrected_body_puts_it(
+    server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
+) -> None:
+    corrected = Correction(body).moved_by(KNEE, Move(np.array([10.0, -20.0, 30.0]), np.zeros(3))).body
+    scene.reshape(corrected)
+    scene.show(corrected, 1, follow=False)
+    world_T_segment = motion.segments_at(corrected, 1)
+    for camera, mount in corrected.mounts.items():
+        expected = world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera
+        found = pose_of(server, f"/world/body/{mount.segment}/camera_{camera}")
+        assert_allclose(found, expected, rtol=0.0, atol=FLOAT32, err_msg=camera)
+        assert_allclose(scene.world_T_camera(corrected, 1, camera), expected, rtol=0.0, atol=1e-12)
+    for joint in corrected.joints:
+        expected = world_T_segment[body.segment_index[joint.parent]] @ joint.parent_T_joint
+        found = pose_of(server, f"/world/body/{joint.parent}/joint_{joint.name}")
+        assert_allclose(found, expected, rtol=0.0, atol=FLOAT32, err_msg=joint.name)
+
+
+def test_bones_reach_from_joint_to_joint(server: LocalServer, scene: Scene, body: BodyModel) -> None:
+    corrected = Correction(body).moved_by(KNEE, Move(np.array([0.0, 50.0, 100.0]), np.zeros(3))).body
+    scene.reshape(corrected)
+    knee = next(joint for joint in corrected.joints if joint.name == "knee_left").parent_T_joint[:3, 3]
+    names = [f"/world/body/thigh_left/bone_{number}" for number in range(30)]
+    (bone,) = [handle for name in names if (handle := server.scene.get_handle_by_name(name)) is not None]
+    assert bone.height == pytest.approx(np.linalg.norm(knee))  # type: ignore[attr-defined]
+    assert_allclose(bone.position, knee / 2.0, rtol=0.0, atol=FLOAT32)
+    axis = rotation_from_xyzw(np.roll(bone.wxyz, -1))[:, 2]
+    assert_allclose(np.abs(axis @ knee), np.linalg.norm(knee), rtol=1e-6)
+
+
+def test_following_keeps_the_body_in_the_middle_and_on_the_floor(
+    server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
+) -> None:
+    for instant in (0, 1):
+        scene.show(body, instant, follow=True)
+        expected = [0.0, 0.0, motion.world_T_root[instant, 2, 3]]
+        assert_allclose(pose_of(server, "/world/body/pelvis")[:3, 3], expected, rtol=0.0, atol=FLOAT32)
+    scene.show(body, 0, follow=False)  # the world stays where it was left
+    step = motion.world_T_root[0, :2, 3] - motion.world_T_root[1, :2, 3]
+    assert_allclose(pose_of(server, "/world/body/pelvis")[:2, 3], step, rtol=0.0, atol=FLOAT32)
+
+
+def test_cameras_are_coloured_by_what_they_know_and_by_selection(
+    server: LocalServer, scene: Scene, body: BodyModel
+) -> None:
+    head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
+    scene.show(body, 0, follow=True)
+    assert (colour_of(server, head), colour_of(server, shin)) == (rgb(REGISTERED), rgb(LOST))
+    assert colour_of(server, "/world/body/torso/camera_torso_back") == rgb(UNKNOWN)
+    scene.show(body, 1, follow=True)
+    assert (colour_of(server, head), colour_of(server, shin)) == (rgb(LOST), rgb(REGISTERED))
+    scene.select(body, Part("camera", "head"))
+    assert (colour_of(server, head), colour_of(server, shin)) == (rgb(SELECTED), rgb(REGISTERED))
+    scene.select(body, KNEE)
+    assert colour_of(server, head) == rgb(LOST)
+    assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
