@@ -18,8 +18,8 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 SURVIVED, NAMED, FAULTY = "survived", "named", "faulty"
-TRACEBACK, HALF, HANG, UNREADABLE, SILENT = "traceback", "half file", "hang", "unreadable", "silent"
-FAULTS = (TRACEBACK, HALF, HANG, UNREADABLE, SILENT)
+FAULTS = ("traceback", "half file", "hang", "unreadable", "silent", "good refused")
+TRACEBACK, HALF, HANG, UNREADABLE, SILENT, REFUSED = FAULTS
 """Unreadable: escape sequences, or more text than anybody reads. Silent: a wrong result that nobody is told of."""
 
 _STACKS = re.compile(r"Traceback \(most recent call last\)|terminate called|stack trace: \*\*\*|Fatal Python error")
@@ -80,6 +80,8 @@ def judged(run: Run, before: Snapshot) -> Outcome:
     beside_tables = "\n".join(line for line in text.splitlines() if not set(line) & set(_TABLE))
     if run.exit_code == 0 and run.attempt.must_say and not re.search(run.attempt.must_say, beside_tables):
         faults[SILENT] = f"nothing was said that matches {run.attempt.must_say!r}"
+    if run.attempt.is_good and run.exit_code:
+        faults[REFUSED] = f"exit code {run.exit_code}"
     result = FAULTY if faults else SURVIVED if run.exit_code == 0 else NAMED
     lines = [line for line in text.splitlines() if line.strip()]
     return Outcome(result, faults, lines[-1][:300] if lines else "", run.memory_mb)

@@ -151,7 +151,6 @@ def _become(attempt: Attempt, folder: Path, fresh: bool, output: int) -> None:
         nothing = os.open(os.devnull, os.O_RDONLY)
         for target, source in ((0, nothing), (1, output), (2, output)):
             os.dup2(source, target)
-        os.closerange(3, 256)
         os.environ |= {"TMPDIR": str(folder / "tmp"), "COLUMNS": "120", "NO_COLOR": "1"}
         tempfile.tempdir = None
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

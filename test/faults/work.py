@@ -78,6 +78,7 @@ class Attempt:
         ordinary_user: run without the rights of root.
         largest_file: the disk takes files up to this size [bytes].
         stop: signal number and seconds after the start at which it comes; in a real process.
+        is_good: nothing is wrong with it, so it has to succeed.
         must_say: pattern that what is printed beside the tables has to match, if the run ends with 0.
     """
 
@@ -86,6 +87,7 @@ class Attempt:
     ordinary_user: bool = False
     largest_file: int | None = None
     stop: tuple[int, float] | None = None
+    is_good: bool = False
     must_say: str = ""
 
 
