@@ -32,6 +32,7 @@ def make_stock(folder: Path) -> None:
     for name in _PHOTOGRAPHS:
         shutil.copyfile(_SAMPLE / "reference" / name, folder / "reference" / name)
     shutil.copytree(_SAMPLE / "sample" / "truth", folder / "truth" / "truth")
+    shutil.copyfile(_SAMPLE / "sample" / "rig.yaml", folder / "truth" / "rig.yaml")
     shutil.copyfile(_SAMPLE / "body.yaml", folder / "body.yaml")
     rig = read_body(_SAMPLE / "body.yaml")
     (folder / "body.urdf").write_text(urdf_text(rig))
