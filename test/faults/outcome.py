@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import cv2
+import numpy as np
 from faults.run import Run
 
 from bodycam_ros.body.body_file import read_body
@@ -24,7 +25,7 @@ TRACEBACK, HALF, HANG, UNREADABLE, SILENT, REFUSED = FAULTS
 
 _STACKS = re.compile(r"Traceback \(most recent call last\)|terminate called|stack trace: \*\*\*|Fatal Python error")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x9f]")
-_LONGEST_MESSAGE = 6000
+_LONGEST_MESSAGE = 4000
 _TABLE = "│┃┏┡└┌├─╇┴"
 
 Snapshot = Mapping[Path, str]
@@ -105,32 +106,38 @@ def _unreadable(run: Run, text: str) -> str:
     if match := _CONTROL.search(text):
         return f"control character {match[0]!r} in {text[max(0, match.start() - 30) : match.end() + 30]!r}"
     longest = max((len(part) for part in text.split("bodycam: error: ")[1:]), default=0)
+    longest -= sum(map(len, run.attempt.arguments))  # a message may name a path, however long
     return f"a message of {longest} characters" if longest > _LONGEST_MESSAGE else ""
 
 
 def _half_written(run: Run, before: Snapshot) -> str:
     """What is in the folder that should not be, or is no longer as it should; empty if all is well."""
-    outputs = run.attempt.outputs
+    outputs = _places(run)
     after = snapshot(run.folder)
-    scratch = run.folder / "tmp"
-    for path in sorted(after.keys() | before.keys()):
-        if any(out == path or out in path.parents for out in outputs) or path == scratch:
-            continue
-        if path not in after:
-            return f"{path.relative_to(run.folder)} is gone"
-        if path not in before:
-            # The folders on the way to an output may be made.
-            if not any(path in out.parents for out in outputs) or run.exit_code:
-                return f"{path.relative_to(run.folder)} was left behind"
-        elif after[path] != before[path]:
-            return f"{path.relative_to(run.folder)} was changed"
+    changed = {path for path in after.keys() | before.keys() if after.get(path) != before.get(path)}
+    for path in sorted(changed - {run.folder / "tmp"}):
+        name = path.relative_to(run.folder)
+        within = [out for out in outputs if _within(path, out)]
+        # Where the whole folder is the output, what was there before is to stay all the same.
+        if path in before and not set(within) - {run.folder}:
+            return f"{name} was changed" if path in after else f"{name} is gone"
+        # The folders on the way to an output may be made.
+        if not within and (run.exit_code or not any(_within(out, path) for out in outputs)):
+            return f"{name} was left behind"
     for out, kind in outputs.items():
-        changed = any(
-            before.get(path) != after.get(path) for path in after.keys() | before.keys() if _within(path, out)
-        )
-        if changed and (why := _not_whole(out, kind)):
+        if any(_within(path, out) for path in changed) and (why := _not_whole(out, kind)):
             return f"{out.name}: {why}"
     return ""
+
+
+def _places(run: Run) -> Mapping[Path, str]:
+    """Where outputs may be, with their kinds; links are followed, too. Nothing above the case's folder."""
+    places = {}
+    for out, kind in run.attempt.outputs.items():
+        for place in map(Path, (os.path.normpath(run.folder / out), os.path.realpath(run.folder / out))):
+            if place == run.folder or not _within(run.folder, place):
+                places[place] = kind
+    return places
 
 
 def _within(path: Path, folder: Path) -> bool:
@@ -146,7 +153,8 @@ def _not_whole(path: Path, kind: str) -> str:
             return "" if states else "holds no joint states"
         if kind == "report":
             json.loads((path / "summary.json").read_text())
-            return "" if cv2.imread(str(path / "summary.png")) is not None else "holds no picture"
+            picture = np.frombuffer((path / "summary.png").read_bytes(), np.uint8)
+            return "" if cv2.imdecode(picture, cv2.IMREAD_COLOR) is not None else "holds no picture"
         if kind == "page":
             return "" if path.read_text().rstrip().endswith("</html>") else "is cut"
         if kind == "urdf":
