@@ -107,8 +107,8 @@ def _raw(**fields: Any) -> Make:
         grey = cv2.imdecode(message.data, cv2.IMREAD_GRAYSCALE)
         rows, columns = grey.shape
         sound = {"height": rows, "width": columns, "encoding": "mono8", "is_bigendian": 0, "step": columns}
-        data = np.ascontiguousarray(grey).reshape(-1)
-        image = make("sensor_msgs/msg/Image", header=message.header, data=data, **(sound | fields))
+        sound["data"] = np.ascontiguousarray(grey).reshape(-1)
+        image = make("sensor_msgs/msg/Image", header=message.header, **(sound | fields))
         return [(camera, "image_raw", image)]
 
     return _replay_of(change, _WRONG)
