@@ -9,7 +9,6 @@ import xml.etree.ElementTree as ET
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from xml.parsers import expat
 
 import numpy as np
@@ -22,6 +21,8 @@ MOST_LETTERS = 4_000_000
 """Of a document; that of a person with 16 cameras has 20,000."""
 
 _MOST_LEVELS = 50
+_MOST_NAMED = 5  # in a message
+_MOST_SHOWN = 60  # letters of what came
 _TURNING = ("revolute", "continuous")
 
 
@@ -108,7 +109,7 @@ class UrdfDocument:
         hung = {joint.child for joint in joints}
         roots = [name for name in names if name not in hung]
         if len(roots) != 1:
-            raise BodyError(f"a body has one root link, this has {', '.join(roots) or 'none'}")
+            raise BodyError(f"a body has one root link, this has {_some(roots) or 'none'}")
         drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
         return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, _parents_first(joints, roots[0]))
 
@@ -130,7 +131,7 @@ def _elements(text: str) -> ET.Element:
         builder.end(tag)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.StartDoctypeDeclHandler = partial(_refuse_doctype)
+    parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
         parser.Parse(text, True)
         return builder.close()
@@ -147,14 +148,14 @@ def _check_names(links: Sequence[str], joints: Sequence[UrdfJoint]) -> None:
         raise BodyError("a link has no name")
     for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
         if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise BodyError(f"{kind} {', '.join(twice)} is listed twice; names must differ")
+            raise BodyError(f"{kind} {_some(twice)} is listed twice; names must differ")
     known = set(links)
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in known:
                 raise BodyError(f"joint {joint.name}: link {link} is missing")
     if twice := sorted(name for name, count in Counter(joint.child for joint in joints).items() if count > 1):
-        raise BodyError(f"link {', '.join(twice)} hangs on two joints; a URDF is a tree")
+        raise BodyError(f"link {_some(twice)} hangs on two joints; a URDF is a tree")
 
 
 def _parents_first(joints: Sequence[UrdfJoint], root: str) -> tuple[UrdfJoint, ...]:
@@ -167,8 +168,14 @@ def _parents_first(joints: Sequence[UrdfJoint], root: str) -> tuple[UrdfJoint, .
         for place in below[ordered[-1].child]:
             heapq.heappush(ready, place)
     if lost := {joint.name for joint in joints} - {joint.name for joint in ordered}:
-        raise BodyError(f"joint {', '.join(sorted(lost))} does not hang on root link {root}")
+        raise BodyError(f"joint {_some(sorted(lost))} does not hang on root link {root}")
     return tuple(ordered)
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first of many names, and how many there are beside them."""
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + more
 
 
 def _link(element: ET.Element, role: str) -> str:
@@ -201,7 +208,7 @@ def _numbers(element: ET.Element | None, attribute: str, default: str, count: in
     numbers = np.array([_number(word) for word in text.split()])
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         wanted = "three numbers" if count == 3 else "a number"
-        raise ValueError(f'{attribute}="{text}" is not {wanted}')
+        raise ValueError(f'{attribute}="{text[:_MOST_SHOWN]}" is not {wanted}')
     return numbers
 
 

@@ -22,6 +22,7 @@ _MODELS: dict[str, type[CameraModel]] = {
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
 _K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+_LARGEST = 1e6  # of k [px] and d; their powers must be finite
 
 
 def camera_from_info(
@@ -118,6 +119,8 @@ def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...
         raise _error(name, f"{field} must be a list of numbers, not {shown(values)}") from error
     if not all(math.isfinite(number) for number in numbers):
         raise _error(name, f"{field} must be finite, not {shown(list(numbers))}: calibrate the camera again")
+    if any(abs(number) > _LARGEST for number in numbers):
+        raise _error(name, f"{field} has {shown(max(numbers, key=abs))}, which no lens has: calibrate the camera again")
     return numbers
 
 

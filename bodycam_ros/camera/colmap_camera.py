@@ -2,13 +2,25 @@
 
 COLMAP counts pixels from the corner of the image, we (like OpenCV) from the centre of the first pixel: whoever passes
 pixels between the two adds or takes ``PIXEL_SHIFT``.
+
+Whoever needs pycolmap takes it from here: the logging library within it answers SIGTERM by a stack trace once it is
+loaded, so what SIGTERM meant before is put back.
 """
 
-from bodycam_ros.camera.colmap_library import pycolmap
+import signal
+import threading
+
 from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_model
 from bodycam_ros.camera.model import CameraModel
 
-__all__ = ["PIXEL_SHIFT", "colmap_camera"]
+_before = signal.getsignal(signal.SIGTERM)
+
+import pycolmap  # noqa: E402
+
+if threading.current_thread() is threading.main_thread() and _before is not None:
+    signal.signal(signal.SIGTERM, _before)
+
+__all__ = ["PIXEL_SHIFT", "colmap_camera", "pycolmap"]
 
 # COLMAP's log would tear the progress bars and leave files in the temporary folder. What matters comes as an exception.
 for _level in pycolmap.logging.Level.__members__.values():

@@ -33,7 +33,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--name", help="name of the body (default: that of BODY)")
     parser.add_argument(
         "--facing",
-        type=float,
+        type=_degrees,
         metavar="DEGREES",
         help="where the person faces in the N-pose, about the map's z from its x (default: by hips and shoulders)",
     )
@@ -46,6 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.body.body_file import write_body
+    from bodycam_ros.body.checked_fields import name_of
     from bodycam_ros.calibration.report.body_report import body_report
     from bodycam_ros.calibration.report.html_report import write_html_report
     from bodycam_ros.calibration.report.terminal_report import print_report
@@ -55,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     output: Path = arguments.output
     page = arguments.report or output.parent / f"{output.stem}.html"
     _check_outputs(arguments, page)
+    name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
     settings = CalibrationSettings(
         **{
@@ -67,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.recording,
             arguments.map,
             Rig.from_yaml(arguments.rig),
-            arguments.name or output.stem,
+            name,
             pipeline,
             settings,
             jobs=arguments.jobs,
@@ -80,6 +82,13 @@ def run(arguments: argparse.Namespace) -> int:
     print_report(calibrated.diagnosis)
     Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
     return 0
+
+
+def _degrees(text: str) -> float:
+    degrees = float(text)
+    if not -360.0 <= degrees <= 360.0:
+        raise argparse.ArgumentTypeError("must be from -360 to 360 degrees")
+    return degrees
 
 
 class _Bars:

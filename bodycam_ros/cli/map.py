@@ -12,6 +12,7 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
@@ -58,6 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
     check_replaceable(arguments.output, arguments.force)
+    if arguments.model is not None and not arguments.model.is_dir():
+        raise MapError(f"{arguments.model}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
     photographs = find_photographs(arguments.reference)
     board_path = None if arguments.no_board else arguments.board or photographs.board_path
     with _shown_progress() as progress:

@@ -47,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
             on_progress=lambda seconds: progress.update(task, completed=seconds),
         )
     Terminal().print(_table(summary))
+    for remark in summary.remarks:
+        Terminal().print(remark, style="red", soft_wrap=True)
     share = summary.solved / summary.instants if summary.instants else 0.0
     Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
@@ -58,10 +60,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(summary: ReplaySummary) -> Table:
-    table = Table("camera", "images", "registered", "skipped")
-    for camera, images in sorted(summary.images.items()):
+    table = Table("camera", "images", "registered", "skipped", "lost", caption="lost: the recording should hold them")
+    for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
-        table.add_row(camera, str(images), registered, str(summary.skipped[camera] or ""))
+        skipped, lost = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
+        table.add_row(camera, str(images), registered, skipped, lost)
     return table
 
 

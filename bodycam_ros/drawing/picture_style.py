@@ -1,4 +1,4 @@
-"""Colours and typography of the evaluation's pictures."""
+"""Colours and typography of all pictures."""
 
 from typing import Any
 

@@ -90,7 +90,7 @@ def reprojection_errors(solved: SolvedRecording, recording: Path) -> dict[str, D
 
     Raises:
         RecordingError: not a recording, or not of these cameras.
-        CalibrationError: the recording's intrinsics cannot be used.
+        LensError: the recording's intrinsics cannot be used.
     """
     poses = {record.camera: world_T_camera for record, world_T_camera in solved.solved_cameras()}
     with open_recording(recording) as cameras:

@@ -55,7 +55,7 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
-        CalibrationError: the recording's intrinsics cannot be used.
+        LensError: the recording's intrinsics cannot be used.
     """
     truth = None if truth_path is None else read_true_motion(truth_path)
     solved = read_solved(solved_path)

@@ -30,7 +30,6 @@ CAMERAS = 6
 _LATEST_S = 20.0
 """The instant is the recording's middle, but no later than this: bags are read from their start."""
 
-
 _COLUMNS = 3
 _PANEL_INCHES = (5.3, 4.3)
 _DOTS_PER_INCH = 110
@@ -65,7 +64,7 @@ def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView
 
     Raises:
         RecordingError: not a recording, or an image that cannot be decoded.
-        CalibrationError: the recording's intrinsics cannot be used.
+        LensError: the recording's intrinsics cannot be used.
     """
     middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
     at_ns = int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])

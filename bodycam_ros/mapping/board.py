@@ -47,7 +47,7 @@ def read_board(path: Path) -> Board:
         placement = str(document.get("placement", ""))
     except (TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
         raise MapError(
-            f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {error}"
+            f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {shown(str(error))}"
         ) from error
     if family not in FAMILIES:
         raise MapError(f"{path}: there is no AprilTag family {shown(family)}; known are {', '.join(FAMILIES)}")

@@ -3,20 +3,32 @@
 All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_camera.py``.
 """
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
-from bodycam_ros.camera.colmap_library import pycolmap
+from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import Structure
 
 _RANDOM_SEED = 1
+_LONGEST_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
+_MOST_MEMORY = 4_000_000_000  # [bytes] of addresses
+_TRIAL = """
+import resource, sys
+import pycolmap
+resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+try:
+    pycolmap.Reconstruction(sys.argv[1])
+except Exception as error:
+    sys.exit(print(error) or 1)
+"""
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
@@ -145,10 +157,27 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
     Raises:
         MapError: there is no whole model in the folder.
     """
+    _try_in_another_process(folder)
     try:
         return pycolmap.Reconstruction(folder)
-    except (ValueError, RuntimeError, IndexError) as error:
+    except (ValueError, RuntimeError, IndexError, MemoryError) as error:
         raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {error}") from error
+
+
+def _try_in_another_process(folder: Path) -> None:
+    """Refuse a damaged model: COLMAP believes what its files claim to hold, and then loops, aborts or fills the memory.
+
+    Raises:
+        MapError: it does.
+    """
+    command = [sys.executable, "-c", _TRIAL, str(folder), str(_MOST_MEMORY)]
+    try:
+        tried = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_LONGEST_TRIAL_S)
+        problem = None if tried.returncode == 0 else tried.stdout.strip() or "COLMAP breaks down over it"
+    except subprocess.TimeoutExpired:
+        problem = f"COLMAP does not come to an end with it in {_LONGEST_TRIAL_S:g} s"
+    if problem:
+        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {problem}")
 
 
 def write_model(folder: Path, structure: Structure, camera: CameraModel) -> None:

@@ -2,10 +2,36 @@
 
 from pathlib import Path
 
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.yaml_file import read_yaml
+
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_LENGTH = 29  # opcode, length, two offsets, checksum; the magic follows
 _HEADER_OPCODE, _FOOTER_OPCODE = 0x01, 0x02
 _STORAGE_SUFFIXES = (".mcap", ".db3")
+
+METADATA = "metadata.yaml"
+"""Of a bag folder: its topics, and how many messages each has."""
+
+
+def check_files(path: Path) -> None:
+    """Refuse what would keep a reader waiting, or fill its memory, before it is opened.
+
+    Raises:
+        RecordingError: a pipe or device in the place of a bag's file, metadata that no recorder writes, or a path that
+            the system refuses.
+    """
+    files = [path]
+    try:
+        if path.is_dir():
+            files = [file for file in path.iterdir() if file.suffix in _STORAGE_SUFFIXES]
+            if (metadata := path / METADATA).exists():
+                read_yaml(metadata, "bag's metadata", RecordingError)
+        for file in files:
+            if file.exists() and not file.is_file():
+                raise RecordingError(f"{file}: is a folder, pipe or device, not a bag's file")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def fault_of(path: Path) -> str | None:
@@ -17,7 +43,7 @@ def fault_of(path: Path) -> str | None:
             return _mcap_fault(path)
         return None if path.suffix in _STORAGE_SUFFIXES else "is not a bag; expected a ros2 bag folder or an .mcap file"
     files = sorted(f for f in path.iterdir() if f.suffix in _STORAGE_SUFFIXES)
-    if not (path / "metadata.yaml").exists():
+    if not (path / METADATA).exists():
         if files:
             return f"has no metadata.yaml; give the file itself ({files[0].name}), or run 'ros2 bag reindex'"
         return "is not a ros2 bag folder: it holds neither metadata.yaml nor an .mcap file"

@@ -1,17 +1,21 @@
 """A ROS 2 bag, folder or single file, as a stream of decoded messages."""
 
+import logging
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.recording.bag_fault import fault_of
+from bodycam_ros.recording.bag_fault import check_files, fault_of
 from bodycam_ros.recording.typestore import recording_typestore
+
+logger = logging.getLogger(__name__)
 
 
 class BagFile:
@@ -26,6 +30,7 @@ class BagFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         with _fault_named(path):
+            check_files(path)
             self._reader = Reader(path)
 
     def __enter__(self) -> "BagFile":
@@ -54,13 +59,16 @@ class BagFile:
         return max(0, self._reader.end_time - 1 - self._reader.start_time) * 1e-9 if self._reader.message_count else 0.0
 
     def message_count(self, topic: str) -> int:
-        """Messages on a topic."""
-        return sum(c.msgcount for c in self._connections([topic]))
+        """Messages on a topic, as the bag's metadata and the statistics in its files have it; some may be lost."""
+        storage: Any = self._reader.storage
+        in_files = [c for file in getattr(storage, "storages", ()) for c in file.connections if c.topic == topic]
+        return max(sum(c.msgcount for c in listed) for listed in (self._connections([topic]), in_files))
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Message]]:
         """Yield topic, time of recording [ns] and message, in order of that time.
 
-        Parts of the file without these topics are not decompressed.
+        Parts of the file without these topics are not decompressed. A message that cannot be decoded is left out, so
+        fewer may come than ``message_count`` says.
         """
         connections = self._connections(topics)
         if not connections:
@@ -68,21 +76,33 @@ class BagFile:
         decode = recording_typestore().deserialize_cdr
         stream = self._reader.messages(connections)
         while True:
-            with _fault_named(self.path):
+            with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
                 item = next(stream, None)
-                message = None if item is None else decode(item[2], item[0].msgtype)
             if item is None:
                 return
-            yield item[0].topic, item[1], message
+            connection, stamp_ns, cdr = item
+            try:
+                message = decode(cdr, connection.msgtype)
+            except Exception:  # damaged bytes can raise nearly anything in a parser
+                logger.debug("%s: a message on %s at %d ns cannot be decoded", self.path, connection.topic, stamp_ns)
+                continue
+            yield connection.topic, stamp_ns, message
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
         return [c for c in self._reader.connections if c.topic in topics]
 
 
 @contextmanager
-def _fault_named(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged or foreign file makes of the reader into one error that says what is wrong."""
+def _fault_named(path: Path, otherwise: str = "cannot be read as a ROS 2 bag") -> Iterator[None]:
+    """Turn whatever a damaged or foreign file makes of the reader into one error that says what is wrong.
+
+    Args:
+        path: of the bag.
+        otherwise: what to say if the bag looks well from outside.
+    """
     try:
         yield
+    except RecordingError:
+        raise
     except Exception as error:  # a damaged file can raise nearly anything in a parser
-        raise RecordingError(f"{path}: {fault_of(path) or f'cannot be read as a ROS 2 bag: {error!r}'}") from error
+        raise RecordingError(f"{path}: {fault_of(path) or f'{otherwise} ({error!r})'}") from error

@@ -47,11 +47,13 @@ class Recording:
         path: where the recording is.
         cameras: names in alphabetical order.
         dropped: camera -> images that the last iteration left out because their stamp did not increase.
+        lost: camera -> images that the bag says it holds, but the last iteration did not find: the file is damaged.
     """
 
     def __init__(self, bag: BagFile) -> None:
         self.path = bag.path
         self.dropped: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
         self._bag = bag
         self._image_topic = _image_topics(bag.topics)
         self.cameras = tuple(sorted(self._image_topic))
@@ -73,7 +75,7 @@ class Recording:
         return self._bag.duration_s
 
     def image_count(self, camera: str) -> int:
-        """Images of a camera, those with bad stamps included."""
+        """Images of a camera that the bag says it holds, those with bad stamps and lost ones included."""
         return self._bag.message_count(self._topic_of(camera))
 
     def camera_model(self, camera: str) -> CameraModel:
@@ -98,15 +100,17 @@ class Recording:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
-        the first of them warned about.
+        the first of them warned about, and so is one of before 1970. Once all are read, ``lost`` says what is missing.
         """
         wanted = self.cameras if cameras is None else cameras
         source = {self._topic_of(camera): camera for camera in wanted}
         latest: dict[str, int] = {}
+        found: Counter[str] = Counter()
         for camera in wanted:
-            self.dropped[camera] = 0
+            self.dropped[camera] = self.lost[camera] = 0
         for topic, _, message in self._bag.messages(source):
             camera = source[topic]
+            found[camera] += 1
             convert = _IMAGE_TOPICS[topic.removeprefix(f"/{camera}")][1]
             try:
                 image = convert(message, camera)
@@ -114,10 +118,12 @@ class Recording:
                 # One bad image must not cost the others: it is refused where it is decoded.
                 image = CameraImage(camera, stamp_ns(message.header.stamp), error)
             if image.stamp_ns <= latest.get(camera, -1):
-                self._drop(image, latest[camera])
+                self._drop(image, latest.get(camera, 0))
                 continue
             latest[camera] = image.stamp_ns
             yield image
+        for camera in wanted:
+            self.lost[camera] = max(0, self.image_count(camera) - found[camera])
 
     def _drop(self, image: CameraImage, latest_ns: int) -> None:
         self.dropped[image.camera] += 1

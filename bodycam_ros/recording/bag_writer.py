@@ -20,6 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.output_place import check_folder
+from bodycam_ros.recording.bag_fault import METADATA
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -30,7 +31,6 @@ LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
 _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
 
-_METADATA = "metadata.yaml"
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
 _SOLVED_TOPICS = frozenset({"/robot_description", "/joint_states"})
 
@@ -92,10 +92,10 @@ def check_replaceable(force: bool, path: Path) -> None:
     Raises:
         OutputError: something is at ``path``, and ``force`` is off or it is no bag that a replay wrote.
     """
-    check_folder(path, force, _METADATA, _PARTS, "solved bag")
+    check_folder(path, force, METADATA, _PARTS, "solved bag")
     if not any(path.iterdir()):
         return
-    types = _topic_types(path / _METADATA)
+    types = _topic_types(path / METADATA)
     if not _SOLVED_TOPICS <= set(types) or any("Image" in str(kind) for kind in types.values()):
         raise OutputError(
             f"{path}: is no bag that 'bodycam replay' wrote, so --force does not replace it; choose another name"

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera
-from bodycam_ros.camera.colmap_library import pycolmap
+from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.geometry import inverse
 from bodycam_ros.settings import setting
 

@@ -16,7 +16,7 @@ from bodycam_ros.errors import MapError, RangeOfMotionError
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
 
 logger = logging.getLogger(__name__)
@@ -72,15 +72,17 @@ def calibrate(
         with_messages=False,
     )
     start_ns = None
-    lost: Counter[str] = Counter()
+    unusable: Counter[str] = Counter()
     for item in register_recording(task, list(rig.cameras), jobs):
         if isinstance(item, RegisteredImage):
             start_ns = item.stamp_ns if start_ns is None else start_ns
             calibrator.add(item.matches)
             on_progress("registration", 1e-9 * (item.stamp_ns - start_ns) / max(duration_s, 1e-9))
+        elif isinstance(item, LostImages):
+            logger.warning("%s", item)
         else:
-            lost[item.camera] += 1
-    for camera, count in sorted(lost.items()):
+            unusable[item.camera] += item.count if isinstance(item, DroppedImages) else 1
+    for camera, count in sorted(unusable.items()):
         logger.warning("camera %s: %d images could not be used", camera, count)
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):

@@ -1,9 +1,17 @@
 """A process that tracks and registers some of the cameras, in order of time."""
 
+import ctypes
 import logging
 import math
+import multiprocessing
+import os
+import signal
+import sys
+import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
 
@@ -18,8 +26,9 @@ from bodycam_ros.recording.typestore import recorded_messages, recording_typesto
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.beat import Beat
-from bodycam_ros.replay.orphan import end_with_parent
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -60,13 +69,28 @@ class DroppedImages:
 
 
 @dataclass(frozen=True)
+class LostImages:
+    """Images that the bag says it holds, but that are not in it."""
+
+    camera: str
+    stamp_ns: int
+    count: int
+
+    def __str__(self) -> str:
+        return (
+            f"camera {self.camera}: {self.count} images that the recording should hold are not in it; its file is "
+            "damaged, copy it again"
+        )
+
+
+@dataclass(frozen=True)
 class WorkerFailure:
     """A user's error that ended the worker."""
 
     error: BodycamError
 
 
-Result = RegisteredImage | SkippedImage | DroppedImages
+Result = RegisteredImage | SkippedImage | DroppedImages | LostImages
 """What became of an image, or of several."""
 
 WorkerItem = Result | WorkerFailure | None
@@ -93,7 +117,7 @@ class RegistrationTask:
 
 def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: "Queue[WorkerItem]") -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None."""
-    end_with_parent()
+    _end_with_parent()
     # What there is to warn about goes to the parent, who counts it and says it once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
@@ -103,6 +127,28 @@ def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: 
         outbox.put(None)
     except BodycamError as error:
         outbox.put(WorkerFailure(error))
+    except MemoryError:
+        outbox.put(WorkerFailure(RecordingError("there is not enough memory; give fewer processes (--jobs)")))
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as its parent is gone, however that one ended.
+
+    The parent holds the other end of a pipe, which closes even if it is killed. On Linux the kernel is asked as well:
+    it needs no thread of ours to be given time.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    threading.Thread(target=_end_after, args=(parent.sentinel,), daemon=True, name="orphan watch").start()
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _end_after(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
 
 
 def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterator[Result]:
@@ -128,6 +174,9 @@ def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterato
         for camera, count in sorted(recording.dropped.items()):
             if count:
                 yield DroppedImages(camera, stamp_ns, count)
+        for camera, count in sorted(recording.lost.items()):
+            if count:
+                yield LostImages(camera, stamp_ns, count)
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:

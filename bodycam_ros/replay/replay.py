@@ -21,7 +21,14 @@ from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import DroppedImages, RegisteredImage, RegistrationTask, SkippedImage
+from bodycam_ros.replay.camera_clock import CameraClocks
+from bodycam_ros.replay.camera_worker import (
+    DroppedImages,
+    LostImages,
+    RegisteredImage,
+    RegistrationTask,
+    SkippedImage,
+)
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_output import BodyOutput
 
@@ -44,6 +51,8 @@ class ReplaySummary:
         images: camera -> images read.
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
+        lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
+        remarks: what a person should know of a camera's stamps and images, a line each.
     """
 
     recorded_s: float
@@ -55,6 +64,8 @@ class ReplaySummary:
     late: int = 0
     registered: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
+    remarks: tuple[str, ...] = ()
 
     @property
     def real_time_factor(self) -> float:
@@ -96,6 +107,7 @@ def replay(
     skeleton = SkeletonPipeline(body, cameras, settings)
     with write_recording(output_path, force) as writer:
         out = _Output(writer, body, RegistrationHealth(cameras), summary)
+        clocks = CameraClocks(cameras)
         start_ns = None
         for item in register_recording(RegistrationTask(recording_path, map_path, settings), list(cameras), jobs):
             if not isinstance(item, RegisteredImage):
@@ -105,6 +117,7 @@ def replay(
                 start_ns = item.stamp_ns
                 out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
+            clocks.add(item.camera, item.stamp_ns, item.matches.world_T_camera is not None)
             out.write_registration(item)
             out.write_states(skeleton.add(item.matches))
             on_progress(1e-9 * (item.stamp_ns - start_ns))
@@ -123,6 +136,7 @@ def replay(
                 "longer than assembler.max_wait?",
                 summary.late,
             )
+    summary.remarks = clocks.remarks()
     summary.elapsed_s = time.monotonic() - started
     return summary
 
@@ -191,7 +205,11 @@ def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraM
     return {camera: recording.camera_model(camera) for camera in mounted}
 
 
-def _count_skipped(summary: ReplaySummary, item: SkippedImage | DroppedImages) -> None:
+def _count_skipped(summary: ReplaySummary, item: SkippedImage | DroppedImages | LostImages) -> None:
+    if isinstance(item, LostImages):
+        logger.warning("%s", item)
+        summary.lost[item.camera] += item.count
+        return
     count = item.count if isinstance(item, DroppedImages) else 1
     if isinstance(item, DroppedImages):
         logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, count)

@@ -59,7 +59,7 @@ def read_footage(recording: Path, solved: Path | None, camera: str, is_wanted: C
 
     Raises:
         RecordingError: a bag is damaged, or the recording has no such camera.
-        CalibrationError: the camera's intrinsics cannot be used.
+        LensError: the camera's intrinsics cannot be used.
     """
     kept: list[CameraImage] = []
     size, every = 0, 1

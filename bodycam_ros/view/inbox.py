@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from viser import GuiInputHandle
 
 Action = Callable[[], None]
+Value = TypeVar("Value")
 
 
 class Inbox:
@@ -39,9 +40,6 @@ class Inbox:
         with self._changed:
             self._changed.wait_for(lambda: bool(self._waiting), timeout_s)
             return self._waiting.pop(0)[1] if self._waiting else None
-
-
-Value = TypeVar("Value")
 
 
 def set_value(handle: GuiInputHandle[Value], value: Value) -> None:

@@ -52,6 +52,8 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (BODY, "legs.html", "a body is kept as YAML; give a name such as legs.yaml"),
         (BODY, "legs.urdf", "a body is kept as YAML"),
         (BODY, ".", "a body is kept as YAML"),
+        (BODY, "legs.yaml --name \x1b[2J", r"--name must be a name of at most 100 printable characters, not '\x1b[2J'"),
+        (MAP, "map2 --model none", "none: is no folder; give that of a COLMAP model"),
         (BODY, "legs.yaml --report legs.yaml", "legs.yaml: is what this command reads"),
         (BODY, "legs.yaml --report thesis.html", "thesis.html: is no report"),
         (BODY, "legs.yaml --report none/legs.html", "its folder is not there"),

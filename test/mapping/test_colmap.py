@@ -63,3 +63,12 @@ def test_what_is_no_model_is_an_error(tmp_path):
         (tmp_path / name).write_bytes(b"\x01\x02")
     with pytest.raises(MapError, match="COLMAP model"):
         colmap.read_model(tmp_path)
+
+
+def test_a_model_that_colmap_never_ends_reading_is_an_error(model, monkeypatch):
+    monkeypatch.setattr(colmap, "_LONGEST_TRIAL_S", 3.0)
+    _, _, folder = model
+    points = folder / "points3D.bin"
+    points.write_bytes(b"\xff" * 8 + points.read_bytes()[8:])
+    with pytest.raises(MapError, match=r"sparse: not a readable COLMAP model .*\): COLMAP "):
+        colmap.read_model(folder)

@@ -1,6 +1,9 @@
 """Cameras, intrinsics and images of a bag; damaged and foreign bags."""
 
 import logging
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +67,7 @@ def test_camera_without_info_is_named(tmp_path: Path) -> None:
         {"k": np.array([np.nan, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0])},
         {"k": np.zeros(9)},
         {"width": 0},
+        {"width": 4_000_000_000, "height": 4_000_000_000},
     ],
 )
 def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, object]) -> None:
@@ -202,6 +206,68 @@ def test_damage_in_the_middle_is_an_error_not_a_traceback(tiny_bag: Path) -> Non
     refused(file)
 
 
+def test_what_is_lost_inside_is_counted_against_the_metadata(tiny_bag: Path) -> None:
+    """Zeros over two messages: nothing in the file tells that something was there, but the statistics do."""
+    file = tiny_bag / "tiny.mcap"
+    content = bytearray(file.read_bytes())
+    images = [place for place in messages_of(content) if place.stop - place.start > 400]
+    assert len(images) == 8
+    for place in images[2:4]:
+        length = place.stop - place.start
+        content[place] = bytes(1) + (length - 9).to_bytes(8, "little") + bytes(length - 9)
+    images[5] = slice(images[5].start + 31, images[5].stop)
+    content[images[5]] = b"\xff" * (images[5].stop - images[5].start)  # a message that cannot be decoded
+    file.write_bytes(content)
+    for path in (tiny_bag, file):
+        with open_recording(path) as recording:
+            assert recording.lost == {}, "nobody looked yet"
+            found = list(recording.images())
+            assert (len(found), recording.lost) == (5, {"left": 1, "right": 2})
+            list(recording.images(["left"]))
+            assert recording.lost["left"] == 1
+
+
+def messages_of(content: bytes) -> list[slice]:
+    """Where the message records in the one chunk of a small file are (MCAP's specification, without compression)."""
+    at = 8 + 9 + int.from_bytes(content[9:17], "little")
+    assert content[at] == 0x06
+    end = at + 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+    at += 9 + 40
+    places = []
+    while at < end:
+        length = 9 + int.from_bytes(content[at + 1 : at + 9], "little")
+        if content[at] == 0x05:
+            places.append(slice(at, at + length))
+        at += length
+    return places
+
+
+def test_negative_stamps_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    def alter(writer: RecordingWriter) -> None:
+        for stamp_ns in (-(10**9), -5):
+            write_jpeg(writer, "front", START_NS, stamp_ns, 50)
+        write_jpeg(writer, "front", START_NS, START_NS, 50)
+
+    with open_recording(write_tiny_bag(tmp_path / "bag", alter=alter)) as recording:
+        assert [image.stamp_ns for image in recording.images(["front"])] == [START_NS]
+        assert recording.dropped["front"] == 2
+    assert "camera front: stamp -1000000000 ns" in caplog.text
+
+
+def test_pipes_and_metadata_of_nobody_are_refused_at_once(tiny_bag: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mcap")
+    assert "pipe or device" in refused(tmp_path / "pipe.mcap")
+    (tiny_bag / "tiny.mcap").unlink()
+    os.mkfifo(tiny_bag / "tiny.mcap")
+    assert "pipe or device" in refused(tiny_bag)
+    (tiny_bag / "metadata.yaml").write_text("a: " + "[" * 5000)
+    assert "more than 50 deep" in refused(tiny_bag)
+    (tiny_bag / "metadata.yaml").unlink()
+    os.mkfifo(tiny_bag / "metadata.yaml")
+    assert "pipe or device" in refused(tiny_bag)
+    assert "too long" in refused(tmp_path / ("x" * 300 + ".mcap"))
+
+
 def test_mcap_of_another_system_is_named(tmp_path: Path) -> None:
     path = tmp_path / "foxglove.mcap"
     with path.open("wb") as file:
@@ -221,3 +287,27 @@ def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
         images = list(recording.images(["head"]))
     assert len(images) == 180
     assert decode_grey(images[0]).shape == (480, 640)
+
+
+def test_a_small_file_of_a_huge_image_takes_no_memory(tmp_path: Path) -> None:
+    """Nine hundred megabytes of grey in one of PNG; in a process of its own, as OpenCV reads its limit once."""
+    code = """
+import resource, sys, zlib
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
+def chunk(kind, data):
+    return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+side = 30_000
+header = chunk(b"IHDR", side.to_bytes(4, "big") * 2 + bytes([8, 0, 0, 0, 0]))
+squeezer = zlib.compressobj(1)
+data = b"".join(squeezer.compress(bytes(side + 1)) for _ in range(side)) + squeezer.flush()
+png = b"\\x89PNG\\r\\n\\x1a\\n" + header + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+try:
+    decode_grey(CameraImage("head", 5, png))
+except RecordingError as error:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    kilobytes, message = done.stdout.split(" ", 1)
+    assert int(kilobytes) < 400_000
+    assert "camera head: the image of stamp 5 ns" in message

@@ -7,13 +7,13 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
-from tiny_bag import START_NS
+from tiny_bag import START_NS, write_tiny_bag
 
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.body import joint_state_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import text_message
-from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 
 
@@ -88,6 +88,40 @@ def test_existing_bag_is_replaced_only_when_forced(tmp_path: Path) -> None:
         write(tmp_path / "out")
     write(tmp_path / "out", force=True)
     assert left_behind(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("failing", [1, 2])
+def test_a_rename_that_fails_leaves_one_whole_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int
+) -> None:
+    write(tmp_path / "out")
+    before = (tmp_path / "out" / "out.mcap").read_bytes()
+    rename, calls = Path.rename, iter(range(1, 100))
+
+    def fail_once(self: Path, target: Path) -> Path:
+        if next(calls) == failing:
+            raise OSError(5, "Input/output error")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", fail_once)
+    with pytest.raises(OutputError, match="out: cannot be written: Input/output error"):
+        write(tmp_path / "out", force=True)
+    assert (tmp_path / "out" / "out.mcap").read_bytes() == before
+    assert left_behind(tmp_path) == ["out"]
+
+
+def test_a_recording_is_never_replaced(tiny_bag: Path) -> None:
+    """Not even one of everything that a live graph published: its images cannot be made again."""
+
+    def alter(writer: RecordingWriter) -> None:
+        for frame in range(3):
+            writer.write("/joint_states", START_NS + frame, joints(START_NS + frame))
+        writer.write("/robot_description", START_NS, text_message(recorded_messages(), "<robot/>"))
+
+    live = write_tiny_bag(tiny_bag.parent / "live", alter=alter)
+    for recording in (tiny_bag, live):
+        with pytest.raises(OutputError, match="is no bag that 'bodycam replay' wrote, so --force does not replace it"):
+            write(recording, force=True)
 
 
 def test_folder_that_is_no_bag_is_never_replaced(tmp_path: Path) -> None:

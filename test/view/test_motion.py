@@ -1,5 +1,6 @@
-"""Movements read from bags, against the evaluation's own reader and the bag's own transforms."""
+"""Movements read from bags, against the robot that the bag describes and the bag's own transforms."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.solved.read_solved import read_solved
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.view.motion import Motion, read_motion
@@ -70,6 +71,12 @@ def test_a_bag_of_another_body_says_what_differs(sample_out: Path, rider: BodyMo
     with pytest.raises(RecordingError, match="lacks .*knee.*but has .*knee_left") as error:
         read_motion(sample_out, rider)
     assert str(sample_out) in str(error.value)
+
+
+def test_a_bag_of_a_body_with_more_joints_is_named(sample_out: Path, body: BodyModel) -> None:
+    stiff = replace(body, joints=tuple(replace(j, type="weld", limits=None) for j in body.joints))
+    with pytest.raises(BodyError, match="only the bag has .*knee_left"):
+        read_motion(sample_out, stiff)
 
 
 def test_a_recording_is_no_solved_bag(sample: Path, body: BodyModel) -> None:
