@@ -118,24 +118,53 @@ class SkeletonPipeline:
         body: segments, joints and mounts.
         cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
         settings: of all stages.
+        live: whether the cameras are heard while they see, see ``FrameAssembler``.
 
     Raises:
         BodyError: the body carries none of the cameras.
     """
 
-    def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: PipelineSettings) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        cameras: Mapping[str, CameraModel],
+        settings: PipelineSettings,
+        live: bool = False,
+    ) -> None:
         self.body = body
-        self.assembler = FrameAssembler([name for name in cameras if name in body.mounts], settings.assembler)
-        self._smoother = BodySmoother(
-            body, cameras, settings.smoother, settings.motion, settings.evidence, settings.trust, settings.pose_fit
-        )
-        self._angle_tracker = JointAngleTracker(body)
+        self._cameras = dict(cameras)
+        self._settings = settings
+        on_body = [name for name in cameras if name in body.mounts]
+        self.assembler = FrameAssembler(on_body, settings.assembler, live)
         self._root = body.segment_index[body.root]
+        self._begin()
+
+    def _begin(self) -> None:
+        """Nothing is known of the motion."""
+        of = self._settings
+        self._smoother = BodySmoother(
+            self.body, self._cameras, of.smoother, of.motion, of.evidence, of.trust, of.pose_fit
+        )
+        self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
+        self._solved_ns = -1
+
+    def join(self, camera: str, model: CameraModel) -> list[BodyOutput]:
+        """Use one more camera, or another model of one; the window begins anew. What waited in it is returned."""
+        outputs = self._outputs(self._smoother.flush())
+        self._cameras[camera] = model
+        if camera in self.body.mounts:
+            self.assembler.join(camera)
+        self._begin()
+        return outputs
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._solve(self.assembler.add(matches))
+
+    def look(self) -> list[BodyOutput]:
+        """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
+        return self._solve(self.assembler.look())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
@@ -145,6 +174,10 @@ class SkeletonPipeline:
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
         for frame in frames:
+            if frame.stamp_ns <= self._solved_ns:
+                outputs += self._outputs(self._smoother.flush())
+                self._begin()
+            self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))
         return outputs
 

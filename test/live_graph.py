@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
-from bodycam_ros.nodes.quality import latched, reliable
+from bodycam_ros.nodes.qos import latched, reliable
 from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
@@ -101,6 +101,10 @@ class Graph:
         """Whether the listener has found somebody who publishes a topic."""
         return bool(self._node.count_publishers(topic))
 
+    def count_publishers(self, topic: str) -> int:
+        """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
+        return int(self._node.count_publishers(topic))
+
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""
         client = self._clients.get(service) or self._node.create_client(service_type, service)
@@ -133,13 +137,19 @@ class Graph:
         """What was said on a topic, from a message of a number on."""
         return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][start:]]
 
+    def all_diagnostics(self, part: str) -> list[dict[str, Any]]:
+        """Level, text and values of all reports on a part, named with its node."""
+        return [
+            {"level": status.level[0], "text": status.message} | {value.key: value.value for value in status.values}
+            for message in self.messages("/diagnostics")
+            for status in message.status
+            if status.name == part
+        ]
+
     def diagnostics(self, part: str) -> dict[str, Any]:
         """Level, text and values of the last report on a part; empty if there is none."""
-        for message in reversed(self.messages("/diagnostics")):
-            for status in message.status:
-                if status.name == part:
-                    return {"level": status.level[0], "text": status.message} | {v.key: v.value for v in status.values}
-        return {}
+        reports = self.all_diagnostics(part)
+        return reports[-1] if reports else {}
 
     def write(self, path: Path) -> Path:
         """What was heard as a bag."""

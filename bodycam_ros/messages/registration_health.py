@@ -1,4 +1,4 @@
-"""How well each camera is registered lately, for /diagnostics."""
+"""How each camera fares lately, for /diagnostics: registered in the map, and in time with the others."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,9 +7,13 @@ import numpy as np
 
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.synchrony import Timing
 
 _POOR_SHARE = 0.9
 """A camera registered on a smaller share of its frames gets a warning: the body still holds, but with less."""
+
+_WANDERING = 2.0
+"""In units of the tolerance: stamps that are spread so far are not of one trigger."""
 
 
 @dataclass
@@ -61,3 +65,36 @@ def _health(camera: str, tally: _Tally) -> Health:
         return Health(name, HealthLevel.ERROR, "not registered in the map", values)
     level = HealthLevel.OK if share >= _POOR_SHARE else HealthLevel.WARN
     return Health(name, level, f"registered on {share:.0%} of its frames", values)
+
+
+def timing_health(camera: str, timing: Timing, tolerance_s: float, late: int, silent: bool) -> Health:
+    """How one camera goes with the others.
+
+    Args:
+        camera: its name.
+        timing: what was measured.
+        tolerance_s: stamps this close count as one instant [s].
+        late: registrations that came after their instant had gone.
+        silent: whether it is not waited for any more.
+    """
+    tolerance_ms = 1e3 * tolerance_s
+    values = {
+        "share of instants [%]": round(100 * timing.share),
+        "offset [ms]": round(timing.offset_ms, 2),
+        "offset wanders by [ms]": round(timing.spread_ms, 2),
+        "late registrations": late,
+    }
+    level, text = HealthLevel.OK, "in time with the others"
+    if silent:
+        level, text = HealthLevel.ERROR, "says nothing, and is not waited for"
+    elif timing.spread_ms > _WANDERING * tolerance_ms:
+        level, text = HealthLevel.WARN, "its stamps wander against the others'; is it triggered with them?"
+    elif abs(timing.offset_ms) > tolerance_ms:
+        after = "after" if timing.offset_ms > 0 else "before"
+        level, text = (
+            HealthLevel.WARN,
+            f"{abs(timing.offset_ms):.1f} ms {after} the others; its clock or trigger is off",
+        )
+    elif timing.share < _POOR_SHARE:
+        level, text = HealthLevel.WARN, "misses instants"
+    return Health(f"camera {camera}", level, f"{text}; speaks of {timing.share:.0%} of the instants", values)

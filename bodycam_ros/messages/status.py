@@ -7,6 +7,8 @@ from enum import IntEnum
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import header_message
 
+_NAMED = 3
+
 
 class HealthLevel(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -22,7 +24,7 @@ class Health:
     """The health of one part, such as a camera.
 
     Attributes:
-        name: the part ("registration: head").
+        name: the part ("camera head"); a node puts its own name before it.
         level: how it is.
         text: why, in one line.
         values: figures that say it in detail.
@@ -49,6 +51,12 @@ def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Hea
         for part in parts
     ]
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header_message(make, stamp_ns, ""), status=statuses)
+
+
+def few(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are, so that a line stays a line."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def text_message(make: MessageFactory, text: str) -> Message:

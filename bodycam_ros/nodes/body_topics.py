@@ -9,7 +9,7 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.quality import OUTPUT_DEPTH, latched, reliable
+from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.solving.body_output import BodyOutput
 

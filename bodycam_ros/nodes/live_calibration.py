@@ -1,21 +1,26 @@
 """The solver's calibration: it collects a range of motion, and makes a body of it when a service is called."""
 
 import math
+import threading
+import traceback
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from std_srvs.srv import Trigger
 
+from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.body_calibrator import BodyCalibrator
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
+from bodycam_ros.calibration.report.body_report import body_report
+from bodycam_ros.calibration.report.html_report import write_html_report
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodycamError, BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
-from bodycam_ros.nodes.calibration_thread import CalibrationThread
-from bodycam_ros.nodes.later_service import LaterService
-from bodycam_ros.nodes.node_parameters import SolverParameters
+from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -74,6 +79,7 @@ class LiveCalibration:
 
     def begin(self, cameras: Mapping[str, CameraModel]) -> None:
         """The cameras are known; raises RangeOfMotionError if one of the rig's is not among them."""
+        self._collected = 0
         settings, facing_deg = self._node.settings, self._node.parameters.facing
         self._calibrator = BodyCalibrator(
             self._rig,
@@ -136,3 +142,104 @@ class LiveCalibration:
             self._node.get_logger().info(done.text)
             self._on_body(done.body)
         self._calibrate.answer(done.body is not None, done.text)
+
+
+class LaterService:
+    """A ``std_srvs/Trigger`` whose answer is given later. Those who ask in the meantime get the same answer.
+
+    rclpy's executors hand what a service's callback returns to ``send_response`` at once; here that only notes who
+    asked.
+
+    Args:
+        node: serves.
+        name: of the service.
+        on_request: called when somebody asks and nobody waits for an answer yet; guarded.
+    """
+
+    def __init__(self, node: StageNode[Any], name: str, on_request: Callable[[], None]) -> None:
+        self._on_request = node.guarded(on_request)
+        self._asking: list[tuple[Message, object]] = []
+        service = node.create_service(Trigger, name, lambda request, response: response)
+        self._send = service.send_response
+        service.send_response = self._note
+
+    def answer(self, success: bool, text: str) -> None:
+        """Answer all who ask."""
+        asking, self._asking = self._asking, []
+        for response, header in asking:
+            response.success, response.message = success, text
+            self._send(response, header)
+
+    def _note(self, response: Message, header: object) -> None:
+        self._asking.append((response, header))
+        if len(self._asking) == 1:
+            self._on_request()
+
+
+class _Stopped(Exception):
+    """Nobody needs the result any more."""
+
+
+class CalibrationThread(threading.Thread):
+    """Estimates the body from what was collected until now, and writes it and its report; starts at once.
+
+    Args:
+        calibrator: may collect further in the meantime.
+        path: of the body file; the report goes beside it. Both are replaced only by a body that is complete.
+
+    Attributes:
+        step, share: what it is doing and how much of that is done, 0 to 1.
+        body: once the thread has ended, the body; None after an error.
+        text: once the thread has ended, what to tell the user: a summary, or the error.
+        defect: traceback of an error that is ours and not the user's; empty otherwise.
+    """
+
+    def __init__(self, calibrator: BodyCalibrator, path: Path) -> None:
+        super().__init__(name="calibration", daemon=True)
+        self._calibrator = calibrator
+        self._path = path
+        self._stopped = False
+        self.step, self.share = "start", 0.0
+        self.body: BodyModel | None = None
+        self.text = "stopped"
+        self.defect = ""
+        self.start()
+
+    def stop(self, patience_s: float) -> None:
+        """Give up at the next step of the work, and wait for that so long."""
+        self._stopped = True
+        self.join(patience_s)
+
+    def run(self) -> None:
+        """Do the work; for ``start``."""
+        try:
+            calibrated = self._calibrator.solve(self._path.stem, self._on_progress)
+            self._on_progress("report", 0.0)
+            body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
+            write_html_report(body, calibrated.diagnosis, self._path.with_suffix(".html"))
+            write_body(body, self._path)
+            self.text = _summary(self._path, calibrated)
+            # As the file has it, which rounds, so that a replay with the file gives the same.
+            self.body = read_body(self._path)
+        except BodycamError as error:
+            self.text = str(error)
+        except _Stopped:
+            pass
+        except Exception as error:
+            self.text = f"the calibration broke down ({type(error).__name__}: {error}); the node's log says where"
+            self.defect = traceback.format_exc()
+
+    def _on_progress(self, step: str, share: float) -> None:
+        if self._stopped:
+            raise _Stopped
+        self.step, self.share = step, share
+
+
+def _summary(path: Path, calibrated: CalibratedBody) -> str:
+    diagnosis = calibrated.diagnosis
+    text = f"{path} written: {len(diagnosis.joints)} joints and {len(diagnosis.cameras)} cameras"
+    if diagnosis.refinement is not None:
+        text += f", reprojection error {diagnosis.refinement.after_px:.2f} px"
+    if diagnosis.warnings:
+        text += f"; look at: {'; '.join(diagnosis.warnings)}"
+    return text

@@ -11,8 +11,8 @@ from typing import Any
 from rclpy.duration import Duration
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.nodes.node_parameters import PlayerParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import PlayerParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_file import BagFile

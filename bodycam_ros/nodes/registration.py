@@ -1,5 +1,6 @@
 """Node ``registration``: the feature tracks of all cameras in, poses and landmarks in the map out (A 4.1)."""
 
+import time
 from collections import defaultdict
 from functools import partial
 from pathlib import Path
@@ -8,12 +9,12 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
-from bodycam_ros.nodes.camera_models import CameraModels
-from bodycam_ros.nodes.missed_frames import MissedFrames
-from bodycam_ros.nodes.node_parameters import RegistrationParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.nodes.parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar
@@ -21,23 +22,26 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-GROUPS = ("registrar", "matching", "absolute_pose", "pose_fit")
-
 
 class Registration(StageNode[RegistrationParameters]):
     """Registers all cameras; one registrar for each, over one map.
 
-    Track frames that come before their camera's camera_info wait for it.
+    Track frames that come before their camera's camera_info wait for it. Where a tracker begins anew, so does the
+    registrar; where this node comes into the middle of a tracker's stream, it asks for a keyframe, because only there
+    the tracks carry what they can be named by.
     """
 
     def __init__(self) -> None:
-        super().__init__("registration", RegistrationParameters, GROUPS)
+        super().__init__("registration", RegistrationParameters, REGISTRATION_GROUPS)
         self.map = ReferenceMap.load(Path(self.required("map")))
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
+        self._described: set[str] = set()
+        self._latest_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
-        self._health = RegistrationHealth(cameras)
+        self._registration_health = RegistrationHealth(cameras)
         self._missed = MissedFrames()
+        self._frames, self._work_s = 0, 0.0
         self._landmarks = {
             camera: self.publisher("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", reliable(STAGE_DEPTH))
             for camera in cameras
@@ -48,9 +52,13 @@ class Registration(StageNode[RegistrationParameters]):
             )
             for camera in cameras
         }
-        self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
-        now_ns = self.get_clock().now().nanoseconds
-        self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+        self._requests = {
+            camera: self.publisher("std_msgs/msg/Empty", f"{camera}/want_keyframe", reliable(1)) for camera in cameras
+        }
+        if self.parameters.publish_map:
+            points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
+            now_ns = self.get_clock().now().nanoseconds
+            points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
         self._cameras = CameraModels(self, cameras, self._on_camera)
         for camera in cameras:
             self.subscription(
@@ -62,10 +70,16 @@ class Registration(StageNode[RegistrationParameters]):
 
     def _on_camera(self, camera: str) -> None:
         waiting = self._waiting.pop(camera, [])
+        self._registrars.pop(camera, None)
         if camera in self._cameras.models:
-            self._registrars[camera] = registrar(self._cameras.models[camera], self.map, self.settings)
+            self._begin(camera)
             for frame in waiting:
                 self._register(frame)
+
+    def _begin(self, camera: str) -> None:
+        """Nothing is known of the camera's tracks."""
+        self._registrars[camera] = registrar(self._cameras.models[camera], self.map, self.settings)
+        self._described.discard(camera)
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:
@@ -88,29 +102,57 @@ class Registration(StageNode[RegistrationParameters]):
             )
 
     def _register(self, frame: TrackFrame) -> None:
-        if self._missed.add(frame.camera, frame.stamp_ns, frame.previous_stamp_ns):
+        started_s = time.monotonic()
+        camera = frame.camera
+        # Another tracker, or another time: its track ids begin anew, and are not those that are known.
+        if frame.previous_stamp_ns == 0 or frame.stamp_ns <= self._latest_ns.get(camera, 0):
+            self._begin(camera)
+        self._latest_ns[camera] = frame.stamp_ns
+        if self._missed.add(camera, frame.stamp_ns, frame.previous_stamp_ns):
+            self._described.discard(camera)
             self.skipped.add(
-                "track messages lost", f"camera {frame.camera}: the track message before {frame.stamp_ns} ns is lost"
+                "track messages lost", f"camera {camera}: the track message before {frame.stamp_ns} ns is lost"
             )
-        matches = self._registrars[frame.camera].register(frame)
-        self._landmarks[frame.camera].publish(landmarks_message(self.make, matches))
+        if frame.keyframe:
+            self._described.add(camera)
+        elif camera not in self._described:
+            self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
+        matches = self._registrars[camera].register(frame)
+        self._landmarks[camera].publish(landmarks_message(self.make, matches))
         pose = camera_pose_message(self.make, matches)
         if pose is not None:
-            self._poses[frame.camera].publish(pose)
-        self._health.add(matches)
-        self.report_when_due(frame.stamp_ns, self._report)
+            self._poses[camera].publish(pose)
+        self._registration_health.add(matches)
+        self._frames += 1
+        self._work_s += time.monotonic() - started_s
 
-    def _report(self) -> list[Health]:
-        level = HealthLevel.WARN if self.skipped.counts or self._cameras.refused else HealthLevel.OK
+    def health(self) -> list[Health]:
+        """How the cameras fared in the last second; several of these nodes may share them."""
+        frames, work_s, self._frames, self._work_s = self._frames, self._work_s, 0, 0.0
+        lost = self.skipped.lately()
+        missing = self._cameras.missing
         values: dict[str, object] = {
+            "frames per second": frames,
+            "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",
             "cameras": len(self._registrars),
             "cameras refused": ", ".join(sorted(self._cameras.refused)) or "none",
+            "cameras without camera_info": ", ".join(missing) or "none",
+            "camera_info changed": self._cameras.changes,
             "landmarks in the map": len(self.map.landmark_ids),
             **self.skipped.counts,
+            "last error": self.skipped.latest or "none",
         }
-        text = "registering" if level == HealthLevel.OK else "registering, with losses"
-        # Several of these nodes may share the cameras.
-        return [Health(self.get_name(), level, text, values), *self._health.report()]
+        if unknown := [camera for camera in missing if self._waiting.get(camera)]:
+            level, text = HealthLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
+        elif self._cameras.refused:
+            level, text = HealthLevel.ERROR, f"no usable camera_info of {few(sorted(self._cameras.refused))}"
+        elif lost:
+            level, text = HealthLevel.WARN, f"registering, with losses: {self.skipped.latest}"
+        elif frames:
+            level, text = HealthLevel.OK, "registering"
+        else:
+            level, text = HealthLevel.STALE, "no tracks come"
+        return [Health("all cameras", level, text, values), *self._registration_health.report()]
 
 
 def main() -> int:

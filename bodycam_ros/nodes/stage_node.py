@@ -1,28 +1,31 @@
 """What every node of the graph has: checked parameters, guarded callbacks, health reports."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import BodycamError, SettingsError
-from bodycam_ros.messages.status import Health, diagnostics_message
+from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
+from bodycam_ros.nodes.flow_of_frames import Skipped
 from bodycam_ros.nodes.message_classes import message_class, node_messages
 from bodycam_ros.nodes.parameters import declare, given_parameters, own_parameters, settings_from_parameters
-from bodycam_ros.nodes.quality import reliable
-from bodycam_ros.nodes.skipped import Skipped
+from bodycam_ros.nodes.qos import reliable
 
 P = TypeVar("P")
 
 _SPIN_S = 0.2
-_REPORT_NS = 1_000_000_000
-_JUMP_NS = 10 * _REPORT_NS
-"""Stamps so far behind are no late camera: the recording has started again."""
+_REPORT_S = 1.0
+_CLOCKLESS_REPORTS = 2
+"""A simulation's clock may be some seconds late."""
 _DIAGNOSTICS_DEPTH = 100
 
 
@@ -65,7 +68,9 @@ class StageNode(Node, Generic[P]):
         self._diagnostics = self.publisher(
             "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", reliable(_DIAGNOSTICS_DEPTH)
         )
-        self._report_due_ns = 0
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._clockless = 0
+        self.every(_REPORT_S, self._report_health)
 
     def publisher(self, type_name: str, topic: str, quality: QoSProfile) -> Any:
         """A publisher of a message type by name."""
@@ -77,9 +82,9 @@ class StageNode(Node, Generic[P]):
         """A subscription; its callback is guarded."""
         return self.create_subscription(message_class(type_name), topic, self.guarded(callback), quality)
 
-    def every(self, seconds: float, callback: Callable[[], None]) -> None:
-        """Call back again and again in wall time, guarded."""
-        self.create_timer(seconds, self.guarded(callback))
+    def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
+        """Call back again and again, guarded; in real time, whatever clock the node is given."""
+        return self.create_timer(seconds, self.guarded(callback), clock=self._steady)
 
     def soon(self, callback: Callable[[], None]) -> None:
         """Call back once, guarded, after what has arrived by now is served."""
@@ -109,15 +114,34 @@ class StageNode(Node, Generic[P]):
             raise SettingsError(f"the parameter '{name}' is missing ({text}); give it with --ros-args -p {name}:=...")
         return value
 
-    def report_when_due(self, stamp_ns: int, health: Callable[[], list[Health]]) -> None:
-        """Publish the health if the stamps are a second further than at the last report, or far behind it."""
-        if not self._report_due_ns - _JUMP_NS <= stamp_ns < self._report_due_ns:
-            self.report(stamp_ns, health())
+    def health(self) -> list[Health]:
+        """How the node fares since the last call of this; for ``/diagnostics``, once a second."""
+        return []
 
-    def report(self, stamp_ns: int, health: list[Health]) -> None:
-        """Publish the health now."""
-        self._report_due_ns = stamp_ns + _REPORT_NS
-        self._diagnostics.publish(diagnostics_message(self.make, stamp_ns, health))
+    def report(self, stamp_ns: int, health: Sequence[Health]) -> None:
+        """Publish health now, under the node's name."""
+        name = self.get_name()
+        named = [part if part.name == name else replace(part, name=f"{name}: {part.name}") for part in health]
+        self._diagnostics.publish(diagnostics_message(self.make, stamp_ns, named))
+
+    def _report_health(self) -> None:
+        parts = self.health()
+        now_ns = self.get_clock().now().nanoseconds
+        if now_ns == 0:
+            now_ns = Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds
+            parts += self._missing_clock()
+        if parts:
+            self.report(now_ns, parts)
+
+    def _missing_clock(self) -> list[Health]:
+        """The node is to follow a simulation's clock, which is not there."""
+        self._clockless += 1
+        if self._clockless < _CLOCKLESS_REPORTS:
+            return []
+        text = "use_sim_time is set, but nobody publishes /clock"
+        if self._clockless == _CLOCKLESS_REPORTS:
+            self.get_logger().warning(f"{text}; nothing waits for it, but the stamps of /diagnostics are not its own")
+        return [Health("clock", HealthLevel.WARN, text)]
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Serve the subscriptions until the node fails or is stopped."""

@@ -1,79 +1,115 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
+import time
 from collections import deque
 from dataclasses import dataclass
-
-from rclpy.subscription import Subscription
+from typing import NamedTuple
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.messages.images import compressed_image, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
-from bodycam_ros.nodes.answered_frames import AnsweredFrames
-from bodycam_ros.nodes.image_source import ImageSource
-from bodycam_ros.nodes.node_parameters import TrackerParameters
-from bodycam_ros.nodes.quality import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered, OrderOfTime
+from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 
-GROUPS = ("tracker", "keypoints", "flow", "rotation")
 _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
-_INFO_DEPTH = 10
 _LOOK_S = 0.25
+_PATIENCE_S = 2.0
+"""Images may come slowly, from a bag that is played slowly; none for so long is an error."""
+
+
+class _Arrival(NamedTuple):
+    """An image and when it came, on the steady clock."""
+
+    message: Message
+    seconds: float
 
 
 @dataclass
 class _Tally:
+    """What happened since the last report."""
+
+    arrived: int = 0
     images: int = 0
     tracks: int = 0
     keyframes: int = 0
+    latency_s: float = 0.0
 
 
 class Tracker(StageNode[TrackerParameters]):
     """Tracks the features of one camera.
 
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
-    that nobody heard of is lost for good.
+    that nobody heard of is lost for good. Where the time of the images goes back, or their camera_info changes, it
+    begins anew.
     """
 
     def __init__(self) -> None:
-        super().__init__("tracker", TrackerParameters, GROUPS)
+        super().__init__("tracker", TrackerParameters, TRACKER_GROUPS)
         self.camera = self.required("camera")
         transport = self.parameters.transport
         if transport not in _CONVERTERS:
             raise SettingsError(f"the parameter 'transport' must be {' or '.join(_CONVERTERS)}, not '{transport}'")
         self._convert = _CONVERTERS[transport]
         self._tracker: FeatureTracker | None = None
-        self._waiting: deque[Message] = deque()
+        self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
+        self._waiting: deque[Ordered[_Arrival]] = deque()
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._tally = _Tally()
+        self._restarts = 0
         self._tracks = self.publisher("bodycam_msgs/msg/FeatureTracks", f"{self.camera}/tracks", reliable(STAGE_DEPTH))
-        self._info: Subscription | None = self.subscription(
-            "sensor_msgs/msg/CameraInfo", f"{self.camera}/camera_info", self._on_info, reliable(_INFO_DEPTH)
-        )
+        self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
         self.subscription(
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
+        self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
         self._source = ImageSource(self, self.camera, transport, self.parameters.image_queue, self._on_image)
         # A reader of the tracks may come when no further image does.
-        self.every(_LOOK_S, self._track_next)
+        self.every(_LOOK_S, self._look)
 
-    def _on_info(self, message: Message) -> None:
-        if self._tracker is None:
-            self._tracker = feature_tracker(camera_model(message, self.camera), self.settings)
-            self.soon(self._track_next)
+    def _on_camera(self, camera: str) -> None:
+        self._begin()
+        self.soon(self._track_next)
+
+    def _begin(self) -> None:
+        """Nothing is known of the images so far; the next is a keyframe without a predecessor."""
+        self._tracker = feature_tracker(self._models.models[self.camera], self.settings)
+        self._answers.forget()
 
     def _on_image(self, message: Message) -> None:
-        if len(self._waiting) == self.parameters.image_queue:
-            self._waiting.popleft()
-            self.skipped.add("images dropped", f"camera {self.camera}: {self._what_is_lacking()}; an image is dropped")
-        self._waiting.append(message)
-        self.soon(self._track_next)
+        self._tally.arrived += 1
+        stamp = stamp_ns(message.header.stamp)
+        if stamp <= 0:
+            self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
+            return
+        self._wait(self._order.add(stamp, _Arrival(message, time.monotonic())))
+
+    def _on_stray(self, reason: str) -> None:
+        self.skipped.add("images out of time", f"camera {self.camera}: {reason}")
+
+    def _wait(self, images: list[Ordered[_Arrival]]) -> None:
+        for image in images:
+            if image.begins_anew:
+                self._restarts += 1
+                self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+            if len(self._waiting) == self.parameters.image_queue:
+                dropped = self._waiting.popleft()
+                if dropped.begins_anew and self._waiting:
+                    self._waiting[0] = Ordered(self._waiting[0].item, True)
+                reason = f"camera {self.camera}: {self._what_is_lacking()}; an image is dropped"
+                self.skipped.add("images dropped", reason)
+            self._waiting.append(image)
+        if images:
+            self.soon(self._track_next)
 
     def _what_is_lacking(self) -> str:
         if self._tracker is None:
@@ -85,27 +121,34 @@ class Tracker(StageNode[TrackerParameters]):
     def _is_heard(self) -> bool:
         return bool(self._tracks.get_subscription_count())
 
+    def _look(self) -> None:
+        self._wait(self._order.look())
+        self._track_next()
+
     def _track_next(self) -> None:
         if self._tracker is None or not self._is_heard() or self._answers.must_wait():
             return
         if self._waiting:
-            self._track(self._tracker, self._waiting.popleft())
+            image = self._waiting.popleft()
+            if image.begins_anew:
+                self._begin()
+            self._track(self._tracker, image.item)
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
 
-    def _track(self, tracker: FeatureTracker, message: Message) -> None:
+    def _track(self, tracker: FeatureTracker, arrival: _Arrival) -> None:
         try:
-            image = self._convert(message, self.camera)
+            image = self._convert(arrival.message, self.camera)
             frame = tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))
-        else:
-            self._tracks.publish(tracks_message(self.make, frame))
-            self._answers.sent(frame.stamp_ns)
-            self._tally.images += 1
-            self._tally.tracks += len(frame.track_ids)
-            self._tally.keyframes += frame.keyframe
-        self.report_when_due(stamp_ns(message.header.stamp), self._health)
+            return
+        self._tracks.publish(tracks_message(self.make, frame))
+        self._answers.sent(frame.stamp_ns)
+        self._tally.images += 1
+        self._tally.tracks += len(frame.track_ids)
+        self._tally.keyframes += frame.keyframe
+        self._tally.latency_s += time.monotonic() - arrival.seconds
 
     def _on_landmarks(self, message: Message) -> None:
         if self._tracker is None:
@@ -115,22 +158,51 @@ class Tracker(StageNode[TrackerParameters]):
         except ValueError as error:
             self.skipped.add("landmarks skipped", f"{self.camera}/landmarks: malformed message ({error})")
             return
-        if matches.world_T_camera is not None:
+        # What was said of the tracks of a tracker before this one, or of a time before, does not concern these.
+        if self._answers.answered(matches.stamp_ns) and matches.world_T_camera is not None:
             self._tracker.prune(matches.stamp_ns, matches.track_ids)
-        self._answers.answered(matches.stamp_ns)
         self.soon(self._track_next)
 
-    def _health(self) -> list[Health]:
+    def _on_request(self, message: Message) -> None:
+        if self._tracker is not None:
+            self._tracker.want_keyframe()
+
+    def health(self) -> list[Health]:
+        """How the images of the last second fared."""
         tally, self._tally = self._tally, _Tally()
+        lost = self.skipped.lately()
         values: dict[str, object] = {
-            "images": tally.images,
+            "images per second": tally.arrived,
+            "tracked per second": tally.images,
             "tracks per image": round(tally.tracks / max(1, tally.images), 1),
             "keyframes": tally.keyframes,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
+            "images waiting": len(self._waiting),
+            "times begun anew": self._restarts,
+            "camera_info changed": self._models.changes,
             **self.skipped.counts,
+            "last error": self.skipped.latest or "none",
         }
-        level = HealthLevel.WARN if self.skipped.counts else HealthLevel.OK
-        text = "tracking, but some input was left out" if self.skipped.counts else "tracking"
-        return [Health(f"tracker {self.camera}", level, text, values)]
+        level, text = self._judge(tally, lost)
+        return [Health(f"camera {self.camera}", level, text, values)]
+
+    def _judge(self, tally: _Tally, lost: int) -> tuple[HealthLevel, str]:
+        if tally.images == 0:
+            if self._tracker is None and (tally.arrived or self._waiting):
+                return HealthLevel.ERROR, f"images, but no {self.camera}/camera_info"
+            if tally.arrived and lost and not self._waiting:
+                return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
+            if tally.arrived == 0 and not self._waiting and self._source.quiet_s < _PATIENCE_S:
+                return HealthLevel.OK, "between two images"
+            if tally.arrived == 0 and not self._waiting:
+                lacking = f", and no {self.camera}/camera_info" if self._tracker is None else ""
+                return HealthLevel.ERROR, self._source.what_is_wrong() + lacking
+            return HealthLevel.WARN, f"no image tracked: {self._what_is_lacking()}"
+        if tally.tracks == 0:
+            return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
+        if lost:
+            return HealthLevel.WARN, f"tracking, but some input was left out: {self.skipped.latest}"
+        return HealthLevel.OK, "tracking"
 
 
 def main() -> int:

@@ -94,6 +94,7 @@ class FeatureTracker:
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
         self._keyframe_ns: int | None = None
+        self._keyframe_wanted = False
         self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
@@ -146,6 +147,10 @@ class FeatureTracker:
         if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
 
+    def want_keyframe(self) -> None:
+        """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
+        self._keyframe_wanted = True
+
     def _check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
@@ -188,6 +193,7 @@ class FeatureTracker:
         survivors = len(self._ids)
         due = (
             self._tracks_at_keyframe == 0
+            or self._keyframe_wanted
             or self._frames_since_keyframe >= self.settings.keyframe_interval
             or self._turned > self.settings.keyframe_rotation
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
@@ -212,6 +218,7 @@ class FeatureTracker:
         self._ids = np.concatenate([self._ids, new_ids])
         self._born_ns = np.concatenate([self._born_ns, np.full(len(fresh), self._stamp_ns)])
         self._keyframe_ns = self._stamp_ns
+        self._keyframe_wanted = False
         self._tracks_at_keyframe = len(self._ids)
         self._frames_since_keyframe = 0
         self._turned = 0.0

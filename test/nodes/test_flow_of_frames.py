@@ -1,11 +1,11 @@
 """What nodes remember about frames on their way: sent, answered, missed, skipped. Without ROS."""
 
+from collections.abc import Iterable
+
 import pytest
 
-from bodycam_ros.nodes import answered_frames
-from bodycam_ros.nodes.answered_frames import AnsweredFrames
-from bodycam_ros.nodes.missed_frames import MissedFrames
-from bodycam_ros.nodes.skipped import Skipped
+from bodycam_ros.nodes import flow_of_frames
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, MissedFrames, OrderOfTime, Skipped
 
 
 class Clock:
@@ -20,7 +20,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(answered_frames, "time", clock)
+    monkeypatch.setattr(flow_of_frames, "time", clock)
     return clock
 
 
@@ -53,6 +53,20 @@ def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
     assert frames.must_wait()
     clock.now_s += 0.2
     assert not frames.must_wait()
+    for stamp_ns in (20, 30, 40):
+        frames.sent(stamp_ns)
+        assert not frames.must_wait(), "not for every few frames again"
+    assert frames.answered(30), "somebody is there again"
+    assert frames.must_wait()
+
+
+def test_answers_to_what_was_never_sent_are_none(clock: Clock) -> None:
+    frames = AnsweredFrames(most_ahead=1)
+    assert not frames.answered(10)
+    frames.sent(20)
+    assert not frames.answered(10)
+    frames.forget()
+    assert not frames.answered(20) and not frames.must_wait()
 
 
 def test_a_slow_registration_is_waited_for_as_long_as_it_answers(clock: Clock) -> None:
@@ -84,3 +98,52 @@ def test_the_first_of_a_kind_is_told_and_all_are_counted() -> None:
     skipped.add("messages", "a short one")
     assert skipped.counts == {"images": 2, "messages": 1}
     assert [line.split(" (")[0] for line in told] == ["a grey one", "a short one"]
+    assert (skipped.lately(), skipped.lately()) == (3, 0)
+    assert skipped.latest == "a short one"
+
+
+def ordered(stamps: Iterable[int], strays: list[str]) -> list[tuple[int, bool]]:
+    """(stamp [ms], whether time begins anew there) of what is in order."""
+    order: OrderOfTime[int] = OrderOfTime(strays.append)
+    return [(each.item, each.begins_anew) for stamp in stamps for each in order.add(stamp * 1_000_000, stamp)]
+
+
+@pytest.mark.parametrize("stray", [3_600_000, 3_600_000_000, 1, 66])
+def test_one_stray_stamp_silences_nobody(stray: int) -> None:
+    strays: list[str] = []
+    before, after = list(range(33, 1000, 33)), list(range(1023, 2000, 33))
+    assert ordered([*before, stray, *after], strays) == [(stamp, False) for stamp in before + after]
+    assert len(strays) == 1 and "stamp" in strays[0]
+
+
+def test_a_stray_first_stamp_silences_nobody() -> None:
+    stamps = list(range(33, 1000, 33))
+    assert ordered([3_600_000, *stamps], []) == [(3_600_000, False), (33, True), *((s, False) for s in stamps[1:])]
+
+
+def test_time_that_goes_back_begins_anew_and_loses_nothing() -> None:
+    strays: list[str] = []
+    stamps = list(range(33, 1000, 33))
+    again = [(33, True), *((stamp, False) for stamp in stamps[1:])]
+    assert ordered([*stamps, *stamps, *stamps], strays) == [(stamp, False) for stamp in stamps] + again + again
+    assert not strays
+
+
+def test_a_stream_that_stays_ahead_is_followed() -> None:
+    stamps = [*range(33, 1000, 33), *range(60_000, 61_000, 33)]
+    assert ordered(stamps, []) == [(stamp, False) for stamp in stamps]
+
+
+def test_what_nothing_contradicts_is_believed_after_a_while(clock: Clock) -> None:
+    order: OrderOfTime[str] = OrderOfTime(lambda reason: None)
+    assert [each.item for each in order.add(1_000_000, "first")] == ["first"]
+    assert order.add(5_000_000_000, "last words") == [] and order.look() == []
+    clock.now_s += 1.0
+    assert [(each.item, each.begins_anew) for each in order.look()] == [("last words", False)]
+    assert order.look() == []
+
+
+def test_two_players_of_one_camera_are_not_mixed() -> None:
+    strays: list[str] = []
+    stamps = [stamp for k in range(1, 30) for stamp in (50_000 + 33 * k, 10_000 + 33 * k)]
+    assert ordered(stamps, strays) == [(50_000 + 33 * k, False) for k in range(1, 30)]

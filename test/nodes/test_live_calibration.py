@@ -26,6 +26,7 @@ from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 
+CALIBRATION = "skeleton_solver: calibration"
 PAUSE_NS = 20_000_000_000
 LOST_M, LOST_DEG = 0.004, 0.5  # at 0.3 px
 _START_S, _SOON_S, _CALIBRATION_S = 60.0, 30.0, 120.0
@@ -132,7 +133,11 @@ def test_a_range_of_motion_becomes_the_body_that_is_solved(graph: Any, tmp_path:
     # What was forgotten is done, and all of it together makes the body, while the node goes on.
     studio.perform(_stamped(range_of_motion(studio.truth), 1))
     answer = studio.ask("calibrate")
-    graph.until(lambda: graph.diagnostics("calibration").get("text") == "calibrating", _SOON_S, "progress is reported")
+    graph.until(
+        lambda: graph.diagnostics(CALIBRATION).get("text") == "calibrating",
+        _SOON_S,
+        "progress is reported",
+    )
     busy = studio.call("start_calibration")
     assert not busy.success and "is running" in busy.message
     assert not answer.done(), "the node answers while it calibrates"
@@ -181,7 +186,7 @@ def test_stopped_while_it_calibrates(graph: Any, tmp_path: Path) -> None:
     studio.plug_in()
     studio.perform(range_of_motion(studio.truth))
     answer = studio.ask("calibrate")
-    graph.until(lambda: graph.diagnostics("calibration").get("text") == "calibrating", _SOON_S, "it has begun")
+    graph.until(lambda: graph.diagnostics(CALIBRATION).get("text") == "calibrating", _SOON_S, "it has begun")
     assert studio.solver.end() == 0, studio.solver.printed
     assert "Traceback" not in studio.solver.printed
     assert _files(tmp_path) == {"rig.yaml"}, "nothing half-written"

@@ -1,7 +1,9 @@
-"""The solver alone, fed with registrations of a known motion: what waits is published in the end."""
+"""The solver alone, fed with registrations of a known motion: what waits, who joins late, a time that begins anew."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -45,37 +47,58 @@ def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
             )
 
 
+class Cameras:
+    """The cameras of a solver, as it hears them."""
+
+    def __init__(self, graph: Any, path: Path, **given: object) -> None:
+        from bodycam_ros.nodes.message_classes import node_messages
+
+        self._make = node_messages()
+        self._graph = graph
+        self.body = read_body(path)
+        mounts = self.body.mounts
+        topic, kind = "bodycam_msgs/msg/LandmarkMatches", "sensor_msgs/msg/CameraInfo"
+        graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/odometry": "nav_msgs/msg/Odometry"})
+        graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
+        self._registrations = {camera: graph.publisher(f"/{camera}/landmarks", topic) for camera in mounts}
+        self._infos = {camera: graph.publisher(f"/{camera}/camera_info", kind) for camera in mounts}
+        (self.solver,) = graph.start(NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), **given}))
+        everything = [*self._registrations.values(), *self._infos.values()]
+        graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
+
+    def publish(self, frames: range, *cameras: str, off_ns: Mapping[str, int] = MappingProxyType({})) -> None:
+        for matches in _registrations(self.body, frames):
+            if not cameras or matches.camera in cameras:
+                off = off_ns.get(matches.camera, 0)
+                previous = matches.previous_stamp_ns + off if matches.previous_stamp_ns else 0
+                stamped = replace(matches, stamp_ns=matches.stamp_ns + off, previous_stamp_ns=previous)
+                self._registrations[matches.camera].publish(landmarks_message(self._make, stamped))
+
+    def inform(self, *cameras: str) -> None:
+        for camera in cameras:
+            info = self._make("sensor_msgs/msg/CameraInfo", width=64, height=48, distortion_model="equidistant")
+            info.d, info.k = [0.0] * 4, [30.0, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0]
+            self._infos[camera].publish(info)
+
+    def solved(self) -> list[int]:
+        """Numbers of the frames of which there are joint states, in the order in which they were published."""
+        states = self._graph.messages("/joint_states")
+        return [(stamp_ns(state.header.stamp) - START_NS) // FRAME_NS for state in states]
+
+    def reports(self, part: str) -> list[dict[str, Any]]:
+        return list(self._graph.all_diagnostics(f"skeleton_solver: {part}"))
+
+
 def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: Path) -> None:
-    from bodycam_ros.nodes.message_classes import node_messages
-
-    make = node_messages()
-    path = write_body(tmp_path / "body.yaml")
-    body = read_body(path)
     delay = SmootherSettings().output_delay
-    graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/odometry": "nav_msgs/msg/Odometry"})
-    registrations = {
-        camera: graph.publisher(f"/{camera}/landmarks", "bodycam_msgs/msg/LandmarkMatches") for camera in body.mounts
-    }
-    infos = {camera: graph.publisher(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo") for camera in body.mounts}
-    given = {"body": str(path), "idle_flush": 1.5}
-    (solver,) = graph.start(NodeProcess("skeleton_solver", "skeleton_solver", given))
-    everything = [*registrations.values(), *infos.values()]
-    graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
-
-    def publish(frames: range) -> None:
-        for matches in _registrations(body, frames):
-            registrations[matches.camera].publish(landmarks_message(make, matches))
-
+    cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=1.5)
     # Registrations that come before the cameras are known wait for them.
-    publish(range(10))
-    for publisher in infos.values():
-        info = make("sensor_msgs/msg/CameraInfo", width=64, height=48, distortion_model="equidistant")
-        info.d, info.k = [0.0] * 4, [30.0, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0]
-        publisher.publish(info)
+    cameras.publish(range(10))
+    cameras.inform(*cameras.body.mounts)
     graph.until(lambda: len(graph.heard["/joint_states"]) == 10, _SOON_S, "an idle solver publishes what waits")
-    publish(range(10, 20))
+    cameras.publish(range(10, 20))
     graph.until(lambda: len(graph.heard["/joint_states"]) >= 20 - delay, _SOON_S, "the solver goes on after a pause")
-    assert solver.end() == 0, solver.printed
+    assert cameras.solver.end() == 0, cameras.solver.printed
     graph.until(lambda: len(graph.heard["/odometry"]) == 20, _SOON_S, "the rest is published before the node goes")
 
     states = graph.messages("/joint_states")
@@ -84,4 +107,59 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
     assert np.abs(angles).max() < np.radians(0.1)
     along_x = [odometry.pose.pose.position.x for odometry in graph.messages("/odometry")]
     assert np.allclose(along_x, SPEED * 1e-9 * FRAME_NS * np.arange(20), atol=2e-3)
-    assert "Traceback" not in solver.printed
+    assert "Traceback" not in cameras.solver.printed
+
+
+def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path: Path) -> None:
+    cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=60.0, info_wait=0.2)
+    left, right = cameras.body.mounts
+    cameras.publish(range(30))
+    cameras.inform(left)
+    graph.until(lambda: cameras.solved()[-1:] == [25], _SOON_S, "the solver does not wait for all cameras")
+    graph.until(
+        lambda: any("solving without right" in r["text"] for r in cameras.reports("body")), _SOON_S, "it says which"
+    )
+    # Long after the others, the other's camera_info.
+    cameras.inform(right)
+    graph.until(lambda: "joins" in cameras.solver.printed, _SOON_S, "it was warned about")
+    cameras.publish(range(30, 60))
+    graph.until(lambda: cameras.solved()[-1:] == [55], _SOON_S, "the body goes on")
+    assert cameras.solved() == list(range(56)), "nothing is lost when a camera joins"
+    used = "cameras used per instant"
+    graph.until(lambda: any(float(r[used]) > 1.5 for r in cameras.reports("body")), _SOON_S, "both are used")
+
+    # One dies: after the first wait the other is not held up by it.
+    cameras.publish(range(60, 120), left)
+    graph.until(lambda: cameras.solved()[-1:] == [115], _SOON_S, "the body goes on without the camera")
+    graph.until(
+        lambda: any("says nothing" in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, "it is named"
+    )
+
+    # Everything is played again.
+    count = len(graph.heard["/joint_states"])
+    cameras.publish(range(40))
+    graph.until(lambda: cameras.solved()[-1:] == [35], _SOON_S, "time begins anew")
+    again = cameras.solved()[count:]
+    assert again[-36:] == list(range(36)), again
+    assert again[:-36] == list(range(116, 120)), "what waited of the time before is published"
+    graph.until(lambda: cameras.reports("body")[-1]["times begun anew"] == "1", _SOON_S, "it is counted")
+    graph.until(lambda: cameras.reports("body")[-1]["level"] == 2, _SOON_S, "the end is told")
+    assert "no registration" in cameras.reports("body")[-1]["text"]
+    assert cameras.solver.end() == 0, cameras.solver.printed
+    assert "Traceback" not in cameras.solver.printed
+
+
+def test_a_camera_whose_trigger_is_off_is_named(graph: Any, tmp_path: Path) -> None:
+    cameras = Cameras(graph, write_body(tmp_path / "body.yaml"))
+    left, right = cameras.body.mounts
+    cameras.inform(left, right)
+    cameras.publish(range(60), off_ns={right: 12_000_000})
+
+    # Of two cameras nobody knows which is right.
+    def named() -> list[dict[str, Any]]:
+        reports = [*cameras.reports(f"camera {left}"), *cameras.reports(f"camera {right}")]
+        return [report for report in reports if "12.0 ms" in report["text"]]
+
+    graph.until(named, _SOON_S, "that they do not go together is named")
+    assert (named()[-1]["level"], named()[-1]["share of instants [%]"]) == (1, "0")
+    assert cameras.solver.end() == 0, cameras.solver.printed

@@ -19,7 +19,7 @@ from bodycam_ros.recording.typestore import recorded_messages
 
 FRAMES = 24
 _START_S, _SOON_S = 60.0, 20.0
-_OK, _WARN, _ERROR = 0, 1, 2
+_ERROR = 2
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
@@ -61,19 +61,26 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
         stamps = [stamp_ns(message.header.stamp) for message in graph.messages(f"/{camera}/landmarks")]
         assert stamps[:-1] == [START_NS + k * FRAME_NS for k in range(FRAMES)], "nothing is lost, not even at the start"
 
-    graph.until(lambda: "images skipped" in graph.diagnostics("tracker left"), _SOON_S, "the tracker reports")
-    report = graph.diagnostics("tracker left")
-    assert (report["level"], report["images skipped"]) == (_WARN, "5")
-    assert graph.diagnostics("tracker right")["level"] == _OK
-    assert graph.diagnostics("camera left")["level"] == _ERROR, "grey images cannot be registered"
-    assert started["tracker_left"].printed.count("[WARN]") == 1
+    left, right = (
+        lambda camera=camera: graph.all_diagnostics(f"tracker_{camera}: camera {camera}") for camera in CAMERAS
+    )
+    graph.until(lambda: any("images out of time" in report for report in left()), _SOON_S, "the tracker reports")
+    assert (left()[-1]["images skipped"], left()[-1]["images out of time"]) == ("3", "2")
+    assert left()[-1]["last error"] != "none"
+    covered = "nothing that can be tracked"
+    assert any(covered in report["text"] and report["level"] == _ERROR for report in right()), "grey images"
+    graph.until(lambda: "no image" in left()[-1]["text"], _SOON_S, "the end of the bag is told")
+    assert left()[-1]["level"] == _ERROR
+    of_left = graph.all_diagnostics("registration: camera left")
+    assert _ERROR in {report["level"] for report in of_left}, "grey images cannot be registered"
+    assert started["tracker_left"].printed.count("[WARN]") == 2, "once of each kind"
     assert "cannot be decoded" in started["tracker_left"].printed
     unknown = "distortion model 'mystery' is unknown"
     assert started["tracker_odd"].process.poll() == 1
     assert started["tracker_odd"].printed.startswith(f"tracker: error: camera 'odd': {unknown}")
     for name in ("registration", "skeleton_solver"):
         assert unknown in started[name].printed
-    assert graph.diagnostics("registration")["cameras refused"] == "odd"
+    assert graph.diagnostics("registration: all cameras")["cameras refused"] == "odd"
 
     graph.listen({"/map/points": "sensor_msgs/msg/PointCloud2", "/robot_description": "std_msgs/msg/String"})
     graph.until(lambda: graph.heard["/map/points"] and graph.heard["/robot_description"], _SOON_S, "latched topics")
@@ -88,7 +95,7 @@ def test_images_wait_for_camera_info_and_for_a_reader(graph: Any) -> None:
     """A driver that offers raw images with best effort, and is there before anybody else."""
     from bodycam_ros.messages.factory import array_sequence
     from bodycam_ros.nodes.message_classes import node_messages
-    from bodycam_ros.nodes.quality import best_effort, reliable
+    from bodycam_ros.nodes.qos import best_effort, reliable
 
     make = node_messages()
     images = graph.publisher("/left/image_raw", "sensor_msgs/msg/Image", best_effort(100))

@@ -23,11 +23,11 @@ def best_effort(depth: int) -> QoSProfile:
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def latched() -> QoSProfile:
-    """The last message also reaches those that come later."""
+def latched(depth: int = 1) -> QoSProfile:
+    """The latest messages also reach those that come later."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=1,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )

@@ -1,0 +1,223 @@
+"""What a camera's driver publishes, images and camera_info, read in whatever way the driver offers it."""
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import CalibrationError
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.header import optical_frame
+from bodycam_ros.messages.images import camera_model
+from bodycam_ros.nodes.qos import best_effort, latched, reliable
+from bodycam_ros.nodes.stage_node import StageNode
+
+KEPT_INFOS = "camera_infos"
+"""Latched copies of the camera_info of all cameras, told apart by ``frame_id``: a node that starts again must not wait
+for a driver that spoke once, or speaks every ten seconds."""
+
+_INFO = "sensor_msgs/msg/CameraInfo"
+_TRANSPORTS = {
+    "compressed": ("image_raw/compressed", "sensor_msgs/msg/CompressedImage"),
+    "raw": ("image_raw", "sensor_msgs/msg/Image"),
+}
+_INFO_DEPTH, _KEPT_DEPTH = 10, 200
+_LOOK_S = 0.5
+_QUIET_S = 1.5
+"""Who is heard no more, or not yet, may be published in another way."""
+
+
+class ImageSource:
+    """Reads a camera's images reliably, or with best effort from a driver that offers no more.
+
+    While no image comes it looks at who publishes, and says what is in the way.
+
+    Args:
+        node: reads the images.
+        camera: its name.
+        transport: "compressed" or "raw".
+        depth: images that may wait in the subscription.
+        on_image: called with each message.
+    """
+
+    def __init__(
+        self, node: StageNode[Any], camera: str, transport: str, depth: int, on_image: Callable[[Message], None]
+    ) -> None:
+        self._node = node
+        self._camera = camera
+        self._depth = depth
+        self._on_image = on_image
+        self._transport = transport
+        self._topic = f"{camera}/{_TRANSPORTS[transport][0]}"
+        self._is_reliable = True
+        self._subscription = self._subscribe(reliable(depth))
+        self._heard_s = -_QUIET_S
+        self._said = False
+        node.every(_LOOK_S, self._look)
+
+    @property
+    def quiet_s(self) -> float:
+        """How long no image has come."""
+        return time.monotonic() - self._heard_s
+
+    def what_is_wrong(self) -> str:
+        """Why no image comes, as far as can be seen."""
+        if _offers(self._node, self._topic):
+            return f"no image on {self._topic}, though it is published"
+        return f"no image: nobody publishes {self._topic}"
+
+    def _subscribe(self, quality: QoSProfile) -> Subscription:
+        return self._node.subscription(_TRANSPORTS[self._transport][1], self._topic, self._receive, quality)
+
+    def _receive(self, message: Message) -> None:
+        self._heard_s = time.monotonic()
+        self._on_image(message)
+
+    def _look(self) -> None:
+        if self.quiet_s < _QUIET_S:
+            return
+        offers = _offers(self._node, self._topic)
+        if offers:
+            wants_reliable = all(offer.reliability != ReliabilityPolicy.BEST_EFFORT for offer in offers)
+            if wants_reliable != self._is_reliable:
+                self._change(wants_reliable)
+        elif not self._said:
+            self._look_at_other_transport()
+
+    def _change(self, wants_reliable: bool) -> None:
+        self._is_reliable = wants_reliable
+        if not wants_reliable:
+            self._node.get_logger().warning(
+                f"{self._topic} is published with best effort: images may get lost; reliable is better"
+            )
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe(reliable(self._depth) if wants_reliable else best_effort(self._depth))
+
+    def _look_at_other_transport(self) -> None:
+        other = next(name for name in _TRANSPORTS if name != self._transport)
+        topic = f"{self._camera}/{_TRANSPORTS[other][0]}"
+        if _offers(self._node, topic):
+            self._said = True
+            self._node.get_logger().warning(
+                f"nobody publishes {self._topic}, but {topic} is there; to read it start with -p transport:={other}"
+            )
+
+
+class CameraModels:
+    """Listens to the camera_info of some cameras, from the drivers or from the nodes that keep it; the latest counts.
+
+    Args:
+        node: listens.
+        cameras: their names.
+        on_change: called when a camera's model is known, changes, or is refused.
+        keeps: whether to keep what is known for nodes that start later.
+        fatal: whether an unusable camera_info ends the node; otherwise the other cameras go on without this one.
+
+    Attributes:
+        models: camera -> its model.
+        refused: cameras whose camera_info is unusable.
+        changes: how often a model became another.
+    """
+
+    def __init__(
+        self,
+        node: StageNode[Any],
+        cameras: Iterable[str],
+        on_change: Callable[[str], None],
+        keeps: bool = True,
+        fatal: bool = False,
+    ) -> None:
+        self._node = node
+        self._on_change = on_change
+        self._fatal = fatal
+        self._sources = {camera: _InfoSource(node, camera, self._learn) for camera in cameras}
+        self._kept = node.publisher(_INFO, KEPT_INFOS, latched(_KEPT_DEPTH)) if keeps else None
+        self._names = {optical_frame(camera): camera for camera in self._sources}
+        self._contents: dict[str, tuple[Any, ...]] = {}
+        self.models: dict[str, CameraModel] = {}
+        self.refused: set[str] = set()
+        self.changes = 0
+        node.subscription(_INFO, KEPT_INFOS, self._on_kept, latched(_KEPT_DEPTH))
+        node.every(_LOOK_S, self._look)
+
+    @property
+    def missing(self) -> list[str]:
+        """Cameras that were not heard of yet."""
+        return [camera for camera in self._sources if camera not in self._contents]
+
+    def _look(self) -> None:
+        for source in self._sources.values():
+            source.look()
+
+    def _on_kept(self, message: Message) -> None:
+        camera = self._names.get(message.header.frame_id)
+        # Drivers know better; but what another node kept is there at once.
+        if camera is not None and camera not in self._contents:
+            self._learn(camera, message)
+
+    def _learn(self, camera: str, message: Message) -> None:
+        content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
+        before = self._contents.get(camera)
+        if content == before:
+            return
+        self._contents[camera] = content
+        try:
+            self.models[camera] = camera_model(message, camera)
+        except CalibrationError as error:
+            if self._fatal:
+                raise
+            self.models.pop(camera, None)
+            self.refused.add(camera)
+            self._node.get_logger().error(f"{error}; the other cameras go on without this one")
+        else:
+            self.refused.discard(camera)
+            if before is not None:
+                self.changes += 1
+                self._node.get_logger().warning(f"camera {camera}: its camera_info has changed; it begins anew with it")
+            self._keep(camera, message)
+        self._on_change(camera)
+
+    def _keep(self, camera: str, message: Message) -> None:
+        if self._kept is not None:
+            message.header.frame_id = optical_frame(camera)
+            self._kept.publish(message)
+
+
+class _InfoSource:
+    """The subscriptions to one camera's camera_info: reliable, and further ones where that does not hear a driver."""
+
+    def __init__(self, node: StageNode[Any], camera: str, on_info: Callable[[str, Message], None]) -> None:
+        self._node = node
+        self._camera = camera
+        self._on_info = on_info
+        self._topic = f"{camera}/camera_info"
+        self._heard_s = -_QUIET_S
+        self._ways: set[str] = set()
+        self._listen("reliable", reliable(_INFO_DEPTH))
+
+    def look(self) -> None:
+        """Adapt to who publishes, unless somebody is heard."""
+        if time.monotonic() - self._heard_s < _QUIET_S:
+            return
+        for offer in _offers(self._node, self._topic):
+            if offer.reliability == ReliabilityPolicy.BEST_EFFORT:
+                self._listen("best effort", best_effort(_INFO_DEPTH))
+            elif offer.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                self._listen("latched", latched())
+
+    def _listen(self, way: str, quality: QoSProfile) -> None:
+        if way not in self._ways:
+            self._ways.add(way)
+            self._node.subscription(_INFO, self._topic, self._receive, quality)
+
+    def _receive(self, message: Message) -> None:
+        self._heard_s = time.monotonic()
+        self._on_info(self._camera, message)
+
+
+def _offers(node: StageNode[Any], topic: str) -> list[QoSProfile]:
+    """How a topic is published."""
+    return [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]

@@ -1,0 +1,197 @@
+"""What cameras do to a graph: clocks that jump, stamps that are none, camera_info in every way a driver offers it."""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
+from two_cameras import write_map
+
+from bodycam_ros.messages.factory import array_sequence
+from bodycam_ros.messages.header import header_message, stamp_ns
+from bodycam_ros.nodes.graph import NodeProcess
+
+HOUR_NS = 3_600_000_000_000
+_START_S, _SOON_S = 60.0, 20.0
+_PERIOD_S = 0.05
+_WARN, _ERROR = 1, 2
+_TRACKS = {"/left/tracks": "bodycam_msgs/msg/FeatureTracks"}
+_DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
+
+
+class Camera:
+    """A driver of raw images that show much to be tracked."""
+
+    def __init__(self, graph: Any, name: str, quality: Any, info_quality: Any) -> None:
+        from bodycam_ros.nodes.message_classes import node_messages
+
+        self.name = name
+        self._make = node_messages()
+        self.images = graph.publisher(f"/{name}/image_raw", "sensor_msgs/msg/Image", quality)
+        self._infos = graph.publisher(f"/{name}/camera_info", "sensor_msgs/msg/CameraInfo", info_quality)
+        self.tracker = NodeProcess("tracker", f"tracker_{name}", {"camera": name, "transport": "raw"})
+        self._due_s = 0.0
+        blobs = np.random.default_rng(3).integers(0, 255, (HEIGHT // 4, WIDTH // 4), dtype=np.uint8)
+        self._pixels = cv2.resize(blobs, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC).reshape(-1)
+
+    def show(self, stamps: Iterable[int]) -> None:
+        for stamp in stamps:
+            header = header_message(self._make, stamp, "")
+            image = self._make("sensor_msgs/msg/Image", header=header, width=WIDTH, height=HEIGHT, encoding="mono8")
+            image.step, image.data = WIDTH, array_sequence(self._pixels)
+            self.images.publish(image)
+
+    def is_due(self) -> bool:
+        """Whether it is time for another image."""
+        due = time.monotonic() > self._due_s
+        if due:
+            self._due_s = time.monotonic() + _PERIOD_S
+        return due
+
+    def inform(self, focal_px: float = 30.0) -> None:
+        info = self._make("sensor_msgs/msg/CameraInfo", width=WIDTH, height=HEIGHT, distortion_model="equidistant")
+        info.d, info.k = [0.0] * 4, [focal_px, 0.0, 31.5, 0.0, focal_px, 23.5, 0.0, 0.0, 1.0]
+        self._infos.publish(info)
+
+
+def _stamps(first: int, count: int) -> list[int]:
+    return [START_NS + (first + k) * FRAME_NS for k in range(count)]
+
+
+def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(graph: Any) -> None:
+    from bodycam_ros.nodes.qos import reliable
+
+    camera = Camera(graph, "left", reliable(500), reliable(10))
+    graph.listen(_TRACKS | _DIAGNOSTICS)
+    (tracker,) = graph.start(camera.tracker)
+    graph.until(camera.images.get_subscription_count, _START_S, "the tracker reads")
+
+    def reports(text: str = "") -> list[dict[str, Any]]:
+        return [r for r in graph.all_diagnostics("tracker_left: camera left") if text in r["text"]]
+
+    graph.until(lambda: reports("and no left/camera_info"), _SOON_S, "what is missing is told")
+    assert reports("no image")[-1]["level"] == _ERROR
+    camera.show([0] * 5)
+    graph.until(lambda: reports()[-1].get("images without a stamp") == "5", _SOON_S, "zeros are named")
+    camera.inform()
+    first = _stamps(0, 30)
+    # An hour ahead, and then on as before; then a few that are older than what came before.
+    camera.show([*first[:20], first[20] + HOUR_NS, *first[20:], first[3], first[2]])
+    # The bag is played again.
+    again = _stamps(0, 25)
+    camera.show(again)
+    graph.until(lambda: len(graph.heard["/left/tracks"]) >= len(first + again), _SOON_S, "all are tracked")
+    tracks = graph.messages("/left/tracks")
+    assert [stamp_ns(message.header.stamp) for message in tracks] == first + again
+    begun = [number for number, message in enumerate(tracks) if stamp_ns(message.previous_stamp) == 0]
+    assert begun == [0, len(first)] and all(tracks[number].keyframe for number in begun)
+
+    counted = {"images without a stamp": "5", "images out of time": "3", "times begun anew": "1"}
+    graph.until(lambda: counted.items() <= reports()[-1].items(), _SOON_S, "all of that is counted")
+
+    later = iter(_stamps(25, 1000))
+
+    def has_warned() -> bool:
+        if camera.is_due():
+            camera.show([next(later), again[0], next(later)])
+        return any(report["level"] == _WARN for report in reports("left out"))
+
+    graph.until(has_warned, _SOON_S, "what is left out is a warning")
+
+    def is_well() -> bool:
+        if camera.is_due():
+            camera.show([next(later)])
+        return bool(reports()[-1]["text"] == "tracking")
+
+    graph.until(is_well, _SOON_S, "a warning ends when its cause has ended")
+    assert tracker.end() == 0, tracker.printed
+    assert "Traceback" not in tracker.printed
+
+
+def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
+    from bodycam_ros.nodes.qos import best_effort, latched, reliable
+
+    best, early, late = (
+        Camera(graph, name, quality, info_quality)
+        for name, quality, info_quality in (
+            ("best", best_effort(100), best_effort(10)),
+            ("early", reliable(100), latched()),
+            ("late", reliable(100), reliable(1)),
+        )
+    )
+    cameras = (best, early, late)
+    graph.listen({f"/{camera.name}/tracks": "bodycam_msgs/msg/FeatureTracks" for camera in cameras})
+    graph.listen(_DIAGNOSTICS)
+    early.inform()
+    # A clock that nobody publishes keeps no timer from running.
+    clockless = NodeProcess("tracker", "tracker_best", {**best.tracker.parameters, "use_sim_time": True})
+    started = graph.start(clockless, early.tracker, late.tracker)
+    graph.until(lambda: all(c.images.get_subscription_count() for c in cameras), _START_S, "the trackers read")
+    graph.until(lambda: graph.diagnostics("tracker_best: clock"), _SOON_S, "the missing clock is told")
+    assert "nobody publishes /clock" in graph.diagnostics("tracker_best: clock")["text"]
+
+    images = iter(_stamps(0, 1000))
+
+    def are_tracked(*names: str) -> bool:
+        if best.is_due():
+            best.inform()
+            stamp = next(images)
+            for camera in cameras:
+                camera.show([stamp])
+        return all(graph.heard[f"/{name}/tracks"] for name in names)
+
+    graph.until(lambda: are_tracked("best", "early"), _SOON_S, "best effort and latched camera_info are heard")
+    assert not graph.heard["/late/tracks"]
+    late.inform()
+    graph.until(lambda: are_tracked("late"), _SOON_S, "a camera_info that comes long after the images is heard")
+
+    # Another lens: the tracks begin anew with its model.
+    count = len(graph.heard["/late/tracks"])
+    late.inform(focal_px=35.0)
+    graph.until(lambda: are_tracked("late") and "has changed" in started[2].printed, _SOON_S, "a change is noticed")
+    graph.until(
+        lambda: (
+            are_tracked("late")
+            and any(stamp_ns(message.previous_stamp) == 0 for message in graph.messages("/late/tracks")[count:])
+        ),
+        _SOON_S,
+        "the tracks begin anew",
+    )
+    changed = "camera_info changed"
+    graph.until(lambda: graph.diagnostics("tracker_late: camera late").get(changed) == "1", _SOON_S, "it is named")
+    assert graph.diagnostics("tracker_best: camera best")[changed] == "0", "the same again is no change"
+    assert set(graph.end().values()) == {0}, graph.report()
+
+
+def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: Any, tmp_path: Path) -> None:
+    from bodycam_ros.nodes.qos import latched, reliable
+
+    camera = Camera(graph, "left", reliable(100), latched())
+    graph.listen(_TRACKS | {"/left/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
+    camera.inform()
+    seldom = NodeProcess("tracker", "tracker_left", {**camera.tracker.parameters, "tracker.keyframe_interval": 300})
+    graph.start(seldom)
+    images = iter(_stamps(0, 2000))
+
+    def count(topic: str) -> int:
+        if camera.is_due():
+            camera.show([next(images)])
+        return len(graph.heard[f"/left/{topic}"])
+
+    def keyframes() -> list[int]:
+        return [number for number, message in enumerate(graph.messages("/left/tracks")) if message.keyframe]
+
+    graph.until(lambda: count("tracks") >= 20, _START_S, "the tracker tracks")
+    assert keyframes() == [0], "an image that stands still needs no other"
+    shared = {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]}
+    (registration,) = graph.start(NodeProcess("registration", "registration", shared))
+    graph.until(lambda: count("landmarks") >= 1, _START_S, "the registration hears")
+    came = len(graph.heard["/left/tracks"])
+    graph.until(lambda: count("landmarks") >= 20, _SOON_S, "it goes on")
+    asked = keyframes()[1:]
+    assert len(asked) >= 1 and asked[0] < came + 10, (asked, came)
+    assert len(asked) <= 3, "it does not go on asking"
+    assert set(graph.end().values()) == {0} and "Traceback" not in registration.printed, graph.report()
