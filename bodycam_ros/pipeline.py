@@ -38,6 +38,7 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class PipelineSettings:
     motion: MotionSettings = field(default_factory=MotionSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+    verdict: VerdictSettings = field(default_factory=VerdictSettings)
 
     @classmethod
     def groups(cls) -> dict[str, type]:

@@ -1,6 +1,6 @@
 """A short stretch of some of the sample's cameras, written anew with messages changed on the way."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from bodycam_ros.messages.factory import Message
@@ -19,13 +19,16 @@ def write_altered_sample(
     alter: Alter = lambda topic, number, message: message,
     cameras: Collection[str] = CAMERAS,
     frames: int = 8,
+    names: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the first frames of the sample's cameras to ``target``."""
+    """Write the first frames of the sample's cameras to ``target``, some of them under the names of others."""
+    names = names or {}
     kinds = ("camera_info", "image_raw/compressed")
     counts: dict[str, int] = {}
     with BagFile(sample / "sample" / "bag") as bag, write_recording(target) as writer:
         for topic, stamp_ns, message in bag.messages([f"/{camera}/{kind}" for camera in cameras for kind in kinds]):
             number = counts[topic] = counts.get(topic, -1) + 1
             if number < frames and (altered := alter(topic, number, message)) is not None:
-                writer.write(topic, stamp_ns, altered)
+                camera = topic.split("/")[1]
+                writer.write(topic.replace(camera, names.get(camera, camera)), stamp_ns, altered)
     return target

@@ -1,4 +1,4 @@
-"""bodycam evaluate: how good is a solved recording, on its own or against the truth."""
+"""bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     write_report(evaluation, arguments.output, overlay)
     _report(evaluation, arguments.output)
-    return 0
+    print_verdict(Terminal(), evaluation.verdict)
+    return exit_code(evaluation.verdict)
 
 
 def _check_earlier(folder: Path) -> None:

@@ -21,7 +21,8 @@ _NO_READER = 128 + 13  # as a shell says of who wrote to a pipe that nobody read
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code.
 
-    0, 1 for an error of the user's, 2 for wrong usage, 128 + the number of the signal that ended it (130 for Ctrl-C).
+    0, 1 for an error of the user's, 2 for wrong usage, 3 for a result that should not be used, 128 + the number of the
+    signal that ended it (130 for Ctrl-C).
     """
     ending = Ending()
     ending.answer()

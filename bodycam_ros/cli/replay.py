@@ -1,4 +1,4 @@
-"""bodycam replay: a recorded bag in, a bag with joint states out."""
+"""bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
 
 import argparse
 from pathlib import Path
@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         f"time; written to {arguments.output}",
         soft_wrap=True,
     )
-    return 0
+    print_verdict(Terminal(), summary.verdict)
+    return exit_code(summary.verdict)
 
 
 def _table(summary: ReplaySummary) -> Table:

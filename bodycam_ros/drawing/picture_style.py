@@ -10,7 +10,10 @@ LEFT, RIGHT, CENTRE = "#1f6fb4", "#dd7a12", "#33383d"
 
 TRUTH = "#a9b0b7"
 WARNING = "#c8102e"
-"""Lost cameras, gaps, instants without any camera; nothing else is red."""
+"""Lost cameras, gaps, instants without any camera, a result that is wrong; nothing else is red."""
+
+CAUTION, GOOD = "#9a6700", "#2c7f78"
+"""A result that is doubtful, and one that is good."""
 
 INK, QUIET, FAINT = "#22272b", "#6b747c", "#e3e7ea"
 

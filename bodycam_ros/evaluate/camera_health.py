@@ -1,11 +1,13 @@
 """What a solved recording says about its cameras, without any truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.drawing.overlay import Overlay
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.measures import Distribution
@@ -78,28 +80,37 @@ def pose_gaps(solved: SolvedRecording, record: CameraRecord) -> tuple[Array, Arr
     )
 
 
-def reprojection_errors(solved: SolvedRecording, recording: Path) -> dict[str, Distribution]:
-    """Camera -> distances [px] of its named tracks from their landmarks, seen from the solved pose.
-
-    The solved bag has no intrinsics; the recording has. Outliers are among them: the median is the accuracy, the tail
-    counts false names and slipped tracks.
-
-    Args:
-        solved: the body.
-        recording: the bag that it was solved from.
+def camera_models(solved: SolvedRecording, recording: Path) -> dict[str, CameraModel]:
+    """The models of the cameras that were solved, from the recording: a solved bag has no intrinsics.
 
     Raises:
         RecordingError: not a recording, or not of these cameras.
         LensError: the recording's intrinsics cannot be used.
     """
-    poses = {record.camera: world_T_camera for record, world_T_camera in solved.solved_cameras()}
+    mounted = [record.camera for record, _ in solved.solved_cameras()]
     with open_recording(recording) as cameras:
-        models = {camera: cameras.camera_model(camera) for camera in poses if camera in cameras.cameras}
+        models = {camera: cameras.camera_model(camera) for camera in mounted if camera in cameras.cameras}
         if not models:
             raise RecordingError(
-                f"{recording} has none of the cameras of {solved.path}: {', '.join(poses)}; it has "
+                f"{recording} has none of the cameras of {solved.path}: {', '.join(mounted)}; it has "
                 f"{', '.join(cameras.cameras)}"
             )
+    return models
+
+
+def reprojection_errors(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> dict[str, Distribution]:
+    """Camera -> distances [px] of its named tracks from their landmarks, seen from the solved pose.
+
+    Outliers are among them: the median is the accuracy, the tail counts false names and slipped tracks.
+
+    Args:
+        solved: the body.
+        models: of its cameras.
+
+    Raises:
+        RecordingError: the bag is damaged.
+    """
+    poses = {record.camera: world_T_camera for record, world_T_camera in solved.solved_cameras()}
     errors: dict[str, list[Array]] = {camera: [] for camera in models}
     for matches in read_landmarks(solved.path, models):
         at_ns = np.array([matches.stamp_ns])

@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import body_health
-from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths, reprojection_errors
+from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths, camera_models, reprojection_errors
 from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
 from bodycam_ros.solved.read_solved import read_solved
 from bodycam_ros.solved.solved_recording import SolvedRecording
+from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +33,7 @@ class Evaluation:
         rotation_sigma: (T,) of the root [rad].
         angle_ranges: joint -> least and greatest angle [rad].
         jitter: (T, S) [m].
+        verdict: whether the result may be used, as far as the bag says.
         comparison: with the truth, if that was given.
     """
 
@@ -42,6 +46,7 @@ class Evaluation:
     rotation_sigma: Array
     angle_ranges: Mapping[str, tuple[float, float]]
     jitter: Array
+    verdict: Verdict
     comparison: Comparison | None
 
 
@@ -51,7 +56,7 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     Args:
         solved_path: the bag.
         truth_path: folder of the recording, or of its truth, to score against.
-        recording_path: the bag with the images, whose intrinsics allow reprojection errors.
+        recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -60,8 +65,9 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     truth = None if truth_path is None else read_true_motion(truth_path)
     solved = read_solved(solved_path)
     cameras = camera_healths(solved)
-    if recording_path is not None:
-        reprojection = reprojection_errors(solved, recording_path)
+    models = {} if recording_path is None else camera_models(solved, recording_path)
+    if models:
+        reprojection = reprojection_errors(solved, models)
         cameras = tuple(replace(health, reprojection=reprojection.get(health.camera)) for health in cameras)
     position_sigma, rotation_sigma = body_health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
@@ -74,5 +80,6 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         rotation_sigma=rotation_sigma,
         angle_ranges=body_health.angle_ranges(solved),
         jitter=body_health.jitter(solved),
+        verdict=solved_verdict(solved, models, VerdictSettings()),
         comparison=None if truth is None else compare(solved, truth),
     )

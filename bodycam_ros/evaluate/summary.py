@@ -11,6 +11,7 @@ from bodycam_ros.evaluate.camera_health import CameraHealth
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.verdict.verdict import Verdict
 
 CM_PER_M, MM_PER_M = 100.0, 1000.0
 
@@ -27,6 +28,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "instants": len(solved.stamps_ns),
         "instants_without_camera": int(evaluation.blind.sum()),
         "image_coverage": evaluation.image_coverage,
+        "verdict": _verdict(evaluation.verdict),
         "gaps_s": [list(gap) for gap in evaluation.gaps],
         "root_position_sigma_mm": _spread(MM_PER_M * evaluation.position_sigma),
         "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),
@@ -63,6 +65,11 @@ def truth_figures(comparison: Comparison) -> dict[str, Any]:
         "rotation_deg": _spread(np.array(rotations)),
         "per_joint": per_joint,
     }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    findings = [asdict(finding) | {"level": finding.level.word} for finding in verdict.findings]
+    return {"level": verdict.level.word, "text": verdict.text, "findings": findings}
 
 
 def _camera(health: CameraHealth) -> dict[str, Any]:

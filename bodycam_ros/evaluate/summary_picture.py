@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bodycam_ros.drawing.picture_style import INK, QUIET, TYPOGRAPHY
+from bodycam_ros.drawing.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
@@ -17,6 +17,11 @@ from bodycam_ros.evaluate.registration_panel import draw_registrations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
+from bodycam_ros.verdict.verdict import Level, Verdict
+
+_VERDICT_COLOURS = {Level.GOOD: GOOD, Level.DOUBTFUL: CAUTION, Level.WRONG: WARNING}
+_MOST_LETTERS = 150
+"""Of the line below the name; the terminal and summary.json have the rest."""
 
 _SIZE_INCHES = (16.0, 11.6)
 _DOTS_PER_INCH = 110
@@ -51,11 +56,23 @@ def _draw_headline(figure: Figure, evaluation: Evaluation, top: float) -> None:
     if evaluation.comparison is not None:
         what += f", against the truth of {evaluation.comparison.truth_name}"
     figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
+    colour = _VERDICT_COLOURS[evaluation.verdict.level]
+    figure.text(
+        0.03, top - 0.055, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top"
+    )
     figures = key_figures(evaluation)
     for number, (value, caption) in enumerate(figures):
         across = 0.97 - 0.112 * (len(figures) - 1 - number)
         figure.text(across, top, value, fontsize=17.0, color=INK, va="top", ha="right")
         figure.text(across, top - 0.032, caption, fontsize=9.0, color=QUIET, va="top", ha="right")
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """The verdict and the likely cause of the worst finding, as short as a line is."""
+    line = verdict.text
+    if verdict.findings and verdict.findings[0].why:
+        line += f": {verdict.findings[0].why}"
+    return line if len(line) <= _MOST_LETTERS else f"{line[: _MOST_LETTERS - 3]}..."
 
 
 def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:

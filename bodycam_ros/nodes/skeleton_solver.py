@@ -20,6 +20,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.registration_health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -31,6 +32,7 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.verdict.live_verdict import LiveVerdict
 
 _LOOK_S = 0.5
 _ARRIVALS = 1000
@@ -65,6 +67,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         path = Path(self.required("body"))
         carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
+        self._verdict: LiveVerdict | None = None
         self._started = False
         self._waiting: list[LandmarkMatches] = []
         self._most_waiting = STAGE_DEPTH * len(carried)
@@ -121,6 +124,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
             return
         if self._pipeline is not None:
             self._publish(self._pipeline.join(camera, model))
+            self._judge_anew()
         else:
             self._solve_with_those_known()
 
@@ -140,6 +144,13 @@ class SkeletonSolver(StageNode[SolverParameters]):
         if self._body is not None and self._cameras.models:
             self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
             self._late_reported = 0
+            self._judge_anew()
+
+    def _judge_anew(self) -> None:
+        """Other cameras or another body: what was seen before says nothing of them."""
+        if self._body is not None:
+            inlier_px = self.settings.pose_fit.inlier_px
+            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, inlier_px)
 
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
@@ -151,6 +162,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _take(self, matches: LandmarkMatches) -> None:
         if self._calibration is not None:
             self._calibration.add(matches)
+        if self._verdict is not None:
+            self._verdict.add_registration(matches)
         if self._pipeline is not None:
             self._publish(self._pipeline.add(matches))
 
@@ -211,6 +224,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
         for output in outputs:
             if self._body is not None:
                 self._topics.publish(output, self._body)
+            if self._verdict is not None:
+                self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._solved_s = time.monotonic()
             self._tally.solved += 1
             self._tally.predicted += output.state.predicted
@@ -240,6 +255,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
         }
         level, text = self._judge(tally)
         health = [Health("body", level, text, values), *self._camera_healths()]
+        if self._verdict is not None:
+            health.append(verdict_health(self._verdict.verdict()))
         return health if self._calibration is None else [*health, self._calibration.health()]
 
     def _judge(self, tally: _Tally) -> tuple[HealthLevel, str]:

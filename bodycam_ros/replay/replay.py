@@ -15,7 +15,8 @@ from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.registration_health import RegistrationHealth
-from bodycam_ros.messages.status import diagnostics_message, text_message
+from bodycam_ros.messages.status import Health, diagnostics_message, text_message
+from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
@@ -31,6 +32,9 @@ from bodycam_ros.replay.camera_worker import (
 )
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_output import BodyOutput
+from bodycam_ros.verdict.agreement_log import AgreementLog
+from bodycam_ros.verdict.judge import judge
+from bodycam_ros.verdict.verdict import Verdict
 
 logger = logging.getLogger(__name__)
 
@@ -53,6 +57,7 @@ class ReplaySummary:
         skipped: camera -> images that could not be used.
         lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
         remarks: what a person should know of a camera's stamps and images, a line each.
+        verdict: whether the result may be used.
     """
 
     recorded_s: float
@@ -66,6 +71,7 @@ class ReplaySummary:
     skipped: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
     remarks: tuple[str, ...] = ()
+    verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
 
     @property
     def real_time_factor(self) -> float:
@@ -105,8 +111,9 @@ def replay(
         cameras = _mounted_cameras(recording, body)
         summary = ReplaySummary(recording.duration_s)
     skeleton = SkeletonPipeline(body, cameras, settings)
+    log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     with write_recording(output_path, force) as writer:
-        out = _Output(writer, body, RegistrationHealth(cameras), summary)
+        out = _Output(writer, body, RegistrationHealth(cameras), summary, log)
         clocks = CameraClocks(cameras)
         start_ns = None
         for item in register_recording(RegistrationTask(recording_path, map_path, settings), list(cameras), jobs):
@@ -127,7 +134,8 @@ def replay(
                 f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
                 "is it the map of another place, or are the images too dark or blurred?"
             )
-        out.write_health(item.stamp_ns)
+        summary.verdict = judge(log.agreement(), body, settings.verdict)
+        out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.instants = skeleton.assembler.assembled
         summary.late = skeleton.assembler.late
         if summary.late:
@@ -145,12 +153,18 @@ class _Output:
     """The messages of a replay, on their way into the bag."""
 
     def __init__(
-        self, writer: RecordingWriter, body: BodyModel, health: RegistrationHealth, summary: ReplaySummary
+        self,
+        writer: RecordingWriter,
+        body: BodyModel,
+        health: RegistrationHealth,
+        summary: ReplaySummary,
+        log: AgreementLog,
     ) -> None:
         self._writer = writer
         self._body = body
         self._health = health
         self._summary = summary
+        self._log = log
         self._make = recorded_messages()
         self._health_due_ns = -1
 
@@ -165,21 +179,24 @@ class _Output:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""
         self._summary.registered[image.camera] += image.matches.world_T_camera is not None
         self._health.add(image.matches)
+        self._log.add_registration(image.matches)
         for message in image.messages:
             self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
         if image.stamp_ns >= self._health_due_ns:
             self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
             self.write_health(image.stamp_ns)
 
-    def write_health(self, stamp_ns: int) -> None:
+    def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""
-        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, self._health.report()))
+        health = [*self._health.report(), *more]
+        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
         """The body at some instants."""
         for output in outputs:
             self._summary.solved += 1
             self._summary.predicted += output.state.predicted
+            self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
             for topic, message in output_messages(self._make, output, self._body).items():
                 self._writer.write(topic, output.state.stamp_ns, message)
 

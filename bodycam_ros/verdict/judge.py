@@ -1,0 +1,172 @@
+"""From what was collected to the verdict: what each camera did, and what it makes of the result."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.verdict.agreement import Agreement
+from bodycam_ros.verdict.camera_link import LEVER_M
+from bodycam_ros.verdict.cause import Cause, causes, clock_cause, is_wrong, lens_cause
+from bodycam_ros.verdict.clock import clock_errors
+from bodycam_ros.verdict.contradiction import Contradiction, contradiction, gaps_over_time, lasting
+from bodycam_ros.verdict.verdict import Finding, Level, Verdict
+from bodycam_ros.verdict.verdict_settings import VerdictSettings
+
+_LEAST_IMAGES = 5
+"""A camera that was heard this little is not called unregistered yet."""
+
+
+def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> Verdict:
+    """The verdict on what was solved.
+
+    Args:
+        agreement: where cameras were registered and solved.
+        body: that was solved.
+        settings: thresholds.
+    """
+    silent = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera, settings)]
+    alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_time(agreement, camera)]
+    cameras = [camera for camera in agreement.cameras if camera not in silent and camera not in alone]
+    found = contradiction(agreement, body, cameras, settings)
+    accused = [
+        _of_contradicting(agreement, body, found, camera, cause, settings)
+        for camera, cause in causes(agreement, body, found, settings).items()
+    ]
+    findings = [
+        *_of_silent(agreement, silent, everybody=bool(silent) and not cameras and not alone),
+        *(_of_alone(agreement, camera, cameras) for camera in alone),
+        *accused,
+        *_of_lenses_and_clocks(agreement, body, found, settings),
+        *_of_early_ends(agreement, cameras, settings),
+    ]
+    if all(finding.level is not Level.WRONG for finding in accused):
+        findings += _of_solver_astray(agreement, found, settings)
+    return Verdict.of(findings)
+
+
+def solved_gaps(agreement: Agreement, camera: str) -> Array:
+    """(T,) from a camera's registered to its solved pose [m], a turn counted at the next joint; NaN if unknown."""
+    solved_T_registered = inverse(agreement.solved(camera)) @ agreement.registered(camera)
+    gaps: Array = np.linalg.norm(solved_T_registered[:, :3, 3], axis=1)
+    known = np.isfinite(gaps)
+    turns = np.linalg.norm(log_so3(solved_T_registered[known, :3, :3]), axis=1)
+    gaps[known] = np.maximum(gaps[known], LEVER_M * turns)
+    return gaps
+
+
+def _is_unregistered(agreement: Agreement, camera: str, settings: VerdictSettings) -> bool:
+    count = agreement.counts[camera]
+    return not count.registered or (count.images >= _LEAST_IMAGES and count.share < settings.min_registered)
+
+
+def _of_silent(agreement: Agreement, silent: Sequence[str], everybody: bool) -> Iterator[Finding]:
+    for camera in silent:
+        count = agreement.counts[camera]
+        what = f"registered on {count.registered} of {count.images} images"
+        if everybody:
+            why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
+            yield Finding(camera, Level.WRONG, what, why, remedy)
+        else:
+            why = "it was covered, dark or blurred, or its lens is not what camera_info says"
+            yield Finding(
+                camera, Level.DOUBTFUL, what, why, "look at its pictures; its segment follows from the others"
+            )
+
+
+def _shares_no_time(agreement: Agreement, camera: str) -> bool:
+    """Whether no other camera recorded while this one did."""
+    own = agreement.counts[camera]
+    others = [agreement.counts[other] for other in agreement.cameras if other != camera]
+    return bool(others) and all(own.last_ns < other.first_ns or own.first_ns > other.last_ns for other in others)
+
+
+def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Finding:
+    starts = [agreement.counts[other].first_ns for other in others]
+    later_s = 1e-9 * (agreement.counts[camera].first_ns - float(np.median(starts))) if starts else 0.0
+    return Finding(
+        camera,
+        Level.WRONG,
+        "shares no time with the other cameras",
+        f"its clock is far off: it begins {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} them",
+        "set the cameras' clocks to one time",
+    )
+
+
+def _of_contradicting(
+    agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, cause: Cause, settings: VerdictSettings
+) -> Finding:
+    # Over segments without a camera, links tell the least that it may be off by; the solved body tells more.
+    solved_gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
+    gap_m = float(np.fmax(found.gaps[camera], solved_gap_m))
+    over_time = gaps_over_time(agreement, body, found.core, camera)
+    bad = over_time > settings.doubtful_gap
+    known = np.isfinite(over_time)
+    share = float(bad[known].mean()) if known.any() else 1.0
+    what = f"contradicts the body by {1e3 * gap_m:.0f} mm"
+    if bad.any() and share < 0.9:
+        times = agreement.seconds[bad]
+        what += f" between {times[0]:.1f} and {times[-1]:.1f} s"
+    if camera in found.rivals:
+        what += f" (or {found.rivals[camera]} does)"
+    level = Level.DOUBTFUL
+    if (
+        gap_m > settings.wrong_gap
+        and share > settings.wrong_share
+        and not _is_left_out(agreement, body, found, camera, settings)
+    ):
+        level = Level.WRONG
+    return Finding(camera, level, what, cause.why, cause.remedy)
+
+
+def _is_left_out(
+    agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, settings: VerdictSettings
+) -> bool:
+    """Whether the solver was not misled: another camera holds the segment, and the body is where all others say."""
+    segment = body.mounts[camera].segment
+    held = any(body.mounts[other].segment == segment for other in found.core)
+    return held and all(
+        not lasting(solved_gaps(agreement, other), agreement.seconds, settings.min_stay) > settings.doubtful_gap
+        for other in found.core
+    )
+
+
+def _of_lenses_and_clocks(
+    agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings
+) -> Iterator[Finding]:
+    """Cameras that agree with each other, and yet have a lens or a clock that does not fit."""
+    clocks = clock_errors(agreement, body, found.core, settings.clock_error)
+    for camera in found.core:
+        lens = agreement.lens_errors.get(camera)
+        if lens is not None and is_wrong(lens, settings):
+            cause = lens_cause(lens)
+            yield Finding(camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy)
+        elif camera in clocks:
+            cause = clock_cause(clocks[camera])
+            yield Finding(camera, Level.DOUBTFUL, "its places come at other times", cause.why, cause.remedy)
+
+
+def _of_solver_astray(agreement: Agreement, found: Contradiction, settings: VerdictSettings) -> Iterator[Finding]:
+    """Cameras that agree with each other and not with what was solved, though none that is wrong explains it."""
+    for camera in found.core:
+        gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
+        if gap_m > settings.doubtful_gap:
+            level = Level.WRONG if gap_m > settings.wrong_gap else Level.DOUBTFUL
+            what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
+            yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")
+
+
+def _of_early_ends(agreement: Agreement, cameras: Sequence[str], settings: VerdictSettings) -> Iterator[Finding]:
+    last_ns = max((agreement.counts[camera].last_registered_ns for camera in cameras), default=0)
+    for camera in cameras:
+        ended_ns = agreement.counts[camera].last_registered_ns
+        if last_ns - ended_ns > 1e9 * settings.early_end:
+            end_s, all_s = (1e-9 * (stamp_ns - agreement.start_ns) for stamp_ns in (ended_ns, last_ns))
+            yield Finding(
+                camera,
+                Level.DOUBTFUL,
+                f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s",
+                "it stopped, or was covered",
+                "its segment follows from the others after that",
+            )

@@ -1,0 +1,76 @@
+"""The verdict on a solved recording: may it be used, and if not, which camera is it and what helps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Level(IntEnum):
+    """How far a result may be trusted."""
+
+    GOOD = 0
+    DOUBTFUL = 1
+    WRONG = 2
+
+    @property
+    def word(self) -> str:
+        """As people say it."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is wrong with one camera.
+
+    Attributes:
+        camera: name.
+        level: what it makes of the result; doubtful or wrong.
+        what: is seen.
+        why: that likely is.
+        remedy: what to do.
+    """
+
+    camera: str
+    level: Level
+    what: str
+    why: str = ""
+    remedy: str = ""
+
+    @property
+    def told(self) -> str:
+        """What, why and what to do in one line."""
+        parts = (self.what, f"likely {self.why}" if self.why else "", self.remedy)
+        return "; ".join(part for part in parts if part)
+
+    @property
+    def text(self) -> str:
+        """The camera and all of it in one line."""
+        return f"camera {self.camera}: {self.told}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict.
+
+    Attributes:
+        level: the worst of the findings.
+        findings: the worst first.
+    """
+
+    level: Level
+    findings: tuple[Finding, ...]
+
+    @classmethod
+    def of(cls, findings: Sequence[Finding]) -> "Verdict":
+        """The verdict that findings make."""
+        ordered = tuple(sorted(findings, key=lambda finding: (-finding.level, finding.camera)))
+        return cls(max((finding.level for finding in ordered), default=Level.GOOD), ordered)
+
+    @property
+    def text(self) -> str:
+        """In one line, for a headline or a diagnostic."""
+        if not self.findings:
+            return "good: nothing contradicts the body"
+        accused = list(dict.fromkeys(finding.camera for finding in self.findings if finding.level == self.level))
+        what = "do not use this result;" if self.level is Level.WRONG else "look twice at what depends on"
+        return f"{self.level.word}: {what} {', '.join(accused)}"

@@ -1,0 +1,148 @@
+"""Known faults of cameras, and what the verdict says of them."""
+
+import numpy as np
+import pytest
+from known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
+
+from bodycam_ros.geometry import Array, exp_se3, rigid
+from bodycam_ros.verdict.verdict import Finding, Level, Verdict
+
+LEFT_LEG = ("waist_front", "thigh_left", "shin_left", "foot_left")
+
+
+def only(verdict: Verdict, level: Level) -> Finding:
+    """The one finding that there must be."""
+    assert (verdict.level, len(verdict.findings)) == (level, 1), [finding.text for finding in verdict.findings]
+    return verdict.findings[0]
+
+
+@pytest.mark.parametrize("cameras", [tuple(BODY.mounts), LEFT_LEG, ("waist_front", "head", "shin_left"), ("head",)])
+def test_a_good_recording_is_good(cameras: tuple[str, ...]) -> None:
+    verdict = KnownMotion(cameras).verdict()
+    assert (verdict.level, verdict.findings) == (Level.GOOD, ())
+    assert verdict.text == "good: nothing contradicts the body"
+
+
+@pytest.mark.parametrize(
+    "pairs",
+    [
+        [("forearm_left", "forearm_right")],
+        [("waist_left", "waist_right")],
+        [("head", "torso_front")],
+        [("shin_left", "foot_left")],
+        [("upper_arm_left", "upper_arm_right"), ("forearm_left", "forearm_right")],
+    ],
+)
+def test_exchanged_names_are_named(pairs: list[tuple[str, str]]) -> None:
+    verdict = KnownMotion(names=exchanged(*pairs)).verdict()
+    assert verdict.level > Level.GOOD
+    why = {finding.camera: finding.why for finding in verdict.findings}
+    assert why == {a: f"its name is exchanged with {b}" for a, b in exchanged(*pairs).items()}
+
+
+def test_exchanged_names_among_four_cameras() -> None:
+    verdict = KnownMotion(LEFT_LEG, exchanged(("shin_left", "foot_left"))).verdict()
+    assert verdict.level == Level.WRONG
+    assert {finding.camera for finding in verdict.findings} == {"shin_left", "foot_left"}
+    assert all("exchanged" in finding.why for finding in verdict.findings)
+
+
+def test_a_camera_that_records_from_where_a_missing_one_should() -> None:
+    cameras = tuple(camera for camera in BODY.mounts if camera != "head")
+    verdict = KnownMotion(cameras, names={"shin_left": "head"}).verdict()
+    head = next(finding for finding in verdict.findings if finding.camera == "head")
+    assert head.why == "its pictures come from where shin_left sits"
+
+
+def test_a_camera_that_sits_elsewhere_than_the_body_says() -> None:
+    finding = only(KnownMotion(altered={"forearm_left": moved((0.0, 0.15, 0.1))}).verdict(), Level.WRONG)
+    assert finding.camera == "forearm_left"
+    millimetres = float(finding.why.split()[2])
+    assert finding.why.startswith("it sits") and millimetres == pytest.approx(180.0, abs=5.0)
+
+
+def test_a_slipped_strap_is_named_with_its_time() -> None:
+    finding = only(KnownMotion(altered={"shin_left": moved((0.0, 0.08, 0.04), after_s=2.5)}).verdict(), Level.DOUBTFUL)
+    assert finding.camera == "shin_left"
+    assert "its strap slipped at 2.5 s" in finding.why
+    assert "between 2.5 and 3.9 s" in finding.what
+
+
+@pytest.mark.parametrize("error_s", [0.02, -0.02])
+@pytest.mark.parametrize("camera", ["foot_left", "forearm_right"])
+def test_a_clock_that_is_off_by_some_milliseconds(camera: str, error_s: float) -> None:
+    finding = only(KnownMotion(clocks_s={camera: error_s}).verdict(), Level.DOUBTFUL)
+    assert finding.camera == camera
+    words = finding.why.split()
+    assert float(words[3]) == pytest.approx(20.0, abs=5.0)
+    assert words[5] == ("ahead" if error_s > 0.0 else "behind")
+
+
+def test_a_clock_that_is_far_off() -> None:
+    finding = only(KnownMotion(clocks_s={"head": 3600.0}).verdict(), Level.WRONG)
+    assert (finding.camera, finding.what) == ("head", "shares no time with the other cameras")
+    assert "3600.0 s after them" in finding.why
+
+
+def test_wrong_registrations_all_over_the_place() -> None:
+    random = np.random.default_rng(5)
+
+    def jump(time: float, pose: Array) -> Array:
+        return pose @ exp_se3(random.normal(size=6) * 0.4)
+
+    finding = only(KnownMotion(altered={"shin_left": jump}).verdict(), Level.WRONG)
+    assert finding.camera == "shin_left"
+    assert "lens is not what camera_info says" in finding.why
+
+
+def test_a_camera_that_the_solver_left_out_makes_a_result_doubtful_and_one_that_it_followed_wrong() -> None:
+    fault = {"waist_right": moved((0.4, 0.0, 0.0))}
+    finding = only(KnownMotion(altered=fault).verdict(), Level.DOUBTFUL)
+    assert finding.camera == "waist_right"
+    pulled = KnownMotion(altered=fault, solved=lambda poses: rigid(np.eye(3), np.array([0.2, 0.0, 0.0])) @ poses)
+    assert only(pulled.verdict(), Level.WRONG).camera == "waist_right"
+
+
+def test_a_solver_that_went_astray_is_wrong_though_all_cameras_agree() -> None:
+    astray = KnownMotion(LEFT_LEG, solved=lambda poses: rigid(np.eye(3), np.array([0.0, 0.3, 0.0])) @ poses).verdict()
+    assert astray.level == Level.WRONG
+    assert {finding.camera for finding in astray.findings} == set(LEFT_LEG)
+
+
+def test_a_camera_that_is_never_registered() -> None:
+    finding = only(KnownMotion(altered={"head": lambda time, pose: None}).verdict(), Level.DOUBTFUL)
+    assert finding.what == "registered on 0 of 120 images"
+
+
+def test_no_camera_is_registered() -> None:
+    nothing = dict.fromkeys(LEFT_LEG, lambda time, pose: pose if time == 0.0 else None)
+    verdict = KnownMotion(LEFT_LEG, altered=nothing).verdict()
+    assert verdict.level == Level.WRONG
+    assert "map of another place" in verdict.findings[0].why
+
+
+def test_a_camera_that_ends_early() -> None:
+    finding = only(
+        KnownMotion(altered={"head": lambda time, pose: pose if time < 2.0 else None}).verdict(), Level.DOUBTFUL
+    )
+    assert finding.what == f"registered for the last time at 2.0 s of {DURATION_S:.1f} s"
+
+
+@pytest.mark.parametrize("scale", [10.0, 0.5, 1.3])
+def test_a_map_of_another_scale(scale: float) -> None:
+    def scaled(time: float, pose: Array) -> Array:
+        return rigid(pose[:3, :3], scale * pose[:3, 3])
+
+    verdict = KnownMotion(altered=dict.fromkeys(BODY.mounts, scaled)).verdict()
+    assert verdict.level == Level.WRONG
+    (why,) = {finding.why for finding in verdict.findings}
+    assert why.startswith("the map is") and float(why.split()[3]) == pytest.approx(scale, rel=0.01)
+
+
+def test_a_short_spell_of_wrong_registrations_is_no_finding() -> None:
+    """The solver bridges it; half of the shortest stay is the limit."""
+
+    def spell(time: float, pose: Array) -> Array:
+        return pose @ rigid(np.eye(3), np.array([0.5, 0.0, 0.0])) if 2.0 <= time < 2.35 else pose
+
+    assert KnownMotion(altered={"shin_left": spell}).verdict().level == Level.GOOD
