@@ -1,10 +1,73 @@
-"""The ament_python package bodycam_ros; also installs with plain pip."""
+"""The ament_python package bodycam_ros; also installs with plain pip.
 
+colcon and rosdep look for no package beneath a package, so they never see msg_defs/, the package bodycam_msgs. Under
+colcon this file builds it too, into the same prefix; pip installs it on its own.
+"""
+
+import os
+import subprocess
+import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.develop import develop
+from setuptools.command.install import install
 
 NAME = "bodycam_ros"
+# Beneath `colcon build --symlink-install` this file is a link in the build space.
+INTERFACES = Path(__file__).resolve().parent / "msg_defs"
+
+
+class InstallWithInterfaces(install):
+    """``colcon build``."""
+
+    def run(self):
+        """Install the interfaces as well."""
+        super().run()
+        install_interfaces(self)
+
+
+class DevelopWithInterfaces(develop):
+    """``colcon build --symlink-install``."""
+
+    def run(self):
+        """Install the interfaces as well."""
+        super().run()
+        if not self.uninstall:
+            install_interfaces(self)
+
+
+def install_interfaces(command):
+    """Configure, build and install bodycam_msgs where colcon installs this package; without colcon do nothing."""
+    if "COLCON" not in os.environ:
+        return
+    build = Path(command.get_finalized_command("build").build_base).resolve() / INTERFACES.name
+    # colcon has the prefix of this package stand in for Python's own.
+    configure = ["cmake", "-S", str(INTERFACES), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={sys.prefix}"]
+    configure += ["-DBUILD_TESTING=OFF", f"-DCMAKE_PREFIX_PATH={';'.join(ament_prefixes())}"]
+    for step in (
+        configure,
+        ["cmake", "--build", str(build), "--parallel", cores()],
+        ["cmake", "--install", str(build)],
+    ):
+        try:
+            subprocess.run(step, check=True)
+        except FileNotFoundError:
+            sys.exit("building bodycam_msgs needs CMake and a C++ compiler: sudo apt install cmake g++")
+        except subprocess.CalledProcessError as error:
+            sys.exit(f"bodycam_msgs could not be built ({' '.join(step[:2])} ended with {error.returncode}); see above")
+
+
+def ament_prefixes():
+    """Where the ROS installation and the workspaces beneath this one are."""
+    return [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+
+
+def cores():
+    """How many compilers run at a time, as text."""
+    return os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or str(os.cpu_count() or 1)
+
 
 setup(
     name=NAME,
@@ -36,6 +99,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    cmdclass={"install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
     entry_points={
         "console_scripts": [
             "bodycam = bodycam_ros.cli.main:main",

@@ -11,10 +11,18 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironment
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
-from bodycam_ros.nodes.graph import live_graph, player
+from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, player
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
+
+TRUTH = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
+
+RESPAWN_DELAY_S = 2.0
+"""A node that cannot run, because its map is missing, say, must not take the others' processors."""
+
+SIGTERM_AFTER_S, SIGKILL_AFTER_S = "30", "40"
+"""Under load the nodes take longer to leave than launch would wait; after 60 s they end themselves."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -30,7 +38,10 @@ def generate_launch_description() -> LaunchDescription:
                 "rig", default_value="", description="rig YAML, to make the body from a range of motion (~/calibrate)"
             ),
             DeclareLaunchArgument(
-                "overwrite_body", default_value="false", description="with rig: replace a body that is there already"
+                "overwrite_body",
+                default_value="false",
+                choices=list(TRUTH),
+                description="with rig: replace a body that is there already",
             ),
             DeclareLaunchArgument(
                 "cameras", default_value="", description="names with commas; all of the body if empty"
@@ -40,6 +51,15 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("bagfile", default_value="", description="ros2 bag or .mcap file to play"),
             DeclareLaunchArgument("rate", default_value="1.0", description="times the recorded speed, for bagfile"),
+            DeclareLaunchArgument(
+                "loop", default_value="false", choices=list(TRUTH), description="play bagfile again and again"
+            ),
+            DeclareLaunchArgument(
+                "respawn",
+                default_value="true",
+                choices=list(TRUTH),
+                description=f"start a node again {RESPAWN_DELAY_S:g} s after it ended; not the player",
+            ),
             DeclareLaunchArgument(
                 "config", default_value=str(SHARE / "config/bodycam.yaml"), description="settings, a ROS parameter file"
             ),
@@ -56,24 +76,31 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         return LaunchConfiguration(name).perform(context)
 
     cameras = [camera.strip() for camera in value("cameras").split(",") if camera.strip()]
-    nodes = live_graph(
+    graph = live_graph(
         Path(value("map")),
         Path(value("body")),
         cameras,
         int(value("registrations")),
         Path(value("rig")) if value("rig") else None,
-        value("overwrite_body").lower() in ("true", "1"),
+        TRUTH[value("overwrite_body")],
     )
+    actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):
         # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
-        nodes.append(player(Path(value("bagfile")), float(value("rate"))))
-    return [
-        Node(
-            package="bodycam_ros",
-            executable=node.executable,
-            name=node.name,
-            parameters=[value("config"), dict(node.parameters)],
-            output="screen",
-        )
-        for node in nodes
-    ]
+        playing = player(Path(value("bagfile")), float(value("rate")), cameras_of(graph), TRUTH[value("loop")])
+        actions.append(_action(playing, value("config"), respawn=False))
+    return actions
+
+
+def _action(node: NodeProcess, config: str, respawn: bool) -> Node:
+    return Node(
+        package="bodycam_ros",
+        executable=node.executable,
+        name=node.name,
+        parameters=[config, dict(node.parameters)],
+        output="screen",
+        respawn=respawn,
+        respawn_delay=RESPAWN_DELAY_S,
+        sigterm_timeout=SIGTERM_AFTER_S,
+        sigkill_timeout=SIGKILL_AFTER_S,
+    )

@@ -101,6 +101,10 @@ class Graph:
         """Whether the listener has found somebody who publishes a topic."""
         return bool(self._node.count_publishers(topic))
 
+    def offers(self, topic: str) -> list[Any]:
+        """Quality of service of those who publish a topic."""
+        return [each.qos_profile for each in self._node.get_publishers_info_by_topic(topic)]
+
     def count_publishers(self, topic: str) -> int:
         """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
         return int(self._node.count_publishers(topic))

@@ -23,6 +23,18 @@ def test_one_version_everywhere() -> None:
     assert stated == dict.fromkeys(stated, bodycam_ros.__version__)
 
 
+def test_what_the_interfaces_need_is_declared_where_rosdep_looks() -> None:
+    """It sees no package beneath a package, and neither does colcon: the outer one builds the inner one."""
+
+    def needed(manifest: str, *kinds: str) -> set[str]:
+        root = ElementTree.parse(REPOSITORY / manifest).getroot()
+        return {each.text or "" for kind in kinds for each in root.iter(kind)}
+
+    for kinds in (("buildtool_depend",), ("build_depend", "depend"), ("exec_depend", "depend")):
+        assert needed("msg_defs/package.xml", *kinds) <= needed("package.xml", *kinds)
+    assert "bodycam_msgs" not in needed("package.xml", "build_depend", "exec_depend", "depend")
+
+
 def test_the_package_carries_the_definitions_that_cmake_builds() -> None:
     built = set(re.findall(r'"msg/(\w+\.msg)"', (REPOSITORY / "msg_defs/CMakeLists.txt").read_text()))
     carried = {f.name: f.read_text() for f in files("bodycam_ros").joinpath("msg").iterdir()}

@@ -1,5 +1,6 @@
 """What the solver publishes: the body, and how it moves."""
 
+import time
 from typing import Any
 
 from rclpy.duration import Duration
@@ -22,7 +23,7 @@ OUTPUTS = {
 }
 """Topic -> type of what ``output_messages`` makes."""
 
-_LAST_WORDS = Duration(nanoseconds=500_000_000)
+_LAST_WORDS_S = 0.5
 
 
 class BodyTopics:
@@ -53,6 +54,8 @@ class BodyTopics:
             publisher.publish(messages[topic])
 
     def wait_until_heard(self) -> None:
-        """Give the readers the time to get the last messages."""
+        """Give the readers the time to get the last messages, but all together no more than half a second."""
+        deadline_s = time.monotonic() + _LAST_WORDS_S
         for publisher in self._outputs.values():
-            publisher.wait_for_all_acked(_LAST_WORDS)
+            left_s = max(0.0, deadline_s - time.monotonic())
+            publisher.wait_for_all_acked(Duration(nanoseconds=int(1e9 * left_s)))

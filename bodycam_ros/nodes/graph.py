@@ -1,7 +1,7 @@
 """Which processes make the live graph: for the launch file, and for whoever starts them without one. Imports no ROS."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -58,26 +58,60 @@ def live_graph(
     """
     known, what = (body, "body") if rig is None else (rig, "rig")
     carried = tuple(read_body(body).mounts if rig is None else Rig.from_yaml(rig).cameras)
-    if unknown := [camera for camera in cameras if camera not in carried]:
-        raise BodyError(f"{known}: the {what} carries no camera {', '.join(unknown)}; it carries {', '.join(carried)}")
-    used = list(cameras) or list(carried)
-    if not used:
-        raise BodyError(f"{known}: the {what} carries no camera")
+    used = list(cameras_used(cameras, carried, f"{known}: the {what}"))
+    if rig is not None and len(used) < len(carried):
+        raise BodyError(f"{known}: a calibration needs all cameras of the rig, so leave out 'cameras'")
     count = min(max(1, registrations), len(used))
     names = ["registration"] if count == 1 else [f"registration_{number}" for number in range(1, count + 1)]
     of_solver: dict[str, object] = {"body": str(body)}
+    if len(used) < len(carried):
+        of_solver["cameras"] = used
     if rig is not None:
         of_solver |= {"rig": str(rig), "overwrite_body": overwrite_body}
     return [
         *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
         *(
-            NodeProcess("registration", name, {"map": str(reference_map), "cameras": used[start::count]})
+            NodeProcess(
+                "registration",
+                name,
+                {"map": str(reference_map), "cameras": used[start::count], "publish_map": start == 0},
+            )
             for start, name in enumerate(names)
         ),
         NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
     ]
 
 
-def player(bag: Path, rate: float) -> NodeProcess:
-    """A player that starts once the whole graph listens."""
-    return NodeProcess("player", "player", {"bag": str(bag), "rate": rate, "readers": READERS_OF_INFO})
+def cameras_used(asked: Sequence[str], carried: Sequence[str], by: str) -> tuple[str, ...]:
+    """The cameras asked for, each once; all that are carried if none is.
+
+    Raises:
+        BodyError: one of them is not carried, or none is; ``by`` says by what.
+    """
+    if unknown := [camera for camera in asked if camera not in carried]:
+        raise BodyError(f"{by} carries no camera {', '.join(unknown)}; it carries {', '.join(carried) or 'none'}")
+    if not carried:
+        raise BodyError(f"{by} carries no camera")
+    return tuple(dict.fromkeys(asked)) or tuple(carried)
+
+
+def cameras_of(graph: Iterable[NodeProcess]) -> list[str]:
+    """The cameras that a graph tracks."""
+    return [str(node.parameters["camera"]) for node in graph if node.executable == "tracker"]
+
+
+def player(bag: Path, rate: float, cameras: Sequence[str] = (), loop: bool = False) -> NodeProcess:
+    """A player that starts once the whole graph listens.
+
+    Args:
+        bag: bag folder or .mcap file.
+        rate: times the recorded speed.
+        cameras: those to play; all of the bag if empty, although nobody may read them.
+        loop: begin again at the end.
+    """
+    given: dict[str, object] = {"bag": str(bag), "rate": rate, "readers": READERS_OF_INFO}
+    if cameras:
+        given["cameras"] = list(cameras)
+    if loop:
+        given["loop"] = True
+    return NodeProcess("player", "player", given)

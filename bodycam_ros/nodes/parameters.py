@@ -63,6 +63,7 @@ class SolverParameters:
     """Of the node ``skeleton_solver``."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
+    cameras: tuple[str, ...] = setting((), reason="the cameras to listen to; all of the body if empty")
     rig: str = setting(
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
     )
@@ -93,9 +94,13 @@ class PlayerParameters:
     """Of the node ``player``."""
 
     bag: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
+    cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
     rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
+    loop: bool = setting(False, reason="begin again at the end, with the stamps as recorded: time jumps back")
     readers: int = setting(
-        1, limits=(0, 100), reason="wait for so many readers of each camera_info; the whole graph has three a camera"
+        1,
+        limits=(0, 100),
+        reason="wait for so many nodes that read each camera_info; the whole graph has three a camera",
     )
     reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
     settle: float = setting(

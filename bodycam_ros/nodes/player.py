@@ -1,26 +1,28 @@
 """Node ``player``: publishes the cameras of a bag, where there is no ``ros2 bag play`` or where nothing may be lost.
 
-It starts once everybody listens, so that the graph hears the first image too.
+It starts once everybody listens, so that the graph hears the first image too. Stamps stay as they were recorded.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from rclpy.duration import Duration
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.parameters import PlayerParameters
-from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.played_topics import IMAGES, PlayedTopics, camera_of, few
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recording_typestore
 
-_INFO, _IMAGES = "/camera_info", ("/image_raw/compressed", "/image_raw")
-_LOOK_S = 0.1
-_LAST_WORDS = Duration(seconds=30)
+_SLICE_S = 0.1
+"""So soon it hears that it is to stop, whatever it waits for."""
+
+_REPORT_S, _COMPLAINT_S = 1.0, 5.0
+_LAST_WORDS_S = 30.0
 
 
 class Player(StageNode[PlayerParameters]):
@@ -29,55 +31,117 @@ class Player(StageNode[PlayerParameters]):
     def __init__(self) -> None:
         super().__init__("player", PlayerParameters)
         self._path = Path(self.required("bag"))
+        self._played = 0
+        self._behind_s = 0.0
+        self._report_due_s = 0.0
+        self._complaint_due_s = 0.0
+        self._unread_since_s: float | None = None
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Wait for readers, play the bag, and wait until the readers have everything."""
         with BagFile(self._path) as bag:
-            topics = {topic: kind for topic, kind in bag.topics.items() if topic.endswith((_INFO, *_IMAGES))}
-            if not any(topic.endswith(_IMAGES) for topic in topics):
-                raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{_IMAGES[0]}")
-            publishers = {topic: self.publisher(kind, topic, reliable(STAGE_DEPTH)) for topic, kind in topics.items()}
-            self._wait_for_readers(publishers, stopped)
-            self._play(bag, topics, publishers, stopped)
-        for publisher in publishers.values():
-            if not stopped():
-                publisher.wait_for_all_acked(_LAST_WORDS)
+            topics = PlayedTopics(self, self._chosen(bag))
+            self._wait_for_readers(topics, stopped)
+            while not stopped():
+                self._play(bag, topics, stopped)
+                if not self.parameters.loop or not self._played:
+                    break
+        deadline_s = time.monotonic() + _LAST_WORDS_S
+        while not stopped() and time.monotonic() < deadline_s:
+            if topics.are_heard(Duration(nanoseconds=int(1e9 * _SLICE_S))):
+                break
 
-    def _wait_for_readers(self, publishers: dict[str, Any], stopped: Callable[[], bool]) -> None:
-        wanted = {topic: self.parameters.readers if topic.endswith(_INFO) else 1 for topic in publishers}
-        deadline_s = time.monotonic() + self.parameters.reader_wait
-        while self.parameters.readers and not stopped():
-            lacking = {topic for topic, each in publishers.items() if each.get_subscription_count() < wanted[topic]}
-            if not lacking:
-                time.sleep(self.parameters.settle)
-                return
-            if time.monotonic() > deadline_s:
-                raise RecordingError(
-                    f"after {self.parameters.reader_wait:g} s nobody, or not everybody, reads "
-                    f"{_few(sorted(lacking))}; start the other nodes, or do not wait (-p readers:=0)"
-                )
-            time.sleep(_LOOK_S)
+    def _chosen(self, bag: BagFile) -> dict[str, str]:
+        """Topic -> type of what is to be played."""
+        topics = {topic: kind for topic, kind in bag.topics.items() if camera_of(topic)}
+        there = dict.fromkeys(camera_of(topic) for topic in topics if topic.endswith(IMAGES))
+        if not there:
+            raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{IMAGES[0]}")
+        asked = self.parameters.cameras
+        if not asked:
+            return topics
+        played = [camera for camera in there if camera in asked]
+        if not played:
+            raise RecordingError(f"{self._path}: has no images of {', '.join(asked)}; it has {', '.join(there)}")
+        if lacking := [camera for camera in asked if camera not in there]:
+            self.get_logger().warning(f"{self._path} has no images of {', '.join(lacking)}")
+        if left_out := [camera for camera in there if camera not in played]:
+            self.get_logger().info(f"plays {', '.join(played)}; leaves out {', '.join(left_out)}")
+        return {topic: kind for topic, kind in topics.items() if camera_of(topic) in asked}
 
-    def _play(
-        self, bag: BagFile, topics: dict[str, str], publishers: dict[str, Any], stopped: Callable[[], bool]
-    ) -> None:
+    def _wait_for_readers(self, topics: PlayedTopics, stopped: Callable[[], bool]) -> None:
+        if not self.parameters.readers:
+            return
         started_s = time.monotonic()
-        behind_s, count = 0.0, 0
-        for topic, recorded_ns, message in bag.messages(topics):
+        while not stopped() and (lacking := topics.lacking(self.parameters.readers)):
+            waited_s = time.monotonic() - started_s
+            if waited_s > self.parameters.reader_wait:
+                raise RecordingError(
+                    f"after {self.parameters.reader_wait:g} s nobody, or not everybody, reads {few(lacking)}; "
+                    "start the other nodes, play only the cameras that they read (-p cameras:=...), or do not wait "
+                    "(-p readers:=0)"
+                )
+            if waited_s > _COMPLAINT_S:
+                self._complain(lacking, f"waits until {self.parameters.readers} nodes read each camera; lacking are")
+            self._report_now_and_then("waiting for readers", lacking)
+            time.sleep(_SLICE_S)
+        self._pause_until(time.monotonic() + self.parameters.settle, topics, stopped)
+
+    def _play(self, bag: BagFile, topics: PlayedTopics, stopped: Callable[[], bool]) -> None:
+        started_s = time.monotonic()
+        self._played, self._behind_s = 0, 0.0
+        for topic, recorded_ns, message in bag.messages(topics.types):
             due_s = started_s + 1e-9 * (recorded_ns - bag.start_ns) / self.parameters.rate
-            behind_s = max(behind_s, time.monotonic() - due_s)
-            time.sleep(max(0.0, due_s - time.monotonic()))
+            self._behind_s = max(self._behind_s, time.monotonic() - due_s)
+            self._pause_until(due_s, topics, stopped)
             if stopped():
                 return
-            publishers[topic].publish(bytes(recording_typestore().serialize_cdr(message, topics[topic])))
-            count += 1
+            topics.publish(topic, bytes(recording_typestore().serialize_cdr(message, topics.types[topic])))
+            self._played += 1
         elapsed_s = time.monotonic() - started_s
-        self.get_logger().info(f"played {count} messages in {elapsed_s:.1f} s, at most {behind_s:.2f} s behind")
+        self.get_logger().info(
+            f"played {self._played} messages in {elapsed_s:.1f} s, at most {self._behind_s:.2f} s behind"
+        )
 
+    def _pause_until(self, due_s: float, topics: PlayedTopics, stopped: Callable[[], bool]) -> None:
+        """Sleep, but do what is to be done now and then; at least look once whether something is."""
+        while not stopped():
+            topics.repeat_infos()
+            self._look_for_unread(topics)
+            left_s = due_s - time.monotonic()
+            if left_s <= 0.0:
+                return
+            time.sleep(min(left_s, _SLICE_S))
 
-def _few(topics: Sequence[str]) -> str:
-    more = f" and {len(topics) - 3} more topics" if len(topics) > 3 else ""
-    return ", ".join(topics[:3]) + more
+    def _look_for_unread(self, topics: PlayedTopics) -> None:
+        """Say what nobody reads: not at once, for a reader may be starting again."""
+        now_s = time.monotonic()
+        if now_s < self._report_due_s:
+            return
+        unread = topics.lacking(1)
+        self._unread_since_s = (self._unread_since_s or now_s) if unread else None
+        if self._unread_since_s is not None and now_s - self._unread_since_s > _COMPLAINT_S:
+            self._complain(unread, "plays, but not everything is read:")
+        self._report_now_and_then("playing", unread)
+
+    def _complain(self, lacking: Sequence[str], text: str) -> None:
+        if time.monotonic() > self._complaint_due_s:
+            self._complaint_due_s = time.monotonic() + _COMPLAINT_S
+            self.get_logger().warning(f"{text} {few(lacking)}")
+
+    def _report_now_and_then(self, text: str, lacking: Sequence[str]) -> None:
+        now_s = time.monotonic()
+        if now_s < self._report_due_s:
+            return
+        self._report_due_s = now_s + _REPORT_S
+        values: dict[str, object] = {
+            "messages played": self._played,
+            "behind at most [s]": round(self._behind_s, 2),
+            "readers lacking": few(lacking) or "none",
+        }
+        level = HealthLevel.WARN if lacking else HealthLevel.OK
+        # Real time: with use_sim_time the node's own clock may stand still.
+        self.report(time.time_ns(), [Health(self.get_name(), level, text, values)])
 
 
 def main() -> int:

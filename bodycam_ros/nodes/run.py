@@ -4,6 +4,7 @@ import logging
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
@@ -21,7 +22,7 @@ FAILED = 1
 
 
 def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
-    """Run a node until it fails or SIGINT or SIGTERM comes; the exit code."""
+    """Run a node until it fails, or SIGINT, SIGTERM or SIGHUP comes; the exit code."""
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
     signals = _Signals()
@@ -47,18 +48,20 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
 
 
 class _Signals:
-    """Notes SIGINT and SIGTERM."""
-
-    _NUMBERS = (signal.SIGINT, signal.SIGTERM)
+    """Notes what is sent to end a process, also by a terminal that is closed."""
 
     def __init__(self) -> None:
         self._come = False
-        for number in self._NUMBERS:
+        self._numbers = [signal.SIGINT, signal.SIGTERM]
+        # nohup
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            self._numbers.append(signal.SIGHUP)
+        for number in self._numbers:
             signal.signal(number, self._note)
 
     def ignore(self) -> None:
         """From now on they do nothing."""
-        for number in self._NUMBERS:
+        for number in self._numbers:
             signal.signal(number, signal.SIG_IGN)
 
     def have_come(self) -> bool:
@@ -70,5 +73,7 @@ class _Signals:
 
 
 def _say(name: str, error: Exception) -> int:
-    print(f"{name}: error: {error}", file=sys.stderr, flush=True)
+    # The terminal may be gone.
+    with suppress(OSError):
+        print(f"{name}: error: {error}", file=sys.stderr, flush=True)
     return FAILED

@@ -24,6 +24,7 @@ from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.nodes.graph import cameras_used
 from bodycam_ros.nodes.live_calibration import LiveCalibration
 from bodycam_ros.nodes.parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
@@ -97,14 +98,15 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _read_body(self, path: Path) -> tuple[str, ...]:
         """Learn the body that is there; its cameras."""
         self._body = read_body(path)
-        if not self._body.mounts:
-            raise BodyError(f"{path}: the body carries no camera, so there is nothing to solve it from")
+        used = cameras_used(self.parameters.cameras, tuple(self._body.mounts), f"{path}: the body")
         self._topics.describe(self._body)
-        return tuple(self._body.mounts)
+        return used
 
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
         rig = Rig.from_yaml(self.parameters.rig)
+        if self.parameters.cameras:
+            raise BodyError(f"{path}: a calibration needs all cameras of the rig, so leave out the parameter 'cameras'")
         self._calibration = LiveCalibration(self, rig, path, lambda: self._cameras.missing, self._solve_new)
         return tuple(rig.cameras)
 

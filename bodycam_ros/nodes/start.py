@@ -6,42 +6,50 @@ The nodes are imported here and not above, because some things must be settled b
 import os
 import signal
 import sys
+from contextlib import suppress
 from importlib import import_module
+from typing import NoReturn
 
 NODES = ("tracker", "registration", "skeleton_solver", "player")
 
 
-def tracker() -> int:
+def tracker() -> NoReturn:
     """Run the tracker of one camera."""
-    return _run("tracker")
+    _run("tracker")
 
 
-def registration() -> int:
+def registration() -> NoReturn:
     """Run the registration of all cameras."""
-    return _run("registration")
+    _run("registration")
 
 
-def skeleton_solver() -> int:
+def skeleton_solver() -> NoReturn:
     """Run the solver of the body."""
-    return _run("skeleton_solver")
+    _run("skeleton_solver")
 
 
-def player() -> int:
+def player() -> NoReturn:
     """Play a bag."""
-    return _run("player")
+    _run("player")
 
 
-def _run(name: str) -> int:
+def _run(name: str) -> NoReturn:
     # Until the node listens to signals itself Ctrl-C just ends it: half-loaded libraries would give a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Every camera has a process, so threads inside one would only get in the others' way.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     code: int = import_module(f"bodycam_ros.nodes.{name}").main()
-    return code
+    for stream in (sys.stdout, sys.stderr):
+        # The terminal may be gone.
+        with suppress(OSError):
+            stream.flush()
+    # The node has left ROS and said all it had to. Unloading Python, OpenCV, gtsam and Fast DDS takes ten times as long
+    # as that, and tells nobody anything.
+    os._exit(code)
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in NODES:
         sys.exit(f"usage: python -m bodycam_ros.nodes.start {{{','.join(NODES)}}} [--ros-args ...]")
-    sys.exit(_run(sys.argv.pop(1)))
+    _run(sys.argv.pop(1))

@@ -1,9 +1,14 @@
 """Nodes leave ROS whatever happens: those that were refused, those that leave together, and those that get stuck."""
 
+import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from bodycam_ros.nodes.graph import NodeProcess
 
@@ -77,11 +82,34 @@ def test_a_node_that_leaves_hears_of_nobody_any_more(graph: Any) -> None:
         rclpy.shutdown(context=context)
 
 
+def _children_s() -> float:
+    """Processor time of the processes that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def test_all_leave_when_all_are_told_at_once(graph: Any) -> None:
+    began_s, ended_before_s = time.monotonic(), _children_s()
     trackers = graph.start(*(NodeProcess("tracker", f"tracker_{n}", {"camera": f"camera_{n}"}) for n in range(6)))
     infos = [
         graph.publisher(f"/{each.node.parameters['camera']}/camera_info", "sensor_msgs/msg/CameraInfo")
         for each in trackers
     ]
     graph.until(lambda: all(each.get_subscription_count() for each in infos), _START_S, "the trackers are up")
+    start_s, start_cpu_s = time.monotonic() - began_s, sum(each.cpu_s() for each in trackers)
+    told_s = time.monotonic()
     assert set(graph.end().values()) == {0}, graph.report()
+    leave_s, leave_cpu_s = time.monotonic() - told_s, _children_s() - ended_before_s - start_cpu_s
+    # Measured against the start, because the machine may be busy. Unloading all libraries would take a third of it.
+    assert leave_cpu_s < 0.2 * start_cpu_s
+    assert leave_s < start_s
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_closed_terminal_is_like_ctrl_c(graph: Any, number: signal.Signals) -> None:
+    (tracker,) = graph.start(NodeProcess("tracker", "tracker", {"camera": "left"}))
+    info = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
+    graph.until(info.get_subscription_count, _START_S, "the tracker is up")
+    tracker.process.send_signal(number)
+    assert tracker.process.wait(_SOON_S) == 0 and not tracker.printed
+    graph.until(lambda: not info.get_subscription_count(), _SOON_S, "who stays hears at once that it has left")

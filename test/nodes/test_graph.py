@@ -1,6 +1,5 @@
-"""Which processes make the graph, and what the launch file makes of it; both without ROS."""
+"""Which processes make the graph; without ROS."""
 
-import runpy
 from pathlib import Path
 
 import pytest
@@ -8,9 +7,7 @@ import yaml
 from two_cameras import write_body
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.nodes.graph import READERS_OF_INFO, NodeProcess, live_graph, player
-
-LAUNCH_FILE = Path(__file__).parents[2] / "launch/bodycam.launch.py"
+from bodycam_ros.nodes.graph import READERS_OF_INFO, NodeProcess, cameras_of, live_graph, player
 
 
 def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
@@ -18,13 +15,15 @@ def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
     assert [node.executable for node in nodes] == ["tracker", "tracker", "registration", "skeleton_solver"]
     assert len({node.name for node in nodes}) == len(nodes)
     assert [node.parameters["camera"] for node in nodes[:2]] == ["left", "right"]
-    assert nodes[2].parameters == {"map": str(tmp_path / "map"), "cameras": ["left", "right"]}
+    assert nodes[2].parameters == {"map": str(tmp_path / "map"), "cameras": ["left", "right"], "publish_map": True}
+    assert nodes[3].parameters == {"body": str(tmp_path / "body.yaml")}
 
 
 def test_some_of_the_cameras(tmp_path: Path) -> None:
     nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["right"])
     assert [node.name for node in nodes] == ["tracker_right", "registration", "skeleton_solver"]
-    assert nodes[1].parameters["cameras"] == ["right"]
+    assert nodes[1].parameters["cameras"] == nodes[2].parameters["cameras"] == ["right"]
+    assert cameras_of(nodes) == ["right"]
 
 
 @pytest.mark.parametrize("registrations, shares", [(1, [["left", "odd", "right"]]), (2, [["left", "odd"], ["right"]])])
@@ -33,6 +32,7 @@ def test_registrations_share_the_cameras(tmp_path: Path, registrations: int, sha
     nodes = live_graph(tmp_path / "map", body, ["left", "right", "odd"], registrations)
     registering = [node for node in nodes if node.executable == "registration"]
     assert [sorted(node.parameters["cameras"]) for node in registering] == shares
+    assert [node.parameters["publish_map"] for node in registering] == [True, False][:registrations]
     assert len({node.name for node in nodes}) == len(nodes)
 
 
@@ -55,6 +55,8 @@ def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
     assert nodes[-1].parameters == written
     with pytest.raises(BodyError, match="the rig carries no camera hat; it carries left, right"):
         live_graph(tmp_path / "map", tmp_path / "body.yaml", ["hat"], rig=rig)
+    with pytest.raises(BodyError, match="needs all cameras of the rig"):
+        live_graph(tmp_path / "map", tmp_path / "body.yaml", ["left"], rig=rig)
 
 
 def test_arguments_are_yaml_whatever_the_value() -> None:
@@ -66,25 +68,6 @@ def test_arguments_are_yaml_whatever_the_value() -> None:
 
 
 def test_the_player_waits_for_the_graph() -> None:
-    assert player(Path("bag"), 0.5).parameters == {"bag": "bag", "rate": 0.5, "readers": READERS_OF_INFO}
-
-
-def test_the_launch_file_compiles() -> None:
-    compile(LAUNCH_FILE.read_text(), str(LAUNCH_FILE), "exec")
-
-
-def test_the_launch_file_starts_the_graph_and_the_player(tmp_path: Path) -> None:
-    pytest.importorskip("launch_ros", reason="launch has no wheels; this test runs where ROS 2 is installed")
-    from launch import LaunchContext
-
-    described = runpy.run_path(str(LAUNCH_FILE))
-    assert described["generate_launch_description"]().entities
-    context = LaunchContext()
-    body = write_body(tmp_path / "body.yaml")
-    given = {"map": "map", "body": str(body), "cameras": "", "bagfile": "bag", "rate": "0.5", "config": "config.yaml"}
-    given |= {"registrations": "1", "rig": "", "overwrite_body": "false"}
-    context.launch_configurations.update(given)
-    nodes = described["_nodes"](context)
-    assert [node.node_executable for node in nodes] == [
-        *("tracker", "tracker", "registration", "skeleton_solver", "player")
-    ]
+    waiting = {"bag": "bag", "rate": 0.5, "readers": READERS_OF_INFO}
+    assert player(Path("bag"), 0.5).parameters == waiting
+    assert player(Path("bag"), 0.5, ["a"], loop=True).parameters == {**waiting, "cameras": ["a"], "loop": True}

@@ -1,9 +1,11 @@
 """What a user can get wrong when starting a node: one clear line and exit code 1."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.nodes.graph import NodeProcess
@@ -15,6 +17,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     body, reference_map = str(write_body(tmp_path / "body.yaml")), str(write_map(tmp_path / "map"))
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")
+    rig = str(tmp_path / "rig.yaml")
+    Path(rig).write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     cases = {
         ("tracker",): "the parameter 'camera' is missing",
         ("tracker", "camera", "left", "transport", "pigeon"): "must be compressed or raw, not 'pigeon'",
@@ -29,7 +33,10 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("skeleton_solver",): "the parameter 'body' is missing",
         ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
         ("skeleton_solver", "body", str(broken)): "broken.yaml",
+        ("skeleton_solver", "body", body, "cameras", ("hat",)): "carries no camera hat; it carries left, right",
+        ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
+        ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",
         ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",
     }
     nodes = [
@@ -48,10 +55,13 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         assert message in each.printed and len(each.printed.splitlines()) == 1, each.printed
 
 
-@pytest.mark.parametrize("executable", ["tracker", "player"])
-def test_interrupted_while_loading(graph: Any, executable: str) -> None:
-    (started,) = graph.start(NodeProcess(executable, "hasty", {"camera": "left", "bag": "none"}))
-    maps = Path(f"/proc/{started.process.pid}/maps")
-    graph.until(lambda: "numpy" in maps.read_text(), _START_S, "it is loading")
-    started.end()
-    assert "Traceback" not in started.printed
+@pytest.mark.parametrize("loading", ["numpy", "librmw_fastrtps_cpp"])
+def test_ended_while_it_starts(graph: Any, loading: str) -> None:
+    """By Ctrl-C, by who starts it, and by a terminal that is closed: libraries are loading, or it is entering ROS."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        (started,) = graph.start(NodeProcess("tracker", f"hasty_{number.name}", {"camera": "left"}))
+        maps = Path(f"/proc/{started.process.pid}/maps")
+        graph.until(lambda maps=maps: loading in maps.read_text(), _START_S, f"it is loading {loading}")
+        started.process.send_signal(number)
+        assert started.process.wait(_START_S) in (0, -number), started.printed
+        assert not started.printed
