@@ -17,7 +17,7 @@ from faults.work import make_stock
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 NODES = "nodes"
-_SHORT, _KILLS_SHORT, _KILLS = 40, 1, 5
+_SHORT, _KILLS_SHORT, _KILLS = 30, 1, 5
 """Cases of the short form, and kills of each node in either."""
 
 

@@ -19,6 +19,10 @@ _EVALUATE: Run = lambda work: work.evaluate()  # noqa: E731
 _EXPORT: Run = lambda work: work.export()  # noqa: E731
 
 
+_LEAST = 3
+"""Cases of a kind."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One corruption: kind and name of the damage, and which of its variants."""
@@ -197,7 +201,7 @@ def chosen(count: int | None, seed: int, kinds: frozenset[str]) -> Iterator[Case
     for kind in (kind for kind in KINDS if kind in kinds):
         names = list(KINDS[kind])
         order = np.random.default_rng([seed, zlib.crc32(kind.encode())]).permutation(len(names))
-        share = len(names) if count is None else max(1, round(count * len(names) / total))
+        share = len(names) if count is None else max(_LEAST, round(count * len(names) / total))
         for place in range(share):
             number, at = divmod(place, len(names))
             name = names[order[at]]
