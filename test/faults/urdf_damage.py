@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 import numpy as np
-from faults.yaml_damage import ESCAPE, Damage, _replaced
+from faults.yaml_damage import ESCAPE, Damage, replaced
 
 _NUMBER = re.compile(r"(?<=[\" ])-?\d+\.\d+(?=[\" ])")
 _NAME = re.compile(r"(?<=name=\")[^\"]+(?=\")")
@@ -14,7 +14,7 @@ _PARENT = re.compile(r"(?<=<parent link=\")[^\"]+(?=\")")
 def _with_entities(entities: str, reference: str) -> Damage:
     def damage(text: str, random: np.random.Generator) -> str:
         declared = f'<?xml version="1.0"?>\n<!DOCTYPE robot [{entities}]>\n'
-        return declared + _replaced(_NAME, reference)(re.sub(r"<\?xml.*?\?>", "", text), random)
+        return declared + replaced(_NAME, reference)(re.sub(r"<\?xml.*?\?>", "", text), random)
 
     return damage
 
@@ -46,21 +46,21 @@ DAMAGES: Mapping[str, Damage] = {
     "entity bomb": _with_entities(_lol(), "&l9;"),
     "quadratic entities": _with_entities(_quadratic(), "&a;" * 2000),
     "file as entity": _with_entities('<!ENTITY f SYSTEM "file:///etc/hostname">', "&f;"),
-    "unknown entity": lambda text, random: _replaced(_NAME, "&nobody;")(text, random),
+    "unknown entity": lambda text, random: replaced(_NAME, "&nobody;")(text, random),
     "deep elements": _inserted("<a>" * 100_000 + "</a>" * 100_000),
     "deep and open": _inserted("<a>" * 3000),
     "a chain of a thousand": _inserted(_chain(1000)),
     "twenty thousand links": _inserted("".join(f'<link name="l{n}"/>' for n in range(20_000))),
-    "nan": _replaced(_NUMBER, "nan"),
-    "inf": _replaced(_NUMBER, "inf"),
-    "number beyond float": _replaced(_NUMBER, "1e999"),
-    "number of 5000 digits": _replaced(_NUMBER, "9" * 5000),
-    "text for a number": _replaced(_NUMBER, "many"),
-    "empty name": _replaced(_NAME, ""),
-    "long name": _replaced(_NAME, "x" * 100_000),
-    "escape as name": _replaced(_NAME, "&#155;31m"),
-    "raw escape as name": _replaced(_NAME, ESCAPE),
-    "own parent": _replaced(_PARENT, "nobody"),
+    "nan": replaced(_NUMBER, "nan"),
+    "inf": replaced(_NUMBER, "inf"),
+    "number beyond float": replaced(_NUMBER, "1e999"),
+    "number of 5000 digits": replaced(_NUMBER, "9" * 5000),
+    "text for a number": replaced(_NUMBER, "many"),
+    "empty name": replaced(_NAME, ""),
+    "long name": replaced(_NAME, "x" * 100_000),
+    "escape as name": replaced(_NAME, "&#155;31m"),
+    "raw escape as name": replaced(_NAME, ESCAPE),
+    "own parent": replaced(_PARENT, "nobody"),
     "in a circle": lambda text, random: re.sub(r'<parent link="pelvis"/>', '<parent link="shin_left"/>', text),
     "another root element": lambda text, random: text.replace("<robot", "<sdf").replace("</robot", "</sdf"),
     "two robots": lambda text, random: text + text,
