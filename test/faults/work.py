@@ -19,7 +19,7 @@ REPOSITORY = Path(__file__).parents[2]
 _SAMPLE = REPOSITORY / "bags"
 _PHOTOGRAPHS = ("ref_0099.jpg", "ref_0101.jpg", "ref_0103.jpg", "ref_0105.jpg", "camera.yaml", "board.yaml")
 _FRAMES = 4
-WALK_CAMERAS, WALK_FRAMES = ("waist_front", "torso_front", "thigh_left", "shin_left"), 30
+WALK_CAMERAS, WALK_FRAMES = ("waist_front", "torso_front", "thigh_left", "shin_left"), 42
 """Of the recording ``walk``, of which streams are broken."""
 _QUICK_MAP = ("--features.max_features", "1200", "--features.contrast", "0.03", "--jobs", "1")
 
