@@ -24,6 +24,7 @@ TRACEBACK, HALF, HANG, UNREADABLE, SILENT, REFUSED = FAULTS
 """Unreadable: escape sequences, or more text than anybody reads. Silent: a wrong result that nobody is told of."""
 
 _STACKS = re.compile(r"Traceback \(most recent call last\)|terminate called|stack trace: \*\*\*|Fatal Python error")
+_OURS = re.compile(r'File "[^"]*bodycam_ros')
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x9f]")
 _LONGEST_MESSAGE = 4000
 _TABLE = "│┃┏┡└┌├─╇┴"
@@ -91,13 +92,14 @@ def judged(run: Run, before: Snapshot) -> Outcome:
 def _stack(run: Run, text: str) -> str:
     """What shows that the program fell over; empty if it did not."""
     code = run.exit_code
-    if match := _STACKS.search(text):
+    in_python = run.attempt.stop is not None and not _OURS.search(text)  # before any line of ours could run
+    if not in_python and (match := _STACKS.search(text)):
         last = [line for line in text[match.start() :].splitlines() if line and not line.startswith(" ")]
         return next((line for line in last[1:] if "Error" in line or "Exception" in line), last[-1])[:200]
     stopped_by = run.attempt.stop[0] if run.attempt.stop else 0
     if code is None or (code < 0 and -code != stopped_by):
         return f"ended by signal {-(code or 0)}"
-    if code == 1 and "bodycam: error: " not in text:
+    if code == 1 and not in_python and "bodycam: error: " not in text:
         return "exit code 1 without a word"
     return ""
 
@@ -115,7 +117,8 @@ def _half_written(run: Run, before: Snapshot) -> str:
     outputs = _places(run)
     after = snapshot(run.folder)
     changed = {path for path in after.keys() | before.keys() if after.get(path) != before.get(path)}
-    for path in sorted(changed - {run.folder / "tmp"}):
+    changed.discard(run.folder / "tmp")
+    for path in sorted(changed):
         name = path.relative_to(run.folder)
         within = [out for out in outputs if _within(path, out)]
         # Where the whole folder is the output, what was there before is to stay all the same.
