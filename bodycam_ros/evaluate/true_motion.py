@@ -16,6 +16,7 @@ from bodycam_ros.yaml_file import read_text, read_yaml
 _NANOSECONDS = Decimal(10**9)
 _TRUTH = "truth"
 _TUM_COLUMNS = 8
+_LONGEST_TOLD = 200
 _EDGE_NS = 1000
 """A stamp this far outside counts as the first or the last frame's: stamps are rounded on their way."""
 
@@ -120,4 +121,10 @@ def _read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
             raise ValueError("expected two lines or more, finite, with increasing stamps")
         return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
     except (ValueError, InvalidOperation) as error:
-        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {error}") from error
+        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {_told(error)}") from error
+
+
+def _told(error: Exception) -> str:
+    """What an error says, but not the whole of a damaged line, which it may quote."""
+    text = str(error)
+    return text if len(text) <= _LONGEST_TOLD else f"{text[:_LONGEST_TOLD]}..."
