@@ -25,7 +25,7 @@ demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest --numprocesses=auto --dist=loadgroup
+	$(BIN)/python -m pytest --numprocesses=auto
 
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults

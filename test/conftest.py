@@ -3,6 +3,7 @@
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -17,24 +18,33 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
+LIVE = "test/nodes"
+"""Tests with real processes that have to keep up with each other, and would not beside another such graph."""
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure() -> None:
     """Let Ctrl-C reach the tests of it, and let workers that test side by side not get in each other's way."""
     # What a shell started in the background ignores it, and so do its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
     threadpool_limits(1)
     cv2.setNumThreads(1)
-    config.addinivalue_line("markers", "xdist_group(name): tests that one worker runs, one after the other")
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist looks for the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """One worker runs the tests of a file, which share what they made; and one all that start a live graph."""
-    for item in items:
-        live = "graph" in getattr(item, "fixturenames", ())
-        item.add_marker(pytest.mark.xdist_group("live graphs" if live else item.nodeid.split("::")[0]))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """One worker runs the tests of a file, which share what they made; and one all that start live graphs.
+
+    xdist's own groups do nothing under pytest 9.2, whose node ids cannot be changed.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            return LIVE if file.startswith(f"{LIVE}/") else file
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")
