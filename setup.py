@@ -43,8 +43,9 @@ def install_interfaces(command):
     if "COLCON" not in os.environ:
         return
     build = Path(command.get_finalized_command("build").build_base).resolve() / INTERFACES.name
-    # colcon has the prefix of this package stand in for Python's own.
-    configure = ["cmake", "-S", str(INTERFACES), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={sys.prefix}"]
+    # Beneath it are the marker and the share folder of this package: the data files below.
+    prefix = Path(command.get_finalized_command("install").install_data).resolve()
+    configure = ["cmake", "-S", str(INTERFACES), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={prefix}"]
     configure += ["-DBUILD_TESTING=OFF", f"-DCMAKE_PREFIX_PATH={';'.join(ament_prefixes())}"]
     for step in (
         configure,

@@ -13,7 +13,7 @@ class SettingsError(BodycamError):
     """A setting is unknown, of the wrong type or out of its range."""
 
 
-class CalibrationError(BodycamError):
+class LensError(BodycamError):
     """A camera's intrinsics are missing, malformed or of an unsupported model."""
 
 

@@ -6,9 +6,9 @@
 registrations. The live graph runs the two halves of ``CameraPipeline`` in different nodes.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import SettingsError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -24,15 +23,18 @@ from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
-from bodycam_ros.settings import settings_from_mapping
+from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_output import BodyOutput
-from bodycam_ros.solving.body_smoother import BodySmoother, SmootherSettings
+from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
@@ -42,47 +44,25 @@ from bodycam_ros.verdict.verdict_settings import VerdictSettings
 
 
 @dataclass(frozen=True)
-class PipelineSettings:
-    """Settings of all stages; a field is a group in YAML, ROS parameters and flags (``tracker.max_track_age``)."""
+class PipelineSettings(SettingsGroups):
+    """Settings of all stages between an image and the body."""
 
-    tracker: TrackerSettings = field(default_factory=TrackerSettings)
-    keypoints: KeypointSettings = field(default_factory=KeypointSettings)
-    flow: OpticalFlowSettings = field(default_factory=OpticalFlowSettings)
-    rotation: RotationSettings = field(default_factory=RotationSettings)
-    registrar: RegistrarSettings = field(default_factory=RegistrarSettings)
-    matching: MatchingSettings = field(default_factory=MatchingSettings)
-    absolute_pose: AbsolutePoseSettings = field(default_factory=AbsolutePoseSettings)
-    pose_fit: PoseFitSettings = field(default_factory=PoseFitSettings)
-    assembler: AssemblerSettings = field(default_factory=AssemblerSettings)
-    smoother: SmootherSettings = field(default_factory=SmootherSettings)
-    motion: MotionSettings = field(default_factory=MotionSettings)
-    trust: TrustSettings = field(default_factory=TrustSettings)
-    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
-    verdict: VerdictSettings = field(default_factory=VerdictSettings)
-
-    @classmethod
-    def groups(cls) -> dict[str, type]:
-        """Group -> its settings dataclass."""
-        defaults = cls()
-        return {f.name: type(getattr(defaults, f.name)) for f in fields(cls)}
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]], source: str) -> "PipelineSettings":
-        """Settings of group -> setting -> value; what is absent keeps its default.
-
-        Raises:
-            SettingsError: an unknown group or setting, a wrong type, or a value out of range.
-        """
-        groups = cls.groups()
-        for group in values:
-            if group not in groups:
-                raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
-        return cls(
-            **{
-                group: settings_from_mapping(groups[group], given, f"{source}: {group}")
-                for group, given in values.items()
-            }
-        )
+    tracker: TrackerSettings = TrackerSettings()
+    keypoints: KeypointSettings = KeypointSettings()
+    flow: OpticalFlowSettings = OpticalFlowSettings()
+    rotation: RotationSettings = RotationSettings()
+    registrar: RegistrarSettings = RegistrarSettings()
+    matching: MatchingSettings = MatchingSettings()
+    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
+    pose_fit: PoseFitSettings = PoseFitSettings()
+    assembler: AssemblerSettings = AssemblerSettings()
+    smoother: SmootherSettings = SmootherSettings()
+    motion: MotionSettings = MotionSettings()
+    trust: TrustSettings = TrustSettings()
+    memory: PoseMemorySettings = PoseMemorySettings()
+    covariance: CovarianceSettings = CovarianceSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
+    verdict: VerdictSettings = VerdictSettings()
 
 
 def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
@@ -145,20 +125,41 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         of = self._settings
         self._smoother = BodySmoother(
-            self.body, self._cameras, of.smoother, of.motion, of.evidence, of.trust, of.pose_fit
+            self.body,
+            self._cameras,
+            of.smoother,
+            of.motion,
+            of.evidence,
+            of.trust,
+            of.memory,
+            of.covariance,
+            of.pose_fit,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
         self._solved_ns = -1
 
-    def join(self, camera: str, model: CameraModel) -> list[BodyOutput]:
-        """Use one more camera, or another model of one; the window begins anew. What waited in it is returned."""
-        outputs = self._outputs(self._smoother.flush())
+    @property
+    def bridged(self) -> int:
+        """Instants at which all cameras were silent, filled in so far."""
+        return self._smoother.bridged
+
+    @property
+    def restarts(self) -> int:
+        """How often the solver had to begin anew."""
+        return self._smoother.restarts
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Camera -> instants at which it was not believed."""
+        return self._smoother.refused
+
+    def join(self, camera: str, model: CameraModel) -> None:
+        """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
         if camera in self.body.mounts:
             self.assembler.join(camera)
-        self._begin()
-        return outputs
+            self._smoother.join(camera, model)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""

@@ -6,9 +6,9 @@ joined by a dot, such as ``tracker.max_track_age``.
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.shown import shown
@@ -70,6 +70,45 @@ def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], sou
             raise SettingsError(f"{source}: there is no setting {shown(name)}; known are {', '.join(sorted(known))}")
         checked[name] = _checked(known[name], value, source)
     return settings_type(**checked)
+
+
+@dataclass(frozen=True)
+class SettingsGroups:
+    """The settings of several steps: each field of a derived dataclass is a group, and its default that group's.
+
+    The field's name is the group's in YAML, ROS parameters and flags (``tracker.max_track_age``).
+    """
+
+    @classmethod
+    def groups(cls) -> dict[str, type]:
+        """Group -> its settings dataclass."""
+        defaults = cls()
+        return {f.name: type(getattr(defaults, f.name)) for f in fields(cls)}
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]], source: str) -> Self:
+        """Settings of group -> setting -> value; what is absent keeps its default.
+
+        Args:
+            source: where the values come from, for messages ("config.yaml").
+
+        Raises:
+            SettingsError: an unknown group or setting, a wrong type, or a value out of range.
+        """
+        groups = cls.groups()
+        for group in values:
+            if group not in groups:
+                raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
+        return cls(
+            **{
+                group: settings_from_mapping(groups[group], given, f"{source}: {group}")
+                for group, given in values.items()
+            }
+        )
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Group -> setting -> value."""
+        return asdict(self)
 
 
 def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:

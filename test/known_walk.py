@@ -23,6 +23,7 @@ from bodycam_ros.messages.tracks import landmarks_message, tracks_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -181,7 +182,10 @@ def _body_messages(walk: Walk) -> list[Stamped]:
     tracker = JointAngleTracker(walk.body)
     covariance = np.diag([ROOT_SIGMA_RAD**2] * 3 + [ROOT_SIGMA_M**2] * 3)
     for stamp_ns, poses in zip(walk.stamps_ns.tolist(), walk.world_T_segment, strict=True):
-        state = BodyState(stamp_ns, walk.body.segments, poses, covariance, cameras_used=2, predicted=False)
+        joints = np.tile(1e-4 * np.eye(3), (len(walk.body.tree_joints), 1, 1))
+        known = BodyUncertainty(covariance, covariance, joints)
+        seen = np.ones(len(walk.body.segments), bool)
+        state = BodyState(stamp_ns, walk.body.segments, poses, known, seen, cameras_used=2)
         angles = tracker.angles(poses)
         output = BodyOutput(state, tracker.names, angles, np.zeros(len(angles)), np.zeros(6))
         topics = output_messages(recorded_messages(), output, walk.body)

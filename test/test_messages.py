@@ -31,6 +31,7 @@ from bodycam_ros.messages.tracks import (
 )
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -232,7 +233,8 @@ def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> No
 @pytest.fixture
 def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
-    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, random_covariance(rng), 5, predicted=False)
+    known = BodyUncertainty(random_covariance(rng), random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2))
+    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
 
 
 def test_joint_states(library: tuple[MessageFactory, Send]) -> None:
@@ -248,7 +250,7 @@ def test_odometry(library: tuple[MessageFactory, Send], body: BodyState) -> None
     message = send(odometry_message(make, body, "pelvis", np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
     assert (message.header.frame_id, message.child_frame_id) == ("map", "pelvis")
     np.testing.assert_allclose(
-        np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.root_covariance)
+        np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.uncertainty.root)
     )
     assert (message.twist.twist.angular.z, message.twist.twist.linear.x) == (3.0, 4.0)
 

@@ -9,7 +9,7 @@ import pytest
 
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.settings import describe, read_settings_file, setting, settings_from_mapping
+from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, setting, settings_from_mapping
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,17 @@ class OvenSettings:
     trays: int = setting(2, limits=(1, 4), reason="what fits")
     fan: bool = setting(True, reason="evens out the heat")
     recipe: str = setting("bread", reason="what most people want")
+
+
+@dataclass(frozen=True)
+class FridgeSettings:
+    cold: float = setting(4.0, unit="degC", limits=(0.0, 10.0), reason="keeps milk for a week")
+
+
+@dataclass(frozen=True)
+class KitchenSettings(SettingsGroups):
+    oven: OvenSettings = OvenSettings()
+    fridge: FridgeSettings = FridgeSettings()
 
 
 @dataclass(frozen=True)
@@ -65,6 +76,26 @@ def test_wrong_values_are_refused(values: dict[str, Any], complaint: str) -> Non
     assert complaint in str(caught.value)
 
 
+def test_groups_are_the_fields_of_the_class() -> None:
+    assert KitchenSettings.groups() == {"oven": OvenSettings, "fridge": FridgeSettings}
+    kitchen = KitchenSettings.from_mapping({"fridge": {"cold": 2}}, "here")
+    assert kitchen == KitchenSettings(fridge=FridgeSettings(2.0))
+    assert KitchenSettings.from_mapping(kitchen.as_mapping(), "here") == kitchen
+
+
+@pytest.mark.parametrize(
+    ("values", "complaint"),
+    [
+        ({"stove": {}}, "here: there is no group of settings 'stove'; known are oven, fridge"),
+        ({"fridge": {"cold": 11.0}}, "here: fridge: cold = 11.0 is out of range"),
+    ],
+)
+def test_wrong_groups_are_refused(values: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        KitchenSettings.from_mapping(values, "here")
+    assert complaint in str(caught.value)
+
+
 def test_limits_are_inclusive() -> None:
     assert settings_from_mapping(OvenSettings, {"heat": 250.0, "trays": 1}, "here").heat == 250.0
 
@@ -92,8 +123,10 @@ def test_other_files_are_refused_by_name(tmp_path: Path, text: str) -> None:
 
 def settings_of(*flags: str, config: Path | None = None) -> OvenSettings:
     parser = argparse.ArgumentParser()
-    add_settings_flags(parser, "oven", OvenSettings)
-    return settings_from_flags(parser.parse_args(flags), "oven", OvenSettings, config)
+    add_settings_flags(parser, KitchenSettings)
+    kitchen = settings_from_flags(parser.parse_args(flags), KitchenSettings, config)
+    assert kitchen.fridge == FridgeSettings()
+    return kitchen.oven
 
 
 def test_flags_win_over_the_file_which_wins_over_defaults(config: Path) -> None:
@@ -130,3 +163,14 @@ def test_help_shows_reason_range_and_default(capsys: pytest.CaptureFixture[str])
     text = " ".join(capsys.readouterr().out.split())
     assert "--oven.heat FLOAT bakes 95 % through without burning [degC] (50 to 250); default 180.0" in text
     assert "--oven.fan true|false" in text
+
+
+@pytest.mark.parametrize("key", ["1", "null", "2001-02-03", "true", "1.5"])
+def test_keys_that_are_no_names_are_refused(tmp_path: Path, key: str) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(f"/**: {{ros__parameters: {{{key}: 2}}}}")
+    with pytest.raises(SettingsError, match="settings.yaml: .* is no name of a group"):
+        read_settings_file(file)
+    file.write_text(f"/**: {{ros__parameters: {{oven: {{{key}: 2}}}}}}")
+    with pytest.raises(SettingsError, match="there is no setting"):
+        settings_from_mapping(OvenSettings, read_settings_file(file)["oven"], "settings.yaml: oven")

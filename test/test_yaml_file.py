@@ -3,12 +3,19 @@
 import os
 import resource
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import yaml
 
-from bodycam_ros.errors import MapError
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.camera import camera_from_yaml
+from bodycam_ros.errors import BodycamError, MapError
+from bodycam_ros.mapping.board import read_board
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.settings import read_settings_file
 from bodycam_ros.yaml_file import MOST_NODES, read_yaml, yaml_document
 
 
@@ -85,3 +92,40 @@ def test_other_encodings_and_large_files_are_refused(tmp_path: Path) -> None:
         read_yaml(file, "map", MapError)
     file.write_bytes(b"\xef\xbb\xbfname: Bj\xc3\xb6rn")
     assert read_yaml(file, "map", MapError) == {"name": "Björn"}
+
+
+def load_map(path: Path) -> ReferenceMap:
+    path.rename(path.parent / "map.yaml")
+    return ReferenceMap.load(path.parent)
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "body": read_body,
+    "rig": Rig.from_yaml,
+    "settings": read_settings_file,
+    "camera": camera_from_yaml,
+    "board": read_board,
+    "map": load_map,
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    "text",
+    [
+        bomb("[0, 0, 0, 0, 0, 0, 0, 0, 0]", "[%s]"),
+        "a: " + "[" * 3000,
+        "version: " + "9" * 5000,
+        "{1: 2, null: 3, 2001-02-03: 4}",
+        "2001-02-03",
+        "name: [" + "0, " * 1000 + "]\ncameras: " + "x" * 10_000,
+        None,
+    ],
+    ids=["bomb", "deep", "number", "keys", "date", "long", "pipe"],
+)
+def test_every_file_of_ours_is_read_by_it(tmp_path: Path, reader: str, text: str | None) -> None:
+    path = tmp_path / "file.yaml"
+    os.mkfifo(path) if text is None else path.write_text(text)
+    with pytest.raises(BodycamError, match=str(tmp_path)) as caught:
+        READERS[reader](path)
+    assert len(str(caught.value)) < 700 + 3 * len(str(tmp_path))

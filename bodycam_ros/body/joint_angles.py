@@ -4,13 +4,17 @@ A ball joint is three angles whose middle axis is the child's long axis (DESIGN 
 order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld is none.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.euler_angles import EulerOrder, nearest_turn
-from bodycam_ros.body.joint import hinge_angle
+from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.geometry import Array
+
+_MARGIN = 0.02  # [rad] widened by a little more than was seen, so that it need not be again at the next instant
 
 
 class JointAngles:
@@ -69,6 +73,41 @@ class JointAngleTracker:
         rotations = self._body.joint_rotations(world_T_segment)
         self._previous = self._joint_angles.angles(rotations, self._previous)
         return self._previous.copy()
+
+
+class SeenLimits:
+    """The body with limits that hold: widened by every joint angle that was seen beyond them.
+
+    A range of motion is what a person did on one day; the next day they reach farther.
+
+    Attributes:
+        body: with its limits as wide as they have been seen.
+    """
+
+    def __init__(self, body: BodyModel) -> None:
+        self.body = body
+        self._joint_angles = JointAngles(body)
+        bounds = [pair for joint in body.tree_joints for pair in joint.limits or _unbounded(joint)]
+        self._low, self._high = np.array(bounds, dtype=np.float64).reshape(-1, 2).T.copy()
+
+    def widen(self, positions: Array) -> bool:
+        """Whether joint angles (A) [rad] made limits give way."""
+        below, above = positions < self._low, positions > self._high
+        if not (below.any() or above.any()):
+            return False
+        self._low = np.where(below, positions - _MARGIN, self._low)
+        self._high = np.where(above, positions + _MARGIN, self._high)
+        pairs = iter(zip(self._low.tolist(), self._high.tolist(), strict=True))
+        widened = {}
+        for joint in self.body.tree_joints:
+            of_joint = tuple(next(pairs) for _ in joint.angle_names)
+            widened[joint.name] = replace(joint, limits=of_joint) if joint.limits else joint
+        self.body = replace(self.body, joints=tuple(widened.get(joint.name, joint) for joint in self.body.joints))
+        return True
+
+
+def _unbounded(joint: Joint) -> tuple[tuple[float, float], ...]:
+    return ((-np.inf, np.inf),) * len(joint.angle_names)
 
 
 def joint_velocities(stamps_ns: NDArray[np.int64], angles: Array) -> Array:

@@ -14,6 +14,7 @@ from statistics import median
 
 from bodycam_ros.calibration.anatomy import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis
+from bodycam_ros.errors import MapError
 from bodycam_ros.settings import setting
 
 _MEN_M, _WOMEN_M = 1.741, 1.735
@@ -76,6 +77,18 @@ class AnthropometrySettings:
     least_bones: int = setting(
         3, limits=(1, 100), reason="bones of known proportion that make a stature: of three, one may be wrong"
     )
+    odd_below: float = setting(
+        1.2, unit="m", limits=(0.0, 100.0), reason="a shorter stature is that of a child under seven: worth a warning"
+    )
+    odd_above: float = setting(
+        2.1, unit="m", limits=(0.0, 100.0), reason="a taller stature is that of one person in many thousands"
+    )
+    impossible_below: float = setting(
+        0.6, unit="m", limits=(0.0, 100.0), reason="nobody this short stands yet; no body is written"
+    )
+    impossible_above: float = setting(
+        2.75, unit="m", limits=(0.0, 100.0), reason="the tallest man known was 2.72 m; no body is written"
+    )
 
 
 @dataclass(frozen=True)
@@ -120,8 +133,47 @@ def expected_stature(bones: Sequence[BoneLength], settings: AnthropometrySetting
     None when fewer than ``least_bones`` of them are of known proportion.
     """
     settings = settings or AnthropometrySettings()
-    said = [bone.length_m / known.middle for bone in bones if (known := bone.proportion) is not None]
+    said = _statures(bones)
     return median(said) if len(said) >= settings.least_bones else None
+
+
+def refuse_impossible(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> None:
+    """Refuse bones that no person can have, because the map that they were measured in has a wrong scale.
+
+    One bone of known proportion is enough, for it is not wrong by half of its length.
+
+    Raises:
+        MapError: they are too short or too long for any person.
+    """
+    settings = settings or AnthropometrySettings()
+    said = _statures(bones)
+    if said and not settings.impossible_below <= (stature_m := median(said)) <= settings.impossible_above:
+        raise MapError(
+            f"by its bones this body would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
+        )
+
+
+def odd_scale(stature_m: float | None, settings: AnthropometrySettings | None = None) -> str:
+    """A warning if few people have the stature that a body's bones let expect; empty otherwise."""
+    settings = settings or AnthropometrySettings()
+    if stature_m is None or settings.odd_below <= stature_m <= settings.odd_above:
+        return ""
+    return f"by its bones this body is {stature_m:.2f} m tall; unless the person is, {_wrong_scale(stature_m)}"
+
+
+def _statures(bones: Sequence[BoneLength]) -> list[float]:
+    """What each bone of known proportion says of the stature [m]."""
+    return [bone.length_m / known.middle for bone in bones if (known := bone.proportion) is not None]
+
+
+def _wrong_scale(stature_m: float) -> str:
+    usual_m = 0.5 * (_MEN_M + _WOMEN_M)
+    factor = max(stature_m / usual_m, usual_m / stature_m)
+    size = "large" if stature_m > usual_m else "small"
+    return (
+        f"the map's scale looks wrong by a factor of about {factor:.2g} (too {size}): is the tag size in board.yaml in "
+        "metres? Mend it and build the map again"
+    )
 
 
 def judge_bones(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> list[BoneDiagnosis]:

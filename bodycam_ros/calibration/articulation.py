@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.geometry import exp_se3, exp_so3, hat, inverse, nearest_rotation, rigid, robust_average_pose
+from bodycam_ros.geometry import (
+    exp_se3,
+    exp_so3,
+    hat,
+    inverse,
+    log_so3,
+    nearest_rotation,
+    rigid,
+    robust_average_pose,
+    transform_points,
+)
 
 Array = NDArray[np.float64]
 
@@ -166,10 +176,17 @@ class ArticulatedMotion:
 
     def hinge_axis(self, child: str) -> Array:
         """(3,) direction on a segment that its joint never turned across, to the left rather than to the right."""
-        row = self.body.segment_index[child]
-        R = np.swapaxes(self.rotations[:, self.parent_rows[row]], -1, -2) @ self.rotations[:, row]
+        R = self._joint_rotations(child)
         axis: Array = np.linalg.svd((R - R.mean(axis=0)).reshape(-1, 3), full_matrices=False)[2][2]
         return axis if axis[1] >= 0 else -axis
+
+    def exercised(self, child: str) -> Array:
+        """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the instants."""
+        R = self._joint_rotations(child)
+        turns = log_so3(nearest_rotation(R.mean(axis=0)).T @ R)
+        _, _, axes = np.linalg.svd(turns - turns.mean(axis=0), full_matrices=False)
+        low, high = np.percentile(turns @ axes.T, [0.5, 99.5], axis=0)
+        return np.sort(high - low)[::-1]
 
     def body_with_geometry(self) -> BodyModel:
         """The body with the offsets and mounts of the arrays."""
@@ -183,6 +200,12 @@ class ArticulatedMotion:
             for c, camera in enumerate(self.cameras)
         }
         return replace(self.body, joints=joints, mounts=mounts)
+
+    def _joint_rotations(self, child: str) -> Array:
+        """(T, 3, 3) parent_R_child of the joint that a segment hangs on."""
+        row = self.body.segment_index[child]
+        rotations: Array = np.swapaxes(self.rotations[:, self.parent_rows[row]], -1, -2) @ self.rotations[:, row]
+        return rotations
 
     def _parents_first(self) -> list[tuple[int, int]]:
         index = self.body.segment_index
@@ -199,6 +222,17 @@ def articulated(
         offsets[body.segment_index[joint.child]] = joint.parent_T_joint[:3, 3]
     mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
     return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations)
+
+
+def joints_in_cameras(body: BodyModel) -> Array:
+    """(N, 3) places of all joints in the cameras on their two segments [m], whatever frames the segments have."""
+    places = []
+    for joint in body.tree_joints:
+        for segment, place in ((joint.parent, joint.parent_T_joint[:3, 3]), (joint.child, joint.child_T_joint[:3, 3])):
+            for camera in body.cameras_on(segment):
+                camera_T_segment = inverse(body.mounts[camera].segment_T_camera)
+                places.append(transform_points(camera_T_segment, place[None])[0])
+    return np.stack(places)
 
 
 def _turn(row: int) -> slice:

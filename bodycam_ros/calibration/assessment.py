@@ -1,5 +1,6 @@
-"""What a calibration says about itself: figures of every joint, bone and camera, from the refined motion."""
+"""What a calibration found, and what it says about itself: figures of every joint, bone and camera."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,24 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.anthropometry import AnthropometrySettings, BoneLength, expected_stature, judge_bones
-from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.anthropometry import (
+    AnthropometrySettings,
+    BoneLength,
+    expected_stature,
+    judge_bones,
+    odd_scale,
+)
+from bodycam_ros.calibration.articulation import ArticulatedMotion, joints_in_cameras
+from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
-from bodycam_ros.calibration.findings import Findings
+from bodycam_ros.calibration.image_evidence import ImageEvidence
+from bodycam_ros.calibration.joint_search import FoundJoints
+from bodycam_ros.calibration.refinement import Refined
+from bodycam_ros.calibration.rest_pose import ZeroedMotion
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.calibration.strap_slip import slip_warning
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import inverse, log_se3, log_so3, nearest_rotation, transform_points
+from bodycam_ros.geometry import inverse, log_se3, transform_points
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -37,6 +50,67 @@ class AssessmentSettings:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the steps of a calibration found; see ``BodyCalibrator``.
+
+    Attributes:
+        rig: names.
+        found: joints by A eq. 14, virtual cameras and slips.
+        motion: of the cameras.
+        rows: (N) instants of it that the refinement used.
+        images: their landmarks.
+        first: the motion of the body before refinement, at those instants.
+        refined: after it, in the same frames.
+        zeroed: the refined motion with the N-pose as zero, its heading and the hinges' axes.
+        straight_sigma: how straight a limb stands in the N-pose [m].
+        rest_s: (from, to) [s] of the N-pose.
+        image_counts: camera -> images seen, registered.
+    """
+
+    rig: Rig
+    found: FoundJoints
+    motion: CameraMotion
+    rows: NDArray[np.intp]
+    images: ImageEvidence
+    first: ArticulatedMotion
+    refined: Refined
+    zeroed: ZeroedMotion
+    straight_sigma: float
+    rest_s: tuple[float, float]
+    image_counts: Mapping[str, tuple[int, int]]
+
+    @property
+    def body(self) -> BodyModel:
+        """The body of ``zeroed``."""
+        return self.zeroed.motion.body
+
+    @property
+    def hinges(self) -> Mapping[str, Array]:
+        """Child segment -> (3,) axis of those joints that turned as hinges, in N-pose axes."""
+        return self.zeroed.hinges
+
+    def offset_covariance(self) -> Array:
+        """Covariance (3 S, 3 S) of the joints' places in their parents, in N-pose axes [m^2].
+
+        Along a hinge's axis the motion tells nothing, so that leaving some of it out changes nothing; there the
+        straightness of the limb is all that is known.
+        """
+        refined, zeroed = self.refined.motion, self.zeroed.motion
+        count = 3 * len(self.body.segments)
+        zero_R_refined = np.zeros((count, count))
+        covariance_along = np.zeros((count, count))
+        for row, parent in enumerate(zeroed.parent_rows):
+            columns = zeroed.offset_columns(row)
+            parent = max(parent, 0)
+            zero_R_refined[columns, columns] = zeroed.rotations[0, parent].T @ refined.rotations[0, parent]
+            axis = self.hinges.get(self.body.segments[row])
+            if axis is not None:
+                covariance_along[columns, columns] = self.straight_sigma**2 * np.outer(axis, axis)
+        in_motion = zero_R_refined @ self.refined.covariance[:count, :count] @ zero_R_refined.T
+        return in_motion + covariance_along
+
+
 def assess(
     findings: Findings, body: BodyModel, settings: AssessmentSettings, anthropometry: AnthropometrySettings
 ) -> CalibrationDiagnosis:
@@ -53,6 +127,7 @@ def assess(
     joints = tuple(_joint(findings, joint, settings) for joint in body.tree_joints)
     _refuse_unknown(joints, settings)
     bones = bone_lengths(findings)
+    stature_m = expected_stature(bones, anthropometry)
     return CalibrationDiagnosis(
         joints=joints,
         bones=tuple(judge_bones(bones, anthropometry)),
@@ -61,7 +136,8 @@ def assess(
         rest_s=findings.rest_s,
         heading_rad=findings.zeroed.heading_rad,
         duration_s=float(findings.motion.seconds[-1]),
-        stature_m=expected_stature(bones, anthropometry),
+        stature_m=stature_m,
+        scale_warning=odd_scale(stature_m, anthropometry),
     )
 
 
@@ -115,7 +191,7 @@ def _joint(findings: Findings, joint: Joint, settings: AssessmentSettings) -> Jo
         child=joint.child,
         freedom="hinge" if hinge else "ball",
         axis=findings.hinges.get(joint.child),
-        exercised_rad=_exercised(findings.zeroed.motion, parent, child),
+        exercised_rad=findings.zeroed.motion.exercised(joint.child),
         singular_values=centre.singular_values,
         residual_m=float(np.median(centre.residuals_m)),
         refined_residual_m=_gap(findings, joint),
@@ -133,15 +209,6 @@ def _by_motion(sigma_m: Array, joint: Joint, findings: Findings) -> Array:
     axis = findings.hinges.get(joint.child)
     along = np.zeros(3) if axis is None else findings.straight_sigma * axis
     return np.sqrt(np.maximum(sigma_m**2 - along**2, 0.0))
-
-
-def _exercised(motion: ArticulatedMotion, parent: int, child: int) -> Array:
-    """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the instants."""
-    R = np.swapaxes(motion.rotations[:, parent], -1, -2) @ motion.rotations[:, child]
-    turns = log_so3(nearest_rotation(R.mean(axis=0)).T @ R)
-    _, _, axes = np.linalg.svd(turns - turns.mean(axis=0), full_matrices=False)
-    low, high = np.percentile(turns @ axes.T, [0.5, 99.5], axis=0)
-    return np.sort(high - low)[::-1]
 
 
 def _gap(findings: Findings, joint: Joint) -> float:
@@ -187,21 +254,14 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
     for c, camera in enumerate(findings.motion.cameras):
         images, registered = findings.image_counts[camera]
         slip = findings.found.slips.get(camera)
-        slipped_s = None if slip is None else float(seconds[slip.row])
+        slipped_s = None
         seen = errors[known[:, c], c]
         share = registered / max(images, 1)
         warning = ""
         if slip is not None:
-            warning = f"camera {camera} slipped after {slipped_s:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
-            if len(findings.rig.cameras_on(findings.rig.cameras[camera])) > 1:
-                warning += (
-                    f" and {np.degrees(slip.turned_rad):.1f} deg: tighten its strap; what it saw before is left out"
-                )
-            else:
-                warning += (
-                    ": tighten its strap and repeat the recording; it is alone on its segment, and the body has it "
-                    "where it was before"
-                )
+            slipped_s = float(seconds[slip.row])
+            alone = len(findings.rig.cameras_on(findings.rig.cameras[camera])) == 1
+            warning = slip_warning(camera, slip, slipped_s, alone)
         elif share < settings.warn_registered:
             warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
         told.append(
@@ -238,14 +298,3 @@ def _gain(findings: Findings) -> RefinementGain:
         moved_m=float(np.median(moved_m)),
         moved_most_m=float(moved_m.max()),
     )
-
-
-def joints_in_cameras(body: BodyModel) -> Array:
-    """(N, 3) places of all joints in the cameras on their two segments [m], whatever frames the segments have."""
-    places = []
-    for joint in body.tree_joints:
-        for segment, place in ((joint.parent, joint.parent_T_joint[:3, 3]), (joint.child, joint.child_T_joint[:3, 3])):
-            for camera in body.cameras_on(segment):
-                camera_T_segment = inverse(body.mounts[camera].segment_T_camera)
-                places.append(transform_points(camera_T_segment, place[None])[0])
-    return np.stack(places)

@@ -6,22 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.assessment import assess
+from bodycam_ros.calibration.anthropometry import refuse_impossible
+from bodycam_ros.calibration.assessment import Findings, assess
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.findings import Findings
-from bodycam_ros.calibration.first_body import first_body, joints_in_world, place_hinges
-from bodycam_ros.calibration.first_motion import first_motion
+from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
+from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
-from bodycam_ros.calibration.joint_exercise import check_exercised
+from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_limits import limited_body
 from bodycam_ros.calibration.joint_search import FoundJoints, JointSearch
 from bodycam_ros.calibration.refinement import refine
-from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation
+from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation, zero_at_rest
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.straight_limb import straight_limbs
-from bodycam_ros.calibration.zero_pose import zero_at_rest
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -93,12 +91,16 @@ class BodyCalibrator:
 
         Raises:
             RangeOfMotionError: the recording does not tell, and what to repeat.
+            MapError: no person has bones of this size, so the map's scale is wrong.
         """
         settings = self._settings
         on_progress("joint centres", 0.0)
         motion = camera_motion(list(self._logs.values()), settings.motion_log)
-        found = JointSearch(self._rig, settings.strap_slip, settings.joint_centre).find(motion)  # A eq. 6-7, 12-14
+        search = JointSearch(self._rig, settings.strap_slip, settings.virtual_camera, settings.joint_centre)
+        found = search.find(motion)  # A eq. 6-7, 12-14
         axes_on_child = check_exercised(self._rig, found.centres, settings.joint_centre)
+        # Before what is measured in metres is asked whether it moved.
+        refuse_impossible(found.bone_lengths(self._rig), settings.anthropometry)
         rest = self._rest_pose(motion, found)
         heading_rad = self._heading(found, rest, axes_on_child)
 
@@ -121,7 +123,9 @@ class BodyCalibrator:
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)
-        zeroed = zero_at_rest(refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges))
+        zeroed = zero_at_rest(
+            refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges), settings.rest_pose
+        )
         findings = Findings(
             rig=self._rig,
             found=found,
@@ -151,4 +155,4 @@ class BodyCalibrator:
             return self._facing_rad
         # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
         balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
-        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment))
+        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment), self._settings.rest_pose)

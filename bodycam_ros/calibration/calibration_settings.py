@@ -1,6 +1,6 @@
 """All settings that a body is calibrated with, by group."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from bodycam_ros.calibration.anthropometry import AnthropometrySettings
 from bodycam_ros.calibration.assessment import AssessmentSettings
@@ -10,22 +10,20 @@ from bodycam_ros.calibration.joint_limits import JointLimitSettings
 from bodycam_ros.calibration.refinement import RefinementSettings
 from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.strap_slip import StrapSlipSettings
+from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings
+from bodycam_ros.settings import SettingsGroups
 
 
 @dataclass(frozen=True)
-class CalibrationSettings:
-    """The settings of every step, under the names of their groups in YAML, ROS parameters and flags."""
+class CalibrationSettings(SettingsGroups):
+    """Settings of every step of a calibration."""
 
     motion_log: MotionLogSettings = MotionLogSettings()
     strap_slip: StrapSlipSettings = StrapSlipSettings()
+    virtual_camera: VirtualCameraSettings = VirtualCameraSettings()
     joint_centre: JointCentreSettings = JointCentreSettings()
     rest_pose: RestPoseSettings = RestPoseSettings()
     refinement: RefinementSettings = RefinementSettings()
     joint_limits: JointLimitSettings = JointLimitSettings()
     assessment: AssessmentSettings = AssessmentSettings()
     anthropometry: AnthropometrySettings = AnthropometrySettings()
-
-    @classmethod
-    def groups(cls) -> dict[str, type]:
-        """Group -> its settings dataclass."""
-        return {f.name: type(f.default) for f in fields(cls)}

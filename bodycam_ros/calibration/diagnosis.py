@@ -135,6 +135,7 @@ class CalibrationDiagnosis:
         heading_rad: direction that the person faced in the N-pose, about the map's z from its x [rad].
         duration_s: of the recording.
         stature_m: height that the bones together let expect [m]; None when too few of them are known.
+        scale_warning: why the scale of the map is in doubt; empty when it is not.
     """
 
     joints: tuple[JointDiagnosis, ...]
@@ -145,11 +146,12 @@ class CalibrationDiagnosis:
     heading_rad: float
     duration_s: float
     stature_m: float | None
+    scale_warning: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Everything that a person should look at, in the order of the body."""
-        said = [joint.advice for joint in self.joints]
+        """Everything that a person should look at: the scale, then in the order of the body."""
+        said = [self.scale_warning, *(joint.advice for joint in self.joints)]
         said += [bone.warning for bone in self.bones]
         said += [camera.warning for camera in self.cameras]
         return tuple(text for text in said if text)

@@ -1,4 +1,4 @@
-"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), before any refinement.
+"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), and its first motion, before refinement.
 
 In the N-pose all segments have the same axes, x forward, y left, z up, and each begins at the joint that it hangs on
 (DESIGN 3); this fixes every frame.
@@ -10,19 +10,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_edit import joint_named, move_joint
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.hinge import shift_to_line
+from bodycam_ros.calibration.articulation import ArticulatedMotion, articulated
 from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import rigid, transform_points
+from bodycam_ros.calibration.virtual_camera import VirtualCamera
+from bodycam_ros.geometry import inverse, rigid, transform_points
 
 Array = NDArray[np.float64]
-
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 def joints_in_world(
@@ -78,38 +75,32 @@ def first_body(
     return BodyModel(name, rig.root, rig.segments, tuple(joints), mounts)
 
 
-def place_hinges(body: BodyModel, axes: Mapping[str, Array]) -> BodyModel:
-    """Move the joints of hinges along their axes to where the N-pose's straight limbs want them (A eq. 16-17).
+def first_motion(
+    body: BodyModel,
+    cameras: tuple[str, ...],
+    virtual: Mapping[str, VirtualCamera],
+    rest_T_virtual: Mapping[str, Array],
+    rows: NDArray[np.intp],
+) -> ArticulatedMotion:
+    """Follow the virtual cameras with a body (A 4.2); where one is not known, as it was at the nearest instant.
+
+    The root is where its cameras are; the other segments follow by their rotations alone.
 
     Args:
-        body: in N-pose axes.
-        axes: child segment -> (3,) its hinge's axis, in N-pose axes.
-
-    Raises:
-        RangeOfMotionError: the straight limb does not decide.
+        body: whose zero is the N-pose.
+        cameras: (C) names, in the order of the motion's.
+        virtual: segment -> its virtual camera.
+        rest_T_virtual: segment -> (4, 4) pose of its virtual camera in the N-pose; the rotation in the N-pose's axes.
+        rows: instants to take.
     """
-    # Hips before knees: a joint's own place decides where the line of the next one begins.
-    for name in [joint.name for joint in body.tree_joints if joint.child in axes]:
-        joint = joint_named(body, name)
-        axis, (line_point, line_direction) = axes[joint.child], straight_line(body, joint)
-        try:
-            shift = shift_to_line(joint.parent_T_joint[:3, 3], axis, line_point, line_direction)
-        except ValueError as error:
-            raise RangeOfMotionError(f"joint {name}: {error}") from error
-        body = move_joint(body, name, _shifted(joint.parent_T_joint, shift * axis))
-    return body
-
-
-def straight_line(body: BodyModel, joint: Joint) -> tuple[Array, Array]:
-    """Point (3,) and direction (3,) of the line that a straight limb's middle joint is on, in its parent's frame.
-
-    From the joint above to the one below (A eq. 17); where there is none below, straight down from the one above.
-    """
-    below = next((other.parent_T_joint[:3, 3] for other in body.tree_joints if other.parent == joint.child), None)
-    if below is None:
-        return np.zeros(3), _UP
-    end = joint.parent_T_joint[:3, 3] + below
-    return end, -end
+    rotations = np.stack(
+        [virtual[segment].filled()[rows, :3, :3] @ rest_T_virtual[segment][:3, :3].T for segment in body.segments],
+        axis=1,
+    )
+    camera = body.cameras_on(body.root)[0]
+    root_T_virtual = body.mounts[camera].segment_T_camera @ inverse(virtual[body.root].virtual_T_camera[camera])
+    root_positions = (virtual[body.root].filled()[rows] @ inverse(root_T_virtual))[:, :3, 3]
+    return articulated(body, cameras, root_positions, rotations)
 
 
 def root_at_hips(body: BodyModel) -> BodyModel:

@@ -2,15 +2,61 @@
 
 A hinge leaves two null vectors in A eq. 14, so its joint may be anywhere on the axis, ``K(c) = K0 + c a`` (A eq. 16).
 A leg that stands straight has hip, knee and ankle on one line (A eq. 17). An arm without a camera on the hand has no
-third joint: hanging, its upper half is vertical.
+third joint: hanging, its upper half is vertical. The first body is placed so; in the refinement the straight limbs are
+a prior.
 """
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import hat
+from bodycam_ros.body.body_edit import joint_named, move_joint
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import hat, rigid
 
 Array = NDArray[np.float64]
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+def place_hinges(body: BodyModel, axes: Mapping[str, Array]) -> BodyModel:
+    """Move the joints of hinges along their axes to where the N-pose's straight limbs want them (A eq. 16-17).
+
+    Args:
+        body: in N-pose axes.
+        axes: child segment -> (3,) its hinge's axis, in N-pose axes.
+
+    Raises:
+        RangeOfMotionError: the straight limb does not decide.
+    """
+    # Hips before knees: a joint's own place decides where the line of the next one begins.
+    for name in [joint.name for joint in body.tree_joints if joint.child in axes]:
+        joint = joint_named(body, name)
+        axis, (line_point, line_direction) = axes[joint.child], straight_line(body, joint)
+        try:
+            shift = shift_to_line(joint.parent_T_joint[:3, 3], axis, line_point, line_direction)
+        except ValueError as error:
+            raise RangeOfMotionError(f"joint {name}: {error}") from error
+        place = joint.parent_T_joint[:3, 3] + shift * axis
+        body = move_joint(body, name, rigid(joint.parent_T_joint[:3, :3], place))
+    return body
+
+
+def straight_line(body: BodyModel, joint: Joint) -> tuple[Array, Array]:
+    """Point (3,) and direction (3,) of the line that a straight limb's middle joint is on, in its parent's frame.
+
+    From the joint above to the one below (A eq. 17); where there is none below, straight down from the one above.
+    """
+    below = next((other.parent_T_joint[:3, 3] for other in body.tree_joints if other.parent == joint.child), None)
+    if below is None:
+        return np.zeros(3), _UP
+    end = joint.parent_T_joint[:3, 3] + below
+    return end, -end
 
 
 def shift_to_line(on_axis: Array, axis: Array, line_point: Array, line_direction: Array) -> float:
@@ -31,3 +77,49 @@ def shift_to_line(on_axis: Array, axis: Array, line_point: Array, line_direction
     if squared < 1e-6:
         raise ValueError("the hinge's axis runs along the straight limb, so straightness does not tell where it sits")
     return float(-across @ (cross @ (on_axis - line_point)) / squared)
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLimb:
+    """What the N-pose says of a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
+
+    Attributes:
+        row: (3 S) derivative of the joint's distance from the line, along the hinge's axis, by all offsets.
+        value: that distance at the first body [m].
+    """
+
+    row: Array
+    value: float
+
+
+def straight_limbs(motion: ArticulatedMotion, hinges: Mapping[str, Array]) -> list[StraightLimb]:
+    """What the N-pose says of each hinge's place along its axis (A eq. 17), linearised."""
+    limbs = []
+    for name in [joint.name for joint in motion.body.tree_joints if joint.child in hinges]:
+
+        def off_line(offsets: Array, name: str = name) -> float:
+            body = replace(motion, offsets=offsets).body_with_geometry()
+            joint = joint_named(body, name)
+            return -shift_to_line(joint.parent_T_joint[:3, 3], hinges[joint.child], *straight_line(body, joint))
+
+        limbs.append(_linearised(motion, off_line))
+    return limbs
+
+
+def _linearised(motion: ArticulatedMotion, residual: Callable[[Array], float]) -> StraightLimb:
+    """A straight limb's residual, linearised numerically at the first body.
+
+    Args:
+        residual: offsets (S, 3) -> distance of the hinge's joint from the straight limb's line, along its axis [m].
+    """
+    step = 1e-6
+    flat = motion.offsets.ravel()
+    unit = np.eye(len(flat))
+    shape = motion.offsets.shape
+    row = np.array(
+        [
+            (residual((flat + step * e).reshape(shape)) - residual((flat - step * e).reshape(shape))) / (2 * step)
+            for e in unit
+        ]
+    )
+    return StraightLimb(row, residual(motion.offsets))

@@ -2,22 +2,28 @@
 
 The joint stays put on both segments: ``parent_R_child(t) c + parent_t_child(t) = p`` for all t (A eq. 13), with the
 joint c in the child and p in the parent. Differences over time leave ``[dR(t) | dt(t)] (c, 1) = 0`` (A eq. 14), whose
-singular values say which directions the joint ever turned across.
+singular values say which directions the joint ever turned across: whether it was moved enough to be found, and whether
+as a hinge.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
+_BALL, _HINGE = 3, 2  # directions that they turn across
+
 _ITERATIONS = 50
 _CONVERGED_M = 1e-12
 _TO_SIGMA = 1.4826  # the median of absolute errors of a Gaussian, times this, is its sigma
-_ROBUST_SCALE = 3.0  # [sigma] of the Geman-McClure kernel: a residual this large counts a quarter
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,11 @@ class JointCentreSettings:
         unit="m",
         limits=(0.0, 0.1),
         reason="residuals below this are all good; keeps the robust weights from choosing among rounding errors",
+    )
+    outlier_sigmas: float = setting(
+        3.0,
+        limits=(1.0, 100.0),
+        reason="a residual this many sigmas large counts a quarter, and larger ones soon nothing (Geman-McClure)",
     )
 
 
@@ -85,7 +96,7 @@ def find_joint_centre(parent_T_child: Array, weights: Array, settings: JointCent
         in_child = centre.in_child
         sigma = max(_TO_SIGMA * _weighted_median(centre.residuals_m, weights), settings.residual_floor)
         # Geman-McClure.
-        robust = 1.0 / (1.0 + (centre.residuals_m / (_ROBUST_SCALE * sigma)) ** 2) ** 2
+        robust = 1.0 / (1.0 + (centre.residuals_m / (settings.outlier_sigmas * sigma)) ** 2) ** 2
         if np.linalg.norm(in_child - before) < _CONVERGED_M:
             break
     return JointCentre(
@@ -97,6 +108,43 @@ def find_joint_centre(parent_T_child: Array, weights: Array, settings: JointCent
         centre.residuals_m,
         robust * (weights > 0),
     )
+
+
+def check_exercised(rig: Rig, centres: Mapping[str, JointCentre], settings: JointCentreSettings) -> dict[str, Array]:
+    """Hinges among the joints: child segment -> (3,) axis in the frame of the child's virtual camera.
+
+    Args:
+        rig: names.
+        centres: child segment -> its joint.
+        settings: thresholds.
+
+    Raises:
+        RangeOfMotionError: joints that were held still, or turned about one axis only where nothing else tells where
+            on it they sit; each is named, with what to repeat.
+    """
+    hinges = {}
+    complaints = []
+    for child, centre in centres.items():
+        named = SegmentName(child)
+        freedoms = centre.freedoms(settings)
+        values = ", ".join(f"{value:.3f}" for value in centre.singular_values)
+        if freedoms < _HINGE:
+            complaints.append(
+                f"joint {named.joint} was held still (singular values {values}; each must exceed "
+                f"{settings.free_rotation:g}): {named.exercise}"
+            )
+        elif freedoms < _BALL and not named.straight_in_rest:
+            complaints.append(
+                f"joint {named.joint} was turned about one axis only (singular values {values}; each must exceed "
+                f"{settings.free_rotation:g}), so its place along that axis is open: {named.exercise}"
+            )
+        elif freedoms < _BALL:
+            hinges[child] = centre.child_directions[2]
+    if complaints:
+        raise RangeOfMotionError(
+            "the range of motion does not tell where every joint is. Repeat it, and\n  " + "\n  ".join(complaints)
+        )
+    return hinges
 
 
 def _weighted_centre(parent_T_child: Array, weights: Array, settings: JointCentreSettings) -> JointCentre:

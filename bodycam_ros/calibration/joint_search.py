@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.calibration.anthropometry import BoneLength
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre, JointCentreSettings, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
@@ -19,13 +20,11 @@ from bodycam_ros.calibration.strap_slip import (
     trust_after_slip,
     trust_before_slip,
 )
-from bodycam_ros.calibration.virtual_camera import VirtualCamera, fuse_cameras
+from bodycam_ros.calibration.virtual_camera import VirtualCamera, VirtualCameraSettings, fuse_cameras
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse, transform_points
 
 Array = NDArray[np.float64]
-
-_WRONG_M = 0.1  # [m] beyond it a gap is a wrong registration's, and says no more by being larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +48,36 @@ class FoundJoints:
         """Camera -> (4, 4) its place at its segment's virtual camera."""
         return {camera: pose for one in self.virtual.values() for camera, pose in one.virtual_T_camera.items()}
 
+    def bone_lengths(self, rig: Rig) -> list[BoneLength]:
+        """Bones between joints found so far; along the axis of a hinge its joint may be anywhere near the camera."""
+        bones = []
+        for child, below in self.centres.items():
+            segment = str(rig.parents[child])
+            if (above := self.centres.get(segment)) is not None:
+                length_m = float(np.linalg.norm(below.in_parent - above.in_child))
+                start, end = SegmentName(segment).joint, SegmentName(child).joint
+                bones.append(BoneLength(segment, start, end, length_m, sigma_m=0.0))
+        return bones
+
 
 class JointSearch:
     """Finds the joints of a rig.
 
     Args:
         rig: which camera is on which segment.
-        strap_slip, joint_centre: settings of the steps.
+        strap_slip, virtual_camera, joint_centre: settings of the steps.
     """
 
-    def __init__(self, rig: Rig, strap_slip: StrapSlipSettings, joint_centre: JointCentreSettings) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        strap_slip: StrapSlipSettings,
+        virtual_camera: VirtualCameraSettings,
+        joint_centre: JointCentreSettings,
+    ) -> None:
         self._rig = rig
         self._strap_slip = strap_slip
+        self._virtual_camera = virtual_camera
         self._joint_centre = joint_centre
 
     def find(self, motion: CameraMotion) -> FoundJoints:
@@ -120,7 +137,7 @@ class JointSearch:
                 if both.any():
                     camera_T_other = (inverse(motion.poses(camera)) @ motion.poses(other))[both]
                     centre = find_joint_centre(camera_T_other, np.ones(both.sum()), self._joint_centre)
-                    gaps.append(float(np.mean(np.minimum(centre.residuals_m, _WRONG_M))))
+                    gaps.append(float(np.mean(np.minimum(centre.residuals_m, self._strap_slip.wrong_gap))))
         return float(np.mean(gaps)) if gaps else 0.0
 
     def _joints_in_view(
@@ -149,7 +166,9 @@ class JointSearch:
         for segment in self._rig.segments:
             names = self._rig.cameras_on(segment)
             columns = motion.columns(names)
-            virtual[segment] = fuse_cameras(names, motion.world_T_camera[:, columns], trust[:, columns])
+            virtual[segment] = fuse_cameras(
+                names, motion.world_T_camera[:, columns], trust[:, columns], self._virtual_camera
+            )
         return virtual
 
     def _joint_centres(

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
-from bodycam_ros.calibration.straight_limb import StraightLimb
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -54,6 +54,12 @@ class RefinementSettings:
         unit="m",
         limits=(0.0001, 0.1),
         reason="how straight a limb stands in the N-pose: it alone holds a hinge's joint along its axis",
+    )
+    sigma_blocks: int = setting(
+        12,
+        limits=(3, 1000),
+        reason="stretches of the recording that are left out one by one for the standard deviations; each must outlast "
+        "the tracks, which keep their errors",
     )
     outlier_sigmas: float = setting(
         4.0,
@@ -145,10 +151,10 @@ def refine(
         lasting = equations.step()
         motion = motion.moved(back_substitute(lasting), lasting)
         on_progress((iteration + 1) / total)
-    return Refined(motion, images, jackknife_covariance(equations), weights, total)
+    return Refined(motion, images, jackknife_covariance(equations, settings.sigma_blocks), weights, total)
 
 
-def jackknife_covariance(equations: NormalEquations, blocks: int = 12) -> Array:
+def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:
     """Covariance (K, K) of the lasting unknowns: how much they change when a stretch of time is left out.
 
     Errors of neighbouring instants go together, because they see the same landmarks; the inverse of the information

@@ -1,12 +1,15 @@
-"""The N-pose at the start of a recording: when it was held, and which way the person faced."""
+"""The N-pose at the start of a recording: when it was held, which way the person faced, and how it becomes zero."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.calibration.anatomy import LEFT, mirrored
+from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.calibration.first_body import root_at_hips
+from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse, log_so3, rigid, robust_average_pose
 from bodycam_ros.settings import setting
@@ -15,8 +18,6 @@ Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SOME = 10
-_LEVEL = 0.3
-"""A line from right to left that rises more than this (17 degrees) is no hip or shoulder line of someone who stands."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,12 @@ class RestPoseSettings:
     )
     min_duration: float = setting(
         0.5, unit="s", limits=(0.1, 60.0), reason="shorter stillness may be the turning point of a motion"
+    )
+    max_rise: float = setting(
+        0.3,
+        limits=(0.0, 1.0),
+        reason="of a line from right to left, per length: one that rises more (17 degrees) is no line of hips or "
+        "shoulders of someone who stands, and does not tell where the person faces",
     )
 
 
@@ -104,11 +111,12 @@ def find_rest_pose(
     return RestPose(instants, average)
 
 
-def facing_direction(joints_world: Mapping[str, Array]) -> float:
+def facing_direction(joints_world: Mapping[str, Array], settings: RestPoseSettings) -> float:
     """Heading of a standing person [rad], about z from x: across the lines from right joints to their left ones.
 
     Args:
         joints_world: joint -> (3,) where it is in the N-pose.
+        settings: which lines are level.
 
     Raises:
         RangeOfMotionError: no joint has a partner on the other side.
@@ -119,7 +127,7 @@ def facing_direction(joints_world: Mapping[str, Array]) -> float:
         if name.endswith(LEFT) and right is not None:
             line = left - right
             # Longer lines tell the direction better, and weigh more here.
-            if abs(line[2]) < _LEVEL * np.linalg.norm(line):
+            if abs(line[2]) < settings.max_rise * np.linalg.norm(line):
                 leftward += line
     if np.linalg.norm(leftward[:2]) == 0:
         raise RangeOfMotionError(
@@ -134,6 +142,50 @@ def heading_rotation(heading_rad: float) -> Array:
     """Rotation world_R_rest (3, 3) of the N-pose's axes: x forward, y left, z up (DESIGN 3)."""
     c, s = np.cos(heading_rad), np.sin(heading_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroedMotion:
+    """A motion whose zero is the N-pose.
+
+    Attributes:
+        motion: of the body.
+        heading_rad: that the person faced in the N-pose [rad].
+        hinges: child segment -> (3,) axis of its hinge, in N-pose axes.
+    """
+
+    motion: ArticulatedMotion
+    heading_rad: float
+    hinges: Mapping[str, Array]
+
+
+def zero_at_rest(
+    motion: ArticulatedMotion,
+    resting: NDArray[np.bool_],
+    heading_rad: float,
+    heading_is_given: bool,
+    hinges: Collection[str],
+    settings: RestPoseSettings,
+) -> ZeroedMotion:
+    """Give a motion the frames of DESIGN 3: the N-pose is zero, the root is midway of the hips, hinges are in place.
+
+    Args:
+        motion: refined.
+        resting: (T) instants in which the N-pose was held.
+        heading_rad: that the person faced, as far as known before.
+        heading_is_given: by the user; else it is read off the refined joints.
+        hinges: child segments of the joints that turned as hinges.
+        settings: what tells where the person faces.
+    """
+    motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
+    if not heading_is_given:
+        balls = [joint for joint in motion.body.tree_joints if joint.child not in hinges]
+        correction_rad = facing_direction(motion.joints_at_zero(balls), settings)
+        heading_rad = float(np.angle(np.exp(1j * (heading_rad + correction_rad))))  # within half a turn
+        motion = motion.with_segment_axes(np.stack([heading_rotation(correction_rad)] * len(motion.body.segments)))
+    axes = {child: motion.hinge_axis(child) for child in hinges}
+    body = root_at_hips(place_hinges(motion.body_with_geometry(), axes))  # A eq. 16-17
+    return ZeroedMotion(motion.with_body(body), heading_rad, axes)
 
 
 def _still_until(seconds: Array, poses: Array, known: NDArray[np.bool_], settings: RestPoseSettings) -> int:

@@ -17,12 +17,6 @@ from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
-_LEAST_POSES = 10
-"""On either side of a change; fewer may be a few wrong registrations."""
-
-_OF_USUAL = 3.0
-"""A joint must change its place in a lone camera's view by this much more than it usually strays."""
-
 
 @dataclass(frozen=True)
 class StrapSlipSettings:
@@ -36,6 +30,20 @@ class StrapSlipSettings:
     )
     min_stay: float = setting(
         1.0, unit="s", limits=(0.1, 60.0), reason="a change must last this long on either side; blur passes sooner"
+    )
+    min_poses: int = setting(
+        10, limits=(1, 10000), reason="on either side of a change; fewer may be a few wrong registrations"
+    )
+    of_usual: float = setting(
+        3.0,
+        limits=(0.0, 100.0),
+        reason="times that a joint usually strays in a lone camera's view, by which it must change its place there",
+    )
+    wrong_gap: float = setting(
+        0.1,
+        unit="m",
+        limits=(0.001, 10.0),
+        reason="a joint gaping more than this tells of a wrong registration, and no more of a slip by gaping wider",
     )
     weight: float = setting(
         0.1,
@@ -51,6 +59,22 @@ class Slip:
     row: int
     moved_m: float
     turned_rad: float
+
+
+def slip_warning(camera: str, slip: Slip, seconds: float, alone: bool) -> str:
+    """What a person should know of a slip that came some seconds after the start.
+
+    Args:
+        alone: on its segment.
+    """
+    warning = f"camera {camera} slipped after {seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
+    if alone:
+        return (
+            f"{warning}: tighten its strap and repeat the recording; it is alone on its segment, and the body has it "
+            "where it was before"
+        )
+    turned_deg = np.degrees(slip.turned_rad)
+    return f"{warning} and {turned_deg:.1f} deg: tighten its strap; what it saw before is left out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +104,14 @@ def lasting_change(poses: Array, seconds: Array, settings: StrapSlipSettings) ->
         seconds: (N) when [s].
         settings: thresholds.
     """
-    if len(poses) < 2 * _LEAST_POSES or seconds[-1] - seconds[0] < 2 * settings.min_stay:
+    if len(poses) < 2 * settings.min_poses or seconds[-1] - seconds[0] < 2 * settings.min_stay:
         return None
     # In units of what is worth the name, so that turns and shifts can be added.
     unit = np.repeat([settings.min_turn, settings.min_shift], 3)
     offsets = log_se3(inverse(robust_average_pose(poses)) @ poses) / unit
     times = np.arange(seconds[0] + settings.min_stay, seconds[-1] - settings.min_stay, settings.min_stay / 8)
     rows = np.unique(np.searchsorted(seconds, times))
-    rows = rows[(rows >= _LEAST_POSES) & (rows <= len(poses) - _LEAST_POSES)]
+    rows = rows[(rows >= settings.min_poses) & (rows <= len(poses) - settings.min_poses)]
     if len(rows) == 0:
         return None
     # The change is where two places instead of one leave the least to explain; absolute values, since blur is no place.
@@ -152,7 +176,7 @@ def slips_of_lone_cameras(
             joint.name: change
             for joint in joints
             if (change := lasting_change(rigid(np.eye(3), joint.places), joint.seconds, settings))
-            and change.moved_m > _OF_USUAL * joint.residual_m
+            and change.moved_m > settings.of_usual * joint.residual_m
         }
         for camera, joints in joints_in_view.items()
     }

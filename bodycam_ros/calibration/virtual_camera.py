@@ -12,14 +12,24 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse, log_so3, nearest_rotation, rigid, robust_average_pose
+from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
 _ENOUGH_FOR_A_MAJORITY = 3
-_FAR_OFF = 4.0
-"""In medians: of three or more, a camera this much farther from its nearest than usual is left out of their average."""
-
 _ROUNDING = 1e-9  # [m], [rad]
+
+
+@dataclass(frozen=True)
+class VirtualCameraSettings:
+    """Which camera of a segment is left out of the virtual one."""
+
+    far_off: float = setting(
+        4.0,
+        limits=(1.0, 1000.0),
+        reason="times that cameras of a segment usually differ from their nearest; of three or more, one that differs "
+        "more is left out at that instant",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +54,9 @@ class VirtualCamera:
         return poses
 
 
-def fuse_cameras(names: tuple[str, ...], world_T_camera: Array, weights: Array) -> VirtualCamera:
+def fuse_cameras(
+    names: tuple[str, ...], world_T_camera: Array, weights: Array, settings: VirtualCameraSettings
+) -> VirtualCamera:
     """Fuse the cameras of one segment.
 
     Args:
@@ -52,6 +64,7 @@ def fuse_cameras(names: tuple[str, ...], world_T_camera: Array, weights: Array) 
         world_T_camera: (T, K, 4, 4) their poses.
         weights: (T, K) how much each counts, 1 for one that sits still, 0 where it is not known; the reference is the
             weightiest.
+        settings: which camera is left out.
 
     Raises:
         RangeOfMotionError: a camera is never known together with the reference camera.
@@ -66,7 +79,7 @@ def fuse_cameras(names: tuple[str, ...], world_T_camera: Array, weights: Array) 
             )
     # A eq. 7: each camera says where the virtual one is.
     said = world_T_camera @ inverse(np.stack([virtual_T_camera[name] for name in names]))
-    return VirtualCamera(virtual_T_camera, weighted_average_poses(said, weights), weights.max(axis=1) > 0)
+    return VirtualCamera(virtual_T_camera, weighted_average_poses(said, weights, settings), weights.max(axis=1) > 0)
 
 
 def average_relative_pose(reference: str, camera: str, world_T_pair: Array, weights: Array) -> Array:
@@ -92,13 +105,13 @@ def average_relative_pose(reference: str, camera: str, world_T_pair: Array, weig
     return robust_average_pose(relative)
 
 
-def weighted_average_poses(poses: Array, weights: Array) -> Array:
+def weighted_average_poses(poses: Array, weights: Array, settings: VirtualCameraSettings) -> Array:
     """Average (T, 4, 4) over the K of poses (T, K, 4, 4) with weights (T, K); the identity where all weights are zero.
 
     Of three or more, one far from all others is left out.
     """
     if poses.shape[1] >= _ENOUGH_FOR_A_MAJORITY:
-        weights = weights * _near_another(poses, weights)
+        weights = weights * _near_another(poses, weights, settings.far_off)
     total = weights.sum(axis=1)
     share = weights / np.where(total > 0, total, 1.0)[:, None]
     R = np.einsum("tk,tkij->tij", share, poses[:, :, :3, :3])
@@ -107,7 +120,7 @@ def weighted_average_poses(poses: Array, weights: Array) -> Array:
     return rigid(nearest_rotation(R), t)
 
 
-def _near_another(poses: Array, weights: Array) -> NDArray[np.bool_]:
+def _near_another(poses: Array, weights: Array, far_off: float) -> NDArray[np.bool_]:
     """(T, K) whether a pose is about as near to another of its instant as poses are on the whole."""
     seen = weights > 0
     pairs = seen[:, :, None] & seen[:, None, :] & ~np.eye(poses.shape[1], dtype=bool)
@@ -120,7 +133,7 @@ def _near_another(poses: Array, weights: Array) -> NDArray[np.bool_]:
         to_nearest = np.where(pairs, distances, np.inf).min(axis=2)
         told = np.isfinite(to_nearest)
         if told.any():
-            near &= ~told | (to_nearest <= _FAR_OFF * np.median(to_nearest[told]) + _ROUNDING)
+            near &= ~told | (to_nearest <= far_off * np.median(to_nearest[told]) + _ROUNDING)
     # Where none is near another nothing says which is wrong.
     near[~(near & seen).any(axis=1)] = True
     return near

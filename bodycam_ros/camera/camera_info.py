@@ -11,7 +11,7 @@ from bodycam_ros.camera.fov import FovCamera
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.plumb_bob import PlumbBobCamera
 from bodycam_ros.camera.rational_polynomial import RationalPolynomialCamera
-from bodycam_ros.errors import CalibrationError
+from bodycam_ros.errors import LensError
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -43,7 +43,7 @@ def camera_from_info(
         k: 3x3 intrinsic matrix by rows [px].
 
     Raises:
-        CalibrationError: a field is missing, malformed or of an unsupported model.
+        LensError: a field is missing, malformed or of an unsupported model.
     """
     model = _MODELS.get(distortion_model)
     if model is None:
@@ -65,11 +65,11 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
         name: the camera; else ``camera_name`` of the file; else the file's name.
 
     Raises:
-        CalibrationError: the file is missing, not YAML, lacks a field, or ``camera_from_info`` refuses it.
+        LensError: the file is missing, not YAML, lacks a field, or ``camera_from_info`` refuses it.
     """
-    document = read_yaml(path, "camera_info YAML", CalibrationError)
+    document = read_yaml(path, "camera_info YAML", LensError)
     if not isinstance(document, Mapping):
-        raise CalibrationError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
+        raise LensError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
     try:
         return camera_from_info(
             name or str(document.get("camera_name") or Path(path).stem),
@@ -79,8 +79,8 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
             _data(document, "distortion_coefficients"),
             _data(document, "camera_matrix"),
         )
-    except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from error
+    except LensError as error:
+        raise LensError(f"{path}: {error}") from error
 
 
 def _intrinsics(name: str, k: tuple[float, ...]) -> tuple[float, float, float, float]:
@@ -126,23 +126,23 @@ def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...
 
 def _field(document: Mapping[str, Any], field: str) -> Any:
     if field not in document:
-        raise CalibrationError(f"the field '{field}' is missing")
+        raise LensError(f"the field '{field}' is missing")
     return document[field]
 
 
 def _size(document: Mapping[str, Any], field: str) -> int:
     value = _field(document, field)
     if type(value) is not int:
-        raise CalibrationError(f"'{field}' must be a whole number of pixels, not {shown(value)}")
+        raise LensError(f"'{field}' must be a whole number of pixels, not {shown(value)}")
     return value
 
 
 def _data(document: Mapping[str, Any], field: str) -> Any:
     matrix = _field(document, field)
     if not isinstance(matrix, Mapping) or "data" not in matrix:
-        raise CalibrationError(f"'{field}' must have rows, cols and data, not {shown(matrix)}")
+        raise LensError(f"'{field}' must have rows, cols and data, not {shown(matrix)}")
     return matrix["data"]
 
 
-def _error(name: str, message: str) -> CalibrationError:
-    return CalibrationError(f"camera '{name}': {message}")
+def _error(name: str, message: str) -> LensError:
+    return LensError(f"camera '{name}': {message}")

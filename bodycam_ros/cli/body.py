@@ -38,8 +38,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="where the person faces in the N-pose, about the map's z from its x (default: by hips and shoulders)",
     )
     parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
-    for group, settings_type in CalibrationSettings.groups().items():
-        add_settings_flags(parser, group, settings_type)
+    add_settings_flags(parser, CalibrationSettings)
     parser.set_defaults(run=run)
 
 
@@ -58,12 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     _check_outputs(arguments, page)
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
-    settings = CalibrationSettings(
-        **{
-            group: settings_from_flags(arguments, group, kind, arguments.config)
-            for group, kind in CalibrationSettings.groups().items()
-        }
-    )
+    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
     with _shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
+from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     console = Terminal()  # units stand in square brackets
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
-    console.print(_camera_table(figures["cameras"]))
+    console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
     console.print(_body_table(figures))
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))
@@ -86,7 +86,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
         console.print(line, soft_wrap=True)
 
 
-def _camera_table(cameras: Mapping[str, Any]) -> Table:
+def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Table:
     with_pixels = any("reprojection_px" in camera for camera in cameras.values())
     caption = "lost: the longest time without a pose; gap: from the registered to the solved pose, median"
     if with_pixels:
@@ -109,7 +109,7 @@ def _camera_table(cameras: Mapping[str, Any]) -> Table:
         ]
         if with_pixels:
             row.append(_number(camera.get("reprojection_px", {}).get("median"), 2))
-        table.add_row(name, *row, style=None if camera["registered"] > 0.0 else "red")
+        table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
     return table
 
 

@@ -4,7 +4,9 @@ import argparse
 import errno
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
+from io import TextIOWrapper
 
 from bodycam_ros import __version__
 from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
@@ -15,7 +17,8 @@ COMMANDS = ("map", "body", "replay", "evaluate", "export", "bench", "settings", 
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
 
 FAILED = 1
-_NO_READER = 128 + 13  # as a shell says of who wrote to a pipe that nobody reads (SIGPIPE)
+_ENDED = 128
+_NO_READER = _ENDED + 13  # as a shell says of who wrote to a pipe that nobody reads (SIGPIPE)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -26,18 +29,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     ending = Ending()
     ending.answer()
+    if argv is None:
+        code = _run(argv, ending)
+        if code >= _ENDED:  # a signal, or a pipe without a reader: the streams may lead nowhere
+            let_go_of_the_terminal()
+        return code
+    # Somebody else's process, which goes on.
     try:
         return _run(argv, ending)
     finally:
-        if argv is not None:  # not the process's own call: it goes on
-            ending.forget()
+        ending.forget()
 
 
 def _run(argv: Sequence[str] | None, ending: Ending) -> int:
     # A name that is not UTF-8 must not keep a message from being printed.
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
+        if isinstance(stream, TextIOWrapper):
+            with suppress(OSError):  # put in the place of one that could seek
+                stream.reconfigure(errors="backslashreplace")
     arguments = _parser().parse_args(argv)
     import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run
@@ -49,10 +58,8 @@ def _run(argv: Sequence[str] | None, ending: Ending) -> int:
     except BaseException as error:
         if ending.cause is not None:  # what came of the signal, be it what it may
             ending.say()
-            let_go_of_the_terminal()
             return ending.exit_code
         if isinstance(error, BrokenPipeError):
-            let_go_of_the_terminal()
             return _NO_READER
         if (message := _message(error)) is None:
             raise

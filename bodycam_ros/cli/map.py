@@ -41,8 +41,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    for group, settings_type in MapSettings.groups().items():
-        add_settings_flags(parser, group, settings_type)
+    add_settings_flags(parser, MapSettings)
     parser.set_defaults(run=run)
 
 
@@ -51,12 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
     # COLMAP takes a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
 
-    groups = MapSettings.groups()
     if arguments.config is not None:
-        check_groups(arguments.config, set(groups))
-    settings = MapSettings(
-        **{group: settings_from_flags(arguments, group, kind, arguments.config) for group, kind in groups.items()}
-    )
+        check_groups(arguments.config, set(MapSettings.groups()))
+    settings = settings_from_flags(arguments, MapSettings, arguments.config)
     check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
     check_replaceable(arguments.output, arguments.force)
     if arguments.model is not None and not arguments.model.is_dir():

@@ -25,8 +25,7 @@ def add_recording_flags(parser: argparse.ArgumentParser) -> None:
         "--jobs", type=_positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
     )
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    for group, settings_type in PipelineSettings.groups().items():
-        add_settings_flags(parser, group, settings_type)
+    add_settings_flags(parser, PipelineSettings)
 
 
 def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
@@ -35,16 +34,10 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
     Raises:
         SettingsError: a value that is unknown or out of range.
     """
-    groups = PipelineSettings.groups()
     if arguments.config:
         # One file serves every command.
-        check_groups(arguments.config, set(groups) | set(CalibrationSettings.groups()))
-    return PipelineSettings(
-        **{
-            group: settings_from_flags(arguments, group, settings_type, arguments.config)
-            for group, settings_type in groups.items()
-        }
-    )
+        check_groups(arguments.config, PipelineSettings.groups().keys() | CalibrationSettings.groups().keys())
+    return settings_from_flags(arguments, PipelineSettings, arguments.config)
 
 
 def _positive(text: str) -> int:

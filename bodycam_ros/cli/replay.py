@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
-from bodycam_ros.cli.verdict_lines import exit_code, print_verdict
+from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
@@ -50,11 +50,15 @@ def run(arguments: argparse.Namespace) -> int:
     Terminal().print(_table(summary))
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
+    for camera, count in summary.refused.most_common():
+        Terminal().print(f"camera {camera}: not believed at {count} instants, where the others contradict it")
+    if summary.restarts:
+        Terminal().print(f"the solver could not go on {summary.restarts} times and began anew", style="red")
     share = summary.solved / summary.instants if summary.instants else 0.0
     Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera; {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real "
-        f"time; written to {arguments.output}",
+        f"any camera ({summary.bridged} without any image); {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, "
+        f"{summary.real_time_factor:.2f} of real time; written to {arguments.output}",
         soft_wrap=True,
     )
     print_verdict(Terminal(), summary.verdict)
@@ -63,10 +67,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _table(summary: ReplaySummary) -> Table:
     table = Table("camera", "images", "registered", "skipped", "lost", caption="lost: the recording should hold them")
+    styles = camera_styles(summary.verdict)
     for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
         skipped, lost = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
-        table.add_row(camera, str(images), registered, skipped, lost)
+        table.add_row(camera, str(images), registered, skipped, lost, style=styles.get(camera))
     return table
 
 

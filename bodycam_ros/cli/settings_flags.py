@@ -1,47 +1,53 @@
-"""Settings of a stage as flags: ``--tracker.max_track_age 2.0``."""
+"""Settings as flags: ``--tracker.max_track_age 2.0``."""
 
 import argparse
 from pathlib import Path
 from typing import Any, TypeVar
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.settings import describe, read_settings_file, settings_from_mapping
+from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, settings_from_mapping
 
-S = TypeVar("S")
+G = TypeVar("G", bound=SettingsGroups)
 
 _BOOLEAN = {"true": True, "false": False}
 
 
-def add_settings_flags(parser: argparse.ArgumentParser, group: str, settings_type: type) -> None:
+def add_settings_flags(parser: argparse.ArgumentParser, groups_type: type[SettingsGroups]) -> None:
     """Add a flag ``--group.field VALUE`` for each setting, with its reason, unit, range and default as help."""
-    flags = parser.add_argument_group(f"settings of {group}")
-    for description in describe(settings_type):
-        flags.add_argument(
-            f"--{group}.{description.name}",
-            type=_boolean if description.type is bool else description.type,
-            metavar="true|false" if description.type is bool else description.type.__name__.upper(),
-            help=f"{description.text()}; default {description.default}".replace("%", "%%"),
-        )
+    for group, settings_type in groups_type.groups().items():
+        flags = parser.add_argument_group(f"settings of {group}")
+        for description in describe(settings_type):
+            flags.add_argument(
+                f"--{group}.{description.name}",
+                type=_boolean if description.type is bool else description.type,
+                metavar="true|false" if description.type is bool else description.type.__name__.upper(),
+                help=f"{description.text()}; default {description.default}".replace("%", "%%"),
+            )
 
 
-def settings_from_flags(
-    arguments: argparse.Namespace, group: str, settings_type: type[S], config: Path | None = None
-) -> S:
-    """Settings of a group: the defaults, over them the parameter file, over that the flags.
+def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], config: Path | None = None) -> G:
+    """Settings of all groups: the defaults, over them the parameter file, over that the flags.
 
     Args:
-        arguments: parsed flags of ``add_settings_flags`` for the same group and type.
+        arguments: parsed flags of ``add_settings_flags`` for the same groups.
         config: ROS parameter file (``/**: ros__parameters:``); groups that it lacks keep their defaults.
 
     Raises:
         SettingsError: unknown name, wrong type or value out of range, in the file or in a flag.
     """
-    values = {} if config is None else read_settings_file(config).get(group, {})
-    settings_from_mapping(settings_type, values, f"{config}: {group}")
-    flags: dict[str, Any] = {
-        d.name: given for d in describe(settings_type) if (given := getattr(arguments, f"{group}.{d.name}")) is not None
-    }
-    return settings_from_mapping(settings_type, values | flags, f"--{group}")
+    of_file = {} if config is None else read_settings_file(config)
+    settings: dict[str, Any] = {}
+    for group, settings_type in groups_type.groups().items():
+        values = of_file.get(group, {})
+        # On its own, lest a flag is blamed for what the file has wrong, or hides it.
+        settings_from_mapping(settings_type, values, f"{config}: {group}")
+        flags = {
+            description.name: given
+            for description in describe(settings_type)
+            if (given := getattr(arguments, f"{group}.{description.name}")) is not None
+        }
+        settings[group] = settings_from_mapping(settings_type, values | flags, f"--{group}")
+    return groups_type(**settings)
 
 
 def check_groups(config: Path, known: set[str]) -> None:

@@ -19,6 +19,12 @@ def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
     terminal.print(Text(f"verdict: {verdict.text}", _STYLES[verdict.level]), soft_wrap=True)
 
 
+def camera_styles(verdict: Verdict) -> dict[str, str]:
+    """Camera that was found at fault -> the style of its row in a table."""
+    # The worst comes first and stays.
+    return {finding.camera: _STYLES[finding.level] for finding in reversed(verdict.findings)}
+
+
 def exit_code(verdict: Verdict) -> int:
     """0, or that of a result that should not be used."""
     return WRONG_RESULT if verdict.level is Level.WRONG else 0

@@ -57,9 +57,11 @@ def published_body(urdf: UrdfTree) -> BodyModel:
         for link, poses in urdf.forward_kinematics(np.eye(4)[None], dict.fromkeys(urdf.moving, np.zeros(1))).items()
     }
     arriving = {joint.child: joint for joint in urdf.joints}
-    segments = set(urdf.segments)
+    # A robot's base link may have no shape, and so be no segment; yet all hangs on it.
+    segments = urdf.segments if urdf.root in urdf.segments else (urdf.root, *urdf.segments)
+    parents = dict.fromkeys(set(segments) - {urdf.root}, urdf.root) | urdf.parent_segments()
     joints = []
-    for segment, parent in urdf.parent_segments().items():
+    for segment, parent in sorted(parents.items()):
         # The last angle on the way from the parent says where the segment turns; a welded one never does.
         link, centre = segment, None
         while link != parent and centre is None:
@@ -83,8 +85,7 @@ def published_body(urdf: UrdfTree) -> BodyModel:
             link = arriving[link].parent
         if link in segments:
             mounts[camera] = CameraMount(link, inverse(root_T_link[link]) @ root_T_link[optical_frame(camera)])
-    top = next(segment for segment in urdf.segments if segment not in urdf.parent_segments())
-    return BodyModel("published", top, urdf.segments, tuple(joints), mounts)
+    return BodyModel("published", urdf.root, segments, tuple(joints), mounts)
 
 
 _Registration = tuple[str, int, Array | None, LandmarkMatches | None]

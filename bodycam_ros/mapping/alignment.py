@@ -13,6 +13,7 @@ from bodycam_ros.geometry import exp_so3, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board
 from bodycam_ros.mapping.board_corners import CornerViews, collect_corners, triangulate_corners
+from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -39,6 +40,13 @@ class AlignmentSettings:
         limits=(0.2, 50.0),
         reason="views of a corner beyond it are left out when the corner is triangulated",
     )
+    max_misfit: float = setting(
+        1.2,
+        unit="mrad",
+        limits=(0.01, 1000.0),
+        reason="median error of the board's corners beyond which there is no map; 0.05 to 1.0 with the right "
+        "camera.yaml, 1.3 and more with another lens model or a focal length 20 % off",
+    )
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,7 @@ class BoardResidual:
         rms_of_tag_px: tag -> root mean square distance of its corners from where the board projects [px].
         rms_of_tag_mm: tag -> root mean square distance of its triangulated corners from the board's [mm].
         rms_px, rms_mm: the same over all tags.
+        median_px: median of those distances in the photographs, which a single wrong tag does not move.
         inset_px: how far blur moves each edge inwards; estimated with the alignment [px].
     """
 
@@ -58,6 +67,7 @@ class BoardResidual:
     rms_of_tag_mm: Mapping[int, float]
     rms_px: float
     rms_mm: float
+    median_px: float
     inset_px: float
 
 
@@ -88,7 +98,7 @@ def align_to_board(
         settings: noise and tolerance.
 
     Raises:
-        MapError: too few views of the board to place it.
+        MapError: too few views of the board to place it, or it does not fit, as with the intrinsics of another camera.
     """
     views = collect_corners(world_T_camera, tag_views, camera, board)
     triangulated = triangulate_corners(views, camera, settings.max_corner_error)
@@ -96,7 +106,8 @@ def align_to_board(
     if len(seen) < _MIN_CORNERS:
         raise MapError(
             f"board: only {len(seen)} of its corners can be placed from {len(tag_views)} registered photographs; "
-            "take more photographs of it from different sides, near enough that a tag is 30 px or broader"
+            "take more photographs of it from different sides, near enough that a tag is 30 px or broader. If there "
+            f"are enough: {wrong_camera(camera)}"
         )
     world_points = np.array([triangulated[row] for row in seen])
     board_points = np.concatenate(list(board.corners_board.values()))[seen]
@@ -105,6 +116,14 @@ def align_to_board(
     residuals = _residuals(views, camera, scale, R, t, inset_px)
     offsets = (world_points - t) @ R / scale - board_points
     residual = _report(views, residuals, np.array(seen), offsets, inset_px)
+    # An angle, since pixels are finer in larger photographs.
+    misfit_mrad = 1e3 * residual.median_px / camera.fx
+    if misfit_mrad > settings.max_misfit:
+        raise MapError(
+            f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
+            f"photographs should show them, expected {settings.max_misfit:g} mrad at most (alignment.max_misfit). "
+            f"{wrong_camera(camera)} If it does, board.yaml may describe another board"
+        )
     map_R_world = R.T if board.map_R_board is None else board.map_R_board @ R.T
     return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, residual)
 
@@ -157,5 +176,6 @@ def _report(
         },
         rms_px=float(np.sqrt(squares_px.mean())),
         rms_mm=float(np.sqrt(squares_mm.mean())),
+        median_px=float(np.sqrt(np.median(squares_px))),
         inset_px=inset_px,
     )

@@ -1,14 +1,13 @@
 """All settings that a reference map is built with, by group."""
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
-from bodycam_ros.settings import setting
+from bodycam_ros.settings import SettingsGroups, setting
 
 
 @dataclass(frozen=True)
@@ -22,11 +21,29 @@ class LandmarkSettings:
     min_views: int = setting(
         3, unit="photographs", limits=(2, 50), reason="two rays always nearly meet; the third tells a wrong match"
     )
+    min_fitting: float = setting(
+        0.22,
+        limits=(0.0, 1.0),
+        reason="least share of matched observations that become landmarks, or there is no map; 0.7 and more with the "
+        "right camera.yaml, 0.21 and less with a focal length 20 % off",
+    )
+    doubtful_fitting: float = setting(
+        0.45,
+        limits=(0.0, 1.0),
+        reason="a smaller share is warned of; 0.15 to 0.33 with another lens model, 0.3 to 0.5 with fx, fy 5 % off",
+    )
+    max_model_error: float = setting(
+        2.0,
+        unit="px",
+        limits=(0.1, 100.0),
+        reason="median reprojection error of a model that is taken over (--model); one made with other intrinsics than "
+        "those of camera.yaml is far above, a sound one far below",
+    )
 
 
 @dataclass(frozen=True)
-class MapSettings:
-    """The settings of every step, under the names of their groups in YAML files and flags."""
+class MapSettings(SettingsGroups):
+    """Settings of every step from photographs to a map."""
 
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
@@ -34,12 +51,3 @@ class MapSettings:
     descriptors: DescriptorSettings = DescriptorSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
-
-    @classmethod
-    def groups(cls) -> dict[str, type]:
-        """Group -> its settings dataclass."""
-        return {f.name: type(f.default) for f in fields(cls)}
-
-    def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Group -> setting -> value."""
-        return asdict(self)

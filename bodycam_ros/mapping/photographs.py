@@ -28,12 +28,20 @@ class Photographs:
     board_path: Path | None
 
 
+def wrong_camera(camera: CameraModel) -> str:
+    """What to tell a user whose photographs contradict the intrinsics."""
+    return (
+        f"Does {CAMERA_FILE} belong to the camera that took the photographs? It says {camera.distortion_model}, focal "
+        f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."
+    )
+
+
 def find_photographs(folder: Path) -> Photographs:
     """List a reference folder.
 
     Raises:
         MapError: the folder, its photographs or its calibration are missing.
-        CalibrationError: the calibration is malformed.
+        LensError: the calibration is malformed.
     """
     if not folder.is_dir():
         raise MapError(f"{folder}: no such folder; expected one with photographs (jpg, png) and {CAMERA_FILE}")

@@ -1,5 +1,6 @@
 """Structure from motion on the photographs of a reference folder, with known intrinsics."""
 
+import logging
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,13 +16,15 @@ from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.map_settings import LandmarkSettings
 from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
+from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure
 from bodycam_ros.whole_file import scratch_folder
 
+_LOG = logging.getLogger(__name__)
+
 _PAIRS_AT_ONCE = 40  # between two steps of the progress bar
 _SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same detail
-_MAX_MODEL_ERROR_PX = 2.0  # a model made with other intrinsics than camera.yaml is far above, a sound one far below
 
 
 def reconstruct(
@@ -35,7 +38,7 @@ def reconstruct(
     """Recover camera poses and landmarks, up to a similarity.
 
     Raises:
-        MapError: fewer than two photographs fit together.
+        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
     """
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         database = scratch / "database.db"
@@ -64,6 +67,7 @@ def reconstruct(
             "sharp and well lit, and check that camera.yaml belongs to the camera"
         )
 
+    matched = colmap.structure_from(model)
     with progress.step("adjusting the bundle", 2) as advance:
         # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
         colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
@@ -72,7 +76,9 @@ def reconstruct(
         colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
         structure = colmap.structure_from(model)
         advance()
-    return _coloured(_keep_seen(structure, landmark_settings), features)
+    structure = _keep_seen(structure, landmark_settings)
+    _check_fits(structure, matched, camera, landmark_settings)
+    return _coloured(structure, features)
 
 
 def adopt_model(
@@ -103,15 +109,37 @@ def adopt_model(
             f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder of the model"
         )
     errors = structure.reprojection_errors(camera)
-    if not len(errors) or not float(np.median(errors)) <= _MAX_MODEL_ERROR_PX:
+    if not len(errors) or not float(np.median(errors)) <= settings.max_model_error:
         median = float(np.median(errors)) if len(errors) else float("nan")
         raise MapError(
             f"{folder}: with the intrinsics of camera.yaml the model's points project {median:.1f} px (median) from "
-            f"where they were seen, expected {_MAX_MODEL_ERROR_PX:g} at most; give the calibration of the model"
+            f"where they were seen, expected {settings.max_model_error:g} at most; give the calibration of the model"
         )
     structure = structure.with_observations(errors <= settings.max_error)
     structure = _linked(structure, [known[name] for name in structure.names])
     return _coloured(_keep_seen(structure, settings), features)
+
+
+def _check_fits(structure: Structure, matched: Structure, camera: CameraModel, settings: LandmarkSettings) -> None:
+    """Refuse a structure that is a small part of what was matched: with wrong intrinsics only scraps fit together.
+
+    Errors alone do not tell, because what errs by more than ``max_error`` has been left out.
+    """
+    seen = int((matched.views_per_point()[matched.observation_points] >= settings.min_views).sum())
+    share = len(structure.observation_views) / max(1, seen)
+    if share >= max(settings.doubtful_fitting, settings.min_fitting):
+        return
+    doubt = (
+        f"only {100 * share:.0f} % of what the photographs show in common can be explained to within "
+        f"{settings.max_error:g} px"
+    )
+    if share >= settings.min_fitting:
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(camera))
+        return
+    raise MapError(
+        f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
+        f"(landmarks.min_fitting). {wrong_camera(camera)}"
+    )
 
 
 def _linked(structure: Structure, features: Sequence[ImageFeatures]) -> Structure:
@@ -134,7 +162,7 @@ def _keep_seen(structure: Structure, settings: LandmarkSettings) -> Structure:
         raise MapError(
             f"none of {len(structure.points_world)} points is seen well enough to be a landmark (error <= "
             f"{settings.max_error:g} px in {settings.min_views} photographs, {settings.min_angle:g} deg between rays); "
-            "take more photographs, from places farther apart"
+            "take more photographs, from places farther apart, and check that camera.yaml belongs to the camera"
         )
     return kept
 

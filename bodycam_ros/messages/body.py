@@ -57,11 +57,34 @@ def joint_rotations_message(
     )
 
 
+def joint_covariances_message(
+    make: MessageFactory,
+    stamp_ns: int,
+    names: Sequence[str],
+    observed: NDArray[np.bool_],
+    covariances: NDArray[np.float64],
+) -> Message:
+    """bodycam_msgs/JointCovariances of J joints.
+
+    Args:
+        names: J names, in the order of the joint rotations.
+        observed: (J,) whether cameras saw both of its segments.
+        covariances: (J, 3, 3) of the rotations, in the child segments' axes [rad^2].
+    """
+    return make(
+        "bodycam_msgs/msg/JointCovariances",
+        header=header_message(make, stamp_ns, ""),
+        names=list(names),
+        observed=make.sequence(flat(observed, np.uint8)),
+        covariances=make.sequence(flat(covariances, np.float64)),
+    )
+
+
 def odometry_message(make: MessageFactory, state: BodyState, root: str, root_velocity: NDArray[np.float64]) -> Message:
     """nav_msgs/Odometry of the root segment in the map.
 
     Args:
-        root: name of the root, whose pose ``state.root_covariance`` speaks of.
+        root: name of the root, whose pose and velocity ``state.uncertainty`` speaks of.
         root_velocity: (6,) angular [rad/s] then linear [m/s], both in the root's axes.
     """
     twist = make(
@@ -74,10 +97,20 @@ def odometry_message(make: MessageFactory, state: BodyState, root: str, root_vel
         header=header_message(make, state.stamp_ns, MAP_FRAME),
         child_frame_id=root,
         pose=pose_with_covariance_message(
-            make, state.world_T_segment[state.segments.index(root)], state.root_covariance
+            make, state.world_T_segment[state.segments.index(root)], state.uncertainty.root
         ),
-        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist),
+        twist=make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            twist=twist,
+            covariance=_linear_first(state.uncertainty.root_twist).reshape(-1),
+        ),
     )
+
+
+def _linear_first(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A covariance (6, 6) of a twist, linear before angular as ROS has it, in the same axes."""
+    order = [3, 4, 5, 0, 1, 2]
+    return np.ascontiguousarray(covariance[np.ix_(order, order)])
 
 
 def transforms_message(
@@ -99,16 +132,18 @@ def transforms_message(
 def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int, int]]) -> Message:
     """visualization_msgs/MarkerArray: a ball at each segment's origin, a line along each bone.
 
-    The colour says whether cameras or the motion model alone placed the body.
+    The colour of a segment, and of the line to it, says whether a camera saw it.
 
     Args:
-        bones: pairs of rows of ``state.segments`` whose origins a line joins.
+        bones: pairs of rows of ``state.segments`` whose origins a line joins, the child second.
     """
     points = [point_message(make, world_T_segment[:3, 3]) for world_T_segment in state.world_T_segment]
-    lines = [points[row] for bone in bones for row in bone]
-    red, green, blue = _PREDICTED_COLOUR if state.predicted else _MEASURED_COLOUR
+    seen, unseen = (
+        make("std_msgs/msg/ColorRGBA", r=r, g=g, b=b, a=1.0) for r, g, b in (_MEASURED_COLOUR, _PREDICTED_COLOUR)
+    )
+    colours = [seen if observed else unseen for observed in state.observed]
     header = header_message(make, state.stamp_ns, MAP_FRAME)
-    colour = make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
+    lines, line_colours = [points[row] for bone in bones for row in bone], [colours[bone[1]] for bone in bones]
     markers = [
         make(
             "visualization_msgs/msg/Marker",
@@ -117,11 +152,15 @@ def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tup
             id=number,
             type=kind,
             scale=vector_message(make, np.full(3, size)),
-            color=colour,
+            color=seen,
             points=where,
+            colors=of_points,
         )
-        for number, (kind, size, where) in enumerate(
-            [(_LINE_LIST, _BONE_WIDTH_M, lines), (_SPHERE_LIST, _JOINT_DIAMETER_M, points)]
+        for number, (kind, size, where, of_points) in enumerate(
+            [
+                (_LINE_LIST, _BONE_WIDTH_M, lines, [colour for colour in line_colours for _ in range(2)]),
+                (_SPHERE_LIST, _JOINT_DIAMETER_M, points, colours),
+            ]
         )
     ]
     return make("visualization_msgs/msg/MarkerArray", markers=markers)

@@ -48,7 +48,7 @@ def camera_model(message: Message, camera: str) -> CameraModel:
     """Camera model of a sensor_msgs/CameraInfo.
 
     Raises:
-        CalibrationError: malformed intrinsics or an unknown distortion model.
+        LensError: malformed intrinsics or an unknown distortion model.
     """
     d = numbers(message.d, np.float64, len(message.d)).tolist()
     k = numbers(message.k, np.float64, len(message.k)).tolist()

@@ -12,6 +12,9 @@ from bodycam_ros.solving.synchrony import Timing
 _POOR_SHARE = 0.9
 """A camera registered on a smaller share of its frames gets a warning: the body still holds, but with less."""
 
+_APART_S = 5.0
+"""No machine is so busy: the camera's clock is another."""
+
 _WANDERING = 2.0
 """In units of the tolerance: stamps that are spread so far are not of one trigger."""
 
@@ -67,7 +70,9 @@ def _health(camera: str, tally: _Tally) -> Health:
     return Health(name, level, f"registered on {share:.0%} of its frames", values)
 
 
-def timing_health(camera: str, timing: Timing, tolerance_s: float, late: int, silent: bool) -> Health:
+def timing_health(
+    camera: str, timing: Timing, tolerance_s: float, late: int, silent: bool, apart_s: float | None
+) -> Health:
     """How one camera goes with the others.
 
     Args:
@@ -76,6 +81,7 @@ def timing_health(camera: str, timing: Timing, tolerance_s: float, late: int, si
         tolerance_s: stamps this close count as one instant [s].
         late: registrations that came after their instant had gone.
         silent: whether it is not waited for any more.
+        apart_s: how far its stamps are ahead of the body's present, or behind if negative [s]; None if it says nothing.
     """
     tolerance_ms = 1e3 * tolerance_s
     values = {
@@ -85,16 +91,16 @@ def timing_health(camera: str, timing: Timing, tolerance_s: float, late: int, si
         "late registrations": late,
     }
     level, text = HealthLevel.OK, "in time with the others"
-    if silent:
+    if apart_s is not None and abs(apart_s) > _APART_S:
+        side = "ahead of" if apart_s > 0 else "behind"
+        level, text = HealthLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
+    elif silent:
         level, text = HealthLevel.ERROR, "says nothing, and is not waited for"
     elif timing.spread_ms > _WANDERING * tolerance_ms:
-        level, text = HealthLevel.WARN, "its stamps wander against the others'; is it triggered with them?"
+        level, text = HealthLevel.WARN, "its stamps wander against the others': is it triggered with them?"
     elif abs(timing.offset_ms) > tolerance_ms:
-        after = "after" if timing.offset_ms > 0 else "before"
-        level, text = (
-            HealthLevel.WARN,
-            f"{abs(timing.offset_ms):.1f} ms {after} the others; its clock or trigger is off",
-        )
+        side = "after" if timing.offset_ms > 0 else "before"
+        level, text = HealthLevel.WARN, f"{abs(timing.offset_ms):.1f} ms {side} the others: is its trigger off?"
     elif timing.share < _POOR_SHARE:
         level, text = HealthLevel.WARN, "misses instants"
     return Health(f"camera {camera}", level, f"{text}; speaks of {timing.share:.0%} of the instants", values)

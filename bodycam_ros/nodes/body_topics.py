@@ -6,6 +6,7 @@ from typing import Any
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.messages.body_output import output_messages
 from bodycam_ros.messages.status import text_message
@@ -17,6 +18,7 @@ from bodycam_ros.solving.body_output import BodyOutput
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
+    "/joint_covariances": "bodycam_msgs/msg/JointCovariances",
     "/odometry": "nav_msgs/msg/Odometry",
     "/tf": TRANSFORMS,
     "/skeleton": "visualization_msgs/msg/MarkerArray",
@@ -45,10 +47,14 @@ class BodyTopics:
 
     def describe(self, body: BodyModel) -> None:
         """Publish the body itself; those that come later hear it too."""
+        self._limits = SeenLimits(body)
         self._description.publish(text_message(self._make, urdf_text(body)))
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant."""
+        if self._limits.widen(output.positions):
+            # What robot_description promises must hold for the joint states that follow.
+            self._description.publish(text_message(self._make, urdf_text(self._limits.body)))
         messages = output_messages(self._make, output, body)
         for topic, publisher in self._outputs.items():
             publisher.publish(messages[topic])

@@ -8,7 +8,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import CalibrationError
+from bodycam_ros.errors import LensError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import optical_frame
 from bodycam_ros.messages.images import camera_model
@@ -166,7 +166,7 @@ class CameraModels:
         self._contents[camera] = content
         try:
             self.models[camera] = camera_model(message, camera)
-        except CalibrationError as error:
+        except LensError as error:
             if self._fatal:
                 raise
             self.models.pop(camera, None)

@@ -67,7 +67,7 @@ def live_graph(
     if len(used) < len(carried):
         of_solver["cameras"] = used
     if rig is not None:
-        of_solver |= {"rig": str(rig), "overwrite_body": overwrite_body}
+        of_solver |= {"rig": str(rig), "map": str(reference_map), "overwrite_body": overwrite_body}
     return [
         *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
         *(

@@ -23,6 +23,8 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.map_frame import check_upright
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 _LOOK_S = 0.2
 _STOP_S = 5.0
@@ -42,6 +44,8 @@ class LiveCalibration:
 
     Raises:
         BodyError: the body is there already and is not to be overwritten, or cannot be written there.
+        MapError: the map has no scale or no vertical.
+        SettingsError: nobody says which map it is.
     """
 
     def __init__(
@@ -59,6 +63,8 @@ class LiveCalibration:
             )
         if not path.parent.is_dir():
             raise BodyError(f"{path}: its folder is not there; make it first")
+        map_path = Path(node.required("map"))
+        check_upright(ReferenceMap.load(map_path), map_path)
         self._node = node
         self._rig = rig
         self._path = path

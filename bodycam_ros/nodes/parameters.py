@@ -17,6 +17,8 @@ from bodycam_ros.settings import SettingDescription, describe, setting, settings
 
 P = TypeVar("P")
 
+_SOURCE = "parameters"
+
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation")
 REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit")
 SOLVER_GROUPS: Final = (
@@ -66,6 +68,10 @@ class SolverParameters:
     cameras: tuple[str, ...] = setting((), reason="the cameras to listen to; all of the body if empty")
     rig: str = setting(
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
+    )
+    map: str = setting(
+        "",
+        reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made",
     )
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     facing: float = setting(
@@ -140,12 +146,8 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
         group, dot, setting_name = name.partition(".")
         if dot:
             grouped[group][setting_name] = value
-    kinds = CalibrationSettings.groups()
-    calibration: dict[str, Any] = {
-        group: settings_from_mapping(kinds[group], grouped.pop(group), f"parameters: {group}")
-        for group in kinds.keys() & grouped.keys()
-    }
-    return PipelineSettings.from_mapping(grouped, "parameters"), CalibrationSettings(**calibration)
+    calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
+    return PipelineSettings.from_mapping(grouped, _SOURCE), CalibrationSettings.from_mapping(calibration, _SOURCE)
 
 
 def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
@@ -161,7 +163,7 @@ def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
             raise SettingsError(f"parameters: there is no parameter '{name}'; known are {', '.join(sorted(known))}")
     mine = {f.name for f in fields(parameters_type)}
     values = {name: _tuple_of_list(value) for name, value in plain.items() if name in mine}
-    return settings_from_mapping(parameters_type, values, "parameters")
+    return settings_from_mapping(parameters_type, values, _SOURCE)
 
 
 def declare(node: Node, settings: object, group: str = "") -> None:

@@ -18,6 +18,7 @@ from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar
+from bodycam_ros.registration.map_frame import assumed_vertical, check_metric
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -33,7 +34,11 @@ class Registration(StageNode[RegistrationParameters]):
 
     def __init__(self) -> None:
         super().__init__("registration", RegistrationParameters, REGISTRATION_GROUPS)
-        self.map = ReferenceMap.load(Path(self.required("map")))
+        map_path = Path(self.required("map"))
+        self.map = ReferenceMap.load(map_path)
+        check_metric(self.map, map_path)
+        if assumed := assumed_vertical(self.map, map_path):
+            self.get_logger().warning(assumed)
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()

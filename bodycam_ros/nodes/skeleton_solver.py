@@ -4,9 +4,7 @@ With a rig instead of a body it first makes the body, from a range of motion (A 
 """
 
 import time
-from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -17,8 +15,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.registration_health import timing_health
-from bodycam_ros.messages.status import Health, HealthLevel, few
+from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
@@ -29,6 +26,7 @@ from bodycam_ros.nodes.live_calibration import LiveCalibration
 from bodycam_ros.nodes.parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.solver_health import SolverHealth
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -36,21 +34,6 @@ from bodycam_ros.solving.body_output import BodyOutput
 from bodycam_ros.verdict.live_verdict import LiveVerdict
 
 _LOOK_S = 0.5
-_ARRIVALS = 1000
-_JUMP_NS = 1_000_000_000
-_PATIENCE_S = 2.0
-"""Registrations that come for so long without an instant solved are an error."""
-
-
-@dataclass
-class _Tally:
-    """What happened since the last report."""
-
-    heard: int = 0
-    solved: int = 0
-    predicted: int = 0
-    cameras_used: int = 0
-    latency_s: float = 0.0
 
 
 class SkeletonSolver(StageNode[SolverParameters]):
@@ -73,13 +56,10 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._waiting: list[LandmarkMatches] = []
         self._most_waiting = STAGE_DEPTH * len(carried)
         self._missed = MissedFrames()
-        self._tally = _Tally()
-        self._late_reported = 0
         self._first_info_s: float | None = None
-        self._heard_s = self._begun_s = self._solved_s = 0.0
-        self._arrivals: deque[tuple[int, float]] = deque(maxlen=_ARRIVALS)
         self._flushed = True
         self._cameras = CameraModels(self, carried, self._on_camera)
+        self._health = SolverHealth(self._cameras, self.skipped, self.settings.assembler.sync_tolerance)
         for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
             self.subscription(
@@ -125,7 +105,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         if model is None:
             return
         if self._pipeline is not None:
-            self._publish(self._pipeline.join(camera, model))
+            self._pipeline.join(camera, model)
             self._judge_anew()
         else:
             self._solve_with_those_known()
@@ -145,14 +125,12 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _solve_with_those_known(self) -> None:
         if self._body is not None and self._cameras.models:
             self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
-            self._late_reported = 0
             self._judge_anew()
 
     def _judge_anew(self) -> None:
-        """Other cameras or another body: what was seen before says nothing of them."""
+        # Other cameras or another body: what was seen before says nothing of them.
         if self._body is not None:
-            inlier_px = self.settings.pose_fit.inlier_px
-            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, inlier_px)
+            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, self.settings.pose_fit)
 
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
@@ -179,7 +157,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self.skipped.add(
                 "registrations lost", f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             )
-        self._note_arrival(matches.stamp_ns)
+        self._health.heard(matches.stamp_ns)
+        self._flushed = False
         if self._started:
             self._take(matches)
         elif len(self._waiting) < self._most_waiting:
@@ -187,24 +166,11 @@ class SkeletonSolver(StageNode[SolverParameters]):
         else:
             self.skipped.add("registrations skipped", "registrations, but no camera_info of the cameras")
 
-    def _note_arrival(self, stamp_ns: int) -> None:
-        self._tally.heard += 1
-        now_s = time.monotonic()
-        if now_s - self._heard_s > _PATIENCE_S:
-            self._begun_s = now_s
-        self._heard_s = now_s
-        self._flushed = False
-        if self._arrivals and stamp_ns < self._arrivals[-1][0] - _JUMP_NS:
-            self._arrivals.clear()
-        if not self._arrivals or stamp_ns > self._arrivals[-1][0]:
-            self._arrivals.append((stamp_ns, self._heard_s))
-
     def _look(self) -> None:
-        now_s = time.monotonic()
-        waited_s = now_s - self._first_info_s if self._first_info_s else 0.0
+        waited_s = time.monotonic() - self._first_info_s if self._first_info_s else 0.0
         if not self._started and self._calibration is None and waited_s > self.parameters.info_wait:
             self._start()
-        if now_s - self._heard_s > self.parameters.idle_flush:
+        if self._health.quiet_s > self.parameters.idle_flush:
             self._flush()
         elif self._pipeline is not None:
             self._publish(self._pipeline.look())
@@ -228,74 +194,14 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 self._topics.publish(output, self._body)
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
-            self._solved_s = time.monotonic()
-            self._tally.solved += 1
-            self._tally.predicted += output.state.predicted
-            self._tally.cameras_used += output.state.cameras_used
-            arrived_s = self._solved_s
-            while self._arrivals and self._arrivals[0][0] <= output.state.stamp_ns:
-                arrived_s = self._arrivals.popleft()[1]
-            self._tally.latency_s += self._solved_s - arrived_s
+            self._health.solved(output.state)
 
     def health(self) -> list[Health]:
-        """How the body fared in the last second, and how its cameras go together."""
-        tally, self._tally = self._tally, _Tally()
-        assembler = self._pipeline.assembler if self._pipeline else None
-        values: dict[str, object] = {
-            "registrations per second": tally.heard,
-            "instants per second": tally.solved,
-            "instants predicted": tally.predicted,
-            "latency [ms]": round(1e3 * tally.latency_s / tally.solved) if tally.solved else "none",
-            "cameras used per instant": round(tally.cameras_used / max(1, tally.solved), 1),
-            "cameras known": len(self._cameras.models),
-            "cameras missing": ", ".join([*self._cameras.missing, *sorted(self._cameras.refused)]) or "none",
-            "camera_info changed": self._cameras.changes,
-            "late registrations": assembler.late if assembler else 0,
-            "times begun anew": assembler.restarts if assembler else 0,
-            **self.skipped.counts,
-            "last error": self.skipped.latest or "none",
-        }
-        level, text = self._judge(tally)
-        health = [Health("body", level, text, values), *self._camera_healths()]
+        """How the body and its cameras fared in the last second."""
+        health = self._health.report(self._pipeline, has_body=self._body is not None)
         if self._verdict is not None:
-            health.append(verdict_health(self._verdict.verdict()))
+            health = [*health, verdict_health(self._verdict.verdict())]
         return health if self._calibration is None else [*health, self._calibration.health()]
-
-    def _judge(self, tally: _Tally) -> tuple[HealthLevel, str]:
-        lost = self.skipped.lately()
-        now_late = self._pipeline.assembler.late if self._pipeline else 0
-        late, self._late_reported = now_late - self._late_reported, now_late
-        quiet_s = time.monotonic() - self._heard_s
-        lacking = few([*self._cameras.missing, *sorted(self._cameras.refused)])
-        if quiet_s > _PATIENCE_S:
-            return HealthLevel.ERROR, "no registration comes" + (
-                f", and no camera_info of {lacking}" if lacking else ""
-            )
-        if self._pipeline is None and self._body is None:
-            return HealthLevel.OK, "no body yet"
-        if self._pipeline is None:
-            return HealthLevel.ERROR, f"registrations, but no camera_info of {lacking}"
-        if tally.solved == 0 and self._heard_s - max(self._solved_s, self._begun_s) > _PATIENCE_S:
-            return HealthLevel.ERROR, "registrations come, but no camera is registered in the map"
-        if tally.solved and tally.predicted == tally.solved:
-            return HealthLevel.ERROR, "no camera is registered; the body is a guess"
-        if lacking:
-            return HealthLevel.WARN, f"solving without {lacking}: no usable camera_info"
-        if tally.predicted or late > 0 or lost:
-            return HealthLevel.WARN, "solving, with losses"
-        return HealthLevel.OK, "solving"
-
-    def _camera_healths(self) -> list[Health]:
-        """How each camera goes with the others."""
-        if self._pipeline is None:
-            return []
-        assembler, silent = self._pipeline.assembler, self._pipeline.assembler.silent
-        return [
-            timing_health(
-                camera, timing, self.settings.assembler.sync_tolerance, assembler.late_of[camera], camera in silent
-            )
-            for camera, timing in assembler.synchrony.timings().items()
-        ]
 
 
 def main() -> int:

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bodycam_ros.camera.camera_image import decode_grey
@@ -101,13 +101,12 @@ class Tracker(StageNode[TrackerParameters]):
             if image.begins_anew:
                 self._restarts += 1
                 self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
-            if len(self._waiting) == self.parameters.image_queue:
-                dropped = self._waiting.popleft()
-                if dropped.begins_anew and self._waiting:
-                    self._waiting[0] = Ordered(self._waiting[0].item, True)
+            self._waiting.append(image)
+            if len(self._waiting) > self.parameters.image_queue:
+                if self._waiting.popleft().begins_anew:
+                    self._waiting[0] = replace(self._waiting[0], begins_anew=True)
                 reason = f"camera {self.camera}: {self._what_is_lacking()}; an image is dropped"
                 self.skipped.add("images dropped", reason)
-            self._waiting.append(image)
         if images:
             self.soon(self._track_next)
 
@@ -197,7 +196,7 @@ class Tracker(StageNode[TrackerParameters]):
             if tally.arrived == 0 and not self._waiting:
                 lacking = f", and no {self.camera}/camera_info" if self._tracker is None else ""
                 return HealthLevel.ERROR, self._source.what_is_wrong() + lacking
-            return HealthLevel.WARN, f"no image tracked: {self._what_is_lacking()}"
+            return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
         if tally.tracks == 0:
             return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
         if lost:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import CalibrationError, RecordingError
+from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
 from bodycam_ros.recording.bag_file import BagFile
@@ -82,19 +82,15 @@ class Recording:
         """The camera's intrinsics, from its first CameraInfo.
 
         Raises:
-            CalibrationError: there is none, it is malformed, or its distortion model is unknown.
+            LensError: there is none, it is malformed, or its distortion model is unknown.
         """
         self._topic_of(camera)
         topic = f"/{camera}{_INFO_TOPIC}"
         if self._bag.topics.get(topic, _INFO_TYPE) != _INFO_TYPE:
-            raise CalibrationError(
-                f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {_INFO_TYPE}"
-            )
+            raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {_INFO_TYPE}")
         for _, _, message in self._bag.messages([topic]):
             return camera_model(message, camera)
-        raise CalibrationError(
-            f"camera {camera}: {self.path} has no message on {topic}; record it along with the images"
-        )
+        raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.

@@ -12,9 +12,10 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.errors import MapError, RangeOfMotionError
+from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.map_frame import check_upright
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
@@ -55,7 +56,7 @@ def calibrate(
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
     """
-    _check_upright(map_path)
+    check_upright(ReferenceMap.load(map_path), map_path)
     with open_recording(recording_path) as recording:
         if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
             raise RangeOfMotionError(
@@ -87,17 +88,6 @@ def calibrate(
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
         return calibrator.solve(name, on_progress)
-
-
-def _check_upright(map_path: Path) -> None:
-    """Refuse a map without metres or without a vertical: bones would have no length, and the N-pose no up."""
-    reference_map = ReferenceMap.load(map_path)
-    if not (reference_map.metric and reference_map.gravity_aligned):
-        lacks = "is not metric" if not reference_map.metric else "does not know what is up"
-        raise MapError(
-            f"{map_path}: this map {lacks}, so a body has no size or no upright in it; build it with photographs of "
-            "the AprilTag board (bodycam map)"
-        )
 
 
 def _with_fresh_tracks(pipeline: PipelineSettings, log: MotionLogSettings) -> PipelineSettings:

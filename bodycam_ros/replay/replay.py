@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError, MapError
@@ -21,6 +22,7 @@ from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.map_frame import assumed_vertical, check_metric
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_clock import CameraClocks
 from bodycam_ros.replay.camera_worker import (
@@ -48,9 +50,12 @@ class ReplaySummary:
     Attributes:
         recorded_s: duration of the recording.
         elapsed_s: time that the replay took.
-        instants: instants with at least one image.
+        instants: instants with at least one image, and those bridged.
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
+        bridged: instants at which all cameras were silent, filled in from both sides.
+        restarts: how often the solver had to begin anew.
+        refused: camera -> instants at which it contradicted the others and was not believed.
         late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.
@@ -65,6 +70,9 @@ class ReplaySummary:
     instants: int = 0
     solved: int = 0
     predicted: int = 0
+    bridged: int = 0
+    restarts: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
     images: Counter[str] = field(default_factory=Counter)
     late: int = 0
     registered: Counter[str] = field(default_factory=Counter)
@@ -106,6 +114,9 @@ def replay(
     """
     body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
+    check_metric(reference_map, map_path)
+    if assumed := assumed_vertical(reference_map, map_path):
+        logger.warning(assumed)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
         cameras = _mounted_cameras(recording, body)
@@ -134,9 +145,11 @@ def replay(
                 f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
                 "is it the map of another place, or are the images too dark or blurred?"
             )
+        out.write_robot()
         summary.verdict = judge(log.agreement(), body, settings.verdict)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
-        summary.instants = skeleton.assembler.assembled
+        summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
+        summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late
         if summary.late:
             logger.warning(
@@ -167,13 +180,20 @@ class _Output:
         self._log = log
         self._make = recorded_messages()
         self._health_due_ns = -1
+        self._begun_ns = 0
+        self._limits = SeenLimits(body)
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap) -> None:
-        """What is published once: the robot and the map."""
+        """What is known from the start: the map."""
         self._health_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
-        self._writer.write("/robot_description", stamp_ns, text_message(self._make, urdf_text(self._body)))
+        self._begun_ns = stamp_ns
         points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
         self._writer.write("/map/points", stamp_ns, points)
+
+    def write_robot(self) -> None:
+        """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
+        text = text_message(self._make, urdf_text(self._limits.body))
+        self._writer.write("/robot_description", self._begun_ns, text)
 
     def write_registration(self, image: RegisteredImage) -> None:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""
@@ -196,6 +216,7 @@ class _Output:
         for output in outputs:
             self._summary.solved += 1
             self._summary.predicted += output.state.predicted
+            self._limits.widen(output.positions)
             self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
             for topic, message in output_messages(self._make, output, self._body).items():
                 self._writer.write(topic, output.state.stamp_ns, message)

@@ -5,21 +5,29 @@ leaves the window. ``BatchBackEnd`` solves the whole window anew by Levenberg-Ma
 is slower and serves to check the other.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Protocol
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.solving.motion import orthonormal
+
 Key = int
+
+
+class BackEndError(Exception):
+    """The back end cannot solve its window, or solved it to nonsense; it must be begun anew."""
+
 
 _SETTLING_UPDATES = 4
 """Gauss-Newton converges quadratically from where one step has brought it."""
 
 
 class BackEnd(Protocol):
-    """What the smoother needs of a solver."""
+    """What the smoother needs of a solver; every method raises BackEndError when it cannot."""
 
     def update(
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
@@ -31,9 +39,6 @@ class BackEnd(Protocol):
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4) of poses within the window."""
-
-    def covariance(self, key: Key) -> NDArray[np.float64]:
-        """Marginal covariance (6, 6), rotation then translation in the pose's own axes."""
 
 
 class IncrementalBackEnd:
@@ -58,7 +63,8 @@ class IncrementalBackEnd:
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
     ) -> None:
         """Add one instant's factors and poses."""
-        self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
+        with _failures():
+            self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
         self._iterate(self._extra_updates)
 
     def settle(self) -> None:
@@ -66,16 +72,14 @@ class IncrementalBackEnd:
         self._iterate(_SETTLING_UPDATES)
 
     def _iterate(self, count: int) -> None:
-        for _ in range(count):
-            self._smoother.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
+        with _failures():
+            for _ in range(count):
+                self._smoother.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4)."""
-        return np.stack([self._smoother.calculateEstimatePose3(key).matrix() for key in keys])
-
-    def covariance(self, key: Key) -> NDArray[np.float64]:
-        """Marginal covariance (6, 6)."""
-        return np.asarray(self._smoother.marginalCovariance(key))
+        with _failures():
+            return _checked([self._smoother.calculateEstimatePose3(key).matrix() for key in keys])
 
 
 class BatchBackEnd:
@@ -93,19 +97,38 @@ class BatchBackEnd:
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
     ) -> None:
         """Add one instant's factors and poses."""
-        self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
-        self._values = self._smoother.calculateEstimate()
+        with _failures():
+            self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
+            self._values = self._smoother.calculateEstimate()
 
     def settle(self) -> None:
         """Nothing to do: every update iterates until it has converged."""
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4)."""
-        return np.stack([self._values.atPose3(key).matrix() for key in keys])
+        with _failures():
+            return _checked([self._values.atPose3(key).matrix() for key in keys])
 
-    def covariance(self, key: Key) -> NDArray[np.float64]:
-        """Marginal covariance (6, 6)."""
-        return np.asarray(gtsam.Marginals(self._smoother.getFactors(), self._values).marginalCovariance(key))
+
+@contextmanager
+def _failures() -> Iterator[None]:
+    """Gtsam's exceptions, which are RuntimeError, IndexError or ValueError as it happens, as ours."""
+    try:
+        yield
+    except (RuntimeError, IndexError, ValueError) as error:
+        raise BackEndError(str(error).strip().splitlines()[0] if str(error).strip() else repr(error)) from error
+
+
+def _checked(poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Poses (K, 4, 4) with rotations put back onto SO(3).
+
+    Raises:
+        BackEndError: they are not finite.
+    """
+    stacked = np.stack(poses)
+    if not np.isfinite(stacked).all():
+        raise BackEndError("the solution is not finite")
+    return orthonormal(stacked)
 
 
 def _values(poses: Mapping[Key, NDArray[np.float64]]) -> gtsam.Values:

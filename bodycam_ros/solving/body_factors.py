@@ -7,15 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import inverse
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
-
-_ANCHOR_RAD, _ANCHOR_M = 0.5, 0.5
-"""Sigmas of the first instant's anchor: next to a camera nothing, yet not too vague for a Cholesky factor."""
+from bodycam_ros.solving.pose_memory import ExpectedJoints
 
 _NO_OPINION_M = 10.0
 """Sigma of the translation of a factor that speaks of rotation only."""
+
+
+_SOFT_M = 1e-3
+"""Sigma of an unseen joint's place: next to a limb that may be anywhere, one of 0.1 mm is too stiff for Cholesky."""
 
 
 class BodyFactors:
@@ -31,7 +34,9 @@ class BodyFactors:
         self._body = body
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(outlier_sigmas)
         self._motion = motion
-        self._joint_noises = [gtsam.noiseModel.Gaussian.Information(joint.information) for joint in body.joints]
+        self._joint_noises = [(_noise(joint, 0.0), _noise(joint, _SOFT_M)) for joint in body.joints]
+        tree_row = {joint.name: row for row, joint in enumerate(body.tree_joints)}
+        self._tree_rows = [tree_row.get(joint.name, -1) for joint in body.joints]
 
     def key(self, index: int, row: int) -> int:
         """Variable of a segment (its row in the body) at an instant."""
@@ -65,21 +70,37 @@ class BodyFactors:
             graph.add(gtsam.BetweenFactorPose3(self.key(since, row), self.key(index, row), measured, noise))
         return graph
 
-    def joints(self, index: int, predicted: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
-        """The skeleton (A eq. 3-5) around predicted poses (S, 4, 4): tight where joints hold, loose where they turn."""
+    def joints(
+        self, index: int, predicted: NDArray[np.float64], expected: ExpectedJoints
+    ) -> gtsam.NonlinearFactorGraph:
+        """The skeleton (A eq. 3-5) around predicted poses (S, 4, 4): tight where joints hold, loose where they turn.
+
+        A joint that no camera sees is drawn towards the rotation that is expected of it.
+        """
         graph = gtsam.NonlinearFactorGraph()
-        for joint, noise in zip(self._body.joints, self._joint_noises, strict=True):
+        unseen = set(expected.rows.tolist())
+        tree_rows = self._tree_rows
+        for joint, tree_row, (tight, soft) in zip(self._body.joints, tree_rows, self._joint_noises, strict=True):
             parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
             measured = gtsam.Pose3(joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child]))
+            noise = soft if tree_row in unseen else tight
+            graph.add(gtsam.BetweenFactorPose3(self.key(index, parent), self.key(index, child), measured, noise))
+        for row, rotation, sigma in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
+            joint = self._body.tree_joints[row]
+            parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
+            measured = gtsam.Pose3(joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child)
+            noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma, _NO_OPINION_M], 3))
             graph.add(gtsam.BetweenFactorPose3(self.key(index, parent), self.key(index, child), measured, noise))
         return graph
 
-    def anchor(self, index: int, start: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
-        """What the first instant has in place of a past: (S, 4, 4) start values, loosely."""
+    def anchor(
+        self, index: int, start: NDArray[np.float64], sigma_rad: float, sigma_m: float
+    ) -> gtsam.NonlinearFactorGraph:
+        """What an instant has in place of a past: (S, 4, 4) start values."""
         graph = gtsam.NonlinearFactorGraph()
-        vague = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([_ANCHOR_RAD, _ANCHOR_M], 3))
+        noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma_rad, sigma_m], 3))
         for row, pose in enumerate(start):
-            graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(pose), vague))
+            graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(pose), noise))
         return graph
 
     def motion(
@@ -93,6 +114,14 @@ class BodyFactors:
                 gtsam.BetweenFactorPose3(self.key(index - 1, row), self.key(index, row), gtsam.Pose3(step), noise)
             )
         return graph
+
+
+def _noise(joint: Joint, least_m: float) -> gtsam.noiseModel.Base:
+    """The joint's noise, its place no tighter than ``least_m``."""
+    sigmas = np.array(joint.sigmas, dtype=np.float64)
+    softened = np.concatenate([sigmas[:3], np.maximum(sigmas[3:], least_m)])
+    A = (sigmas / softened)[:, None] * joint.square_root_information
+    return gtsam.noiseModel.Gaussian.Information(A.T @ A)
 
 
 def merged(graphs: Mapping[str, gtsam.NonlinearFactorGraph]) -> gtsam.NonlinearFactorGraph:

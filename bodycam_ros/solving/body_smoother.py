@@ -4,9 +4,10 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import islice
 
 import gtsam
 import numpy as np
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import inverse
+from bodycam_ros.geometry import exp_so3, inverse, log_so3, rigid
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.settings import setting
-from bodycam_ros.solving.back_end import BackEnd, BatchBackEnd, IncrementalBackEnd
-from bodycam_ros.solving.body_factors import BodyFactors, merged
+from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
+from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.body_window import BodyWindow, Instant
+from bodycam_ros.solving.bridge import Posture, bridge
 from bodycam_ros.solving.camera_evidence import (
     EvidenceSettings,
     SegmentPose,
@@ -31,60 +34,16 @@ from bodycam_ros.solving.camera_evidence import (
     turned,
     weak_evidence,
 )
-from bodycam_ros.solving.camera_trust import CameraTrust, TrustSettings
+from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
+from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
+from bodycam_ros.solving.silence import Silence
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 
+_BEGIN_RAD, _BEGIN_M = 0.5, 0.5
+"""Sigmas of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
 
-@dataclass(frozen=True)
-class SmootherSettings:
-    """Length of the window, and how it is solved."""
-
-    window: float = setting(
-        0.5, unit="s", limits=(0.05, 10.0), reason="beyond half a second the past no longer changes an estimate"
-    )
-    output_delay: int = setting(
-        4,
-        unit="frames",
-        limits=(0, 60),
-        reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides",
-    )
-    incremental: bool = setting(
-        True, reason="iSAM2; false solves the whole window by Levenberg-Marquardt at every frame, slower, as a check"
-    )
-    max_pause: float = setting(
-        0.3,
-        unit="s",
-        limits=(0.05, 10.0),
-        reason="after a longer silence of all cameras the window begins anew: motion tells nothing across it",
-    )
-    extra_updates: int = setting(
-        0,
-        limits=(0, 10),
-        reason="Gauss-Newton steps after the one that adds the frame; the next frame brings one anyway",
-    )
-    covariance_interval: int = setting(
-        5, unit="frames", limits=(1, 100), reason="the root's covariance is evaluated on every so many frames"
-    )
-    relinearize_threshold: float = setting(
-        0.005, unit="rad, m", limits=(0.0, 1.0), reason="change of a pose beyond which its factors are linearised anew"
-    )
-    outlier_sigmas: float = setting(
-        4.0,
-        limits=(1.0, 100.0),
-        reason="a registration farther than this from the body counts less and less (Cauchy): a "
-        "wrong one must not bend the limb",
-    )
-
-
-@dataclass(frozen=True)
-class _Instant:
-    """An instant of the window: its number, its stamp, each camera's own stamp, and what is known of it already."""
-
-    index: int
-    stamp_ns: int
-    camera_stamps_ns: Mapping[str, int]
-    cameras_used: int
-    root_covariance: NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 class BodySmoother:
@@ -93,7 +52,11 @@ class BodySmoother:
     Args:
         body: segments, joints and mounts.
         cameras: models of the cameras, by name.
-        settings, motion, evidence, trust, pose_fit: settings of the smoother and of its steps.
+        settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
+
+    Attributes:
+        refused: camera -> instants at which its registration was not believed.
+        bridged: instants without any image that were filled in.
 
     Raises:
         BodyError: no camera is mounted on the body.
@@ -107,6 +70,8 @@ class BodySmoother:
         motion: MotionSettings | None = None,
         evidence: EvidenceSettings | None = None,
         trust: TrustSettings | None = None,
+        memory: PoseMemorySettings | None = None,
+        covariance: CovarianceSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
     ) -> None:
         self.body = body
@@ -120,21 +85,36 @@ class BodySmoother:
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
         self._trust_settings = trust or TrustSettings()
+        self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._motion)
+        self._window = BodyWindow(self._factors, self.settings)
+        self._memory = PoseMemory(body, memory or PoseMemorySettings())
+        self._silence = Silence(self.settings.max_pause)
+        self._joint_ends = np.array(
+            [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
+        ).reshape(-1, 2)
+        self.refused: Counter[str] = Counter()
+        self.bridged = 0
         self._begin_anew()
+
+    @property
+    def restarts(self) -> int:
+        """How often the solver could not solve its window and began anew."""
+        return self._window.restarts
 
     def _begin_anew(self) -> None:
         """An empty window: at the start, and after a pause that nothing reaches across."""
-        self._back_end: BackEnd = (
-            IncrementalBackEnd(self.settings.window, self.settings.extra_updates, self.settings.relinearize_threshold)
-            if self.settings.incremental
-            else BatchBackEnd(self.settings.window)
-        )
-        self._window: deque[_Instant] = deque(maxlen=max(3, self.settings.output_delay + 1))
+        self._window.clear()
         self._published = -1
-        self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings)
+        self._leaving: deque[Posture] = deque(maxlen=2)
+        self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
+        self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
         self._replaced: set[int] = set()
+
+    def join(self, camera: str, model: CameraModel) -> None:
+        """Use one more camera of the body from now on, or another model of one."""
+        self._cameras[camera] = model
 
     def update(self, frame: BodyFrame) -> list[BodyState]:
         """Add one instant, later than the one before.
@@ -142,108 +122,98 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        evidence = {
+        registered = {
             camera: seen
             for camera, matches in frame.matches.items()
             if camera in self._cameras
             and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
         }
-        states = self._publish_leaving(frame.stamp_ns)
-        if not self._window and not evidence:
+        states = self._publish_before(frame.stamp_ns)
+        if not self._window.instants and not registered:
             return states
-        predicted, turns = self._predict(frame, evidence)
-        evidence |= self._weak_evidence(frame, set(evidence), predicted)
+        index = self._window.instants[-1].index + 1 if self._window.instants else 0
+        dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
 
-        index = self._window[-1].index + 1 if self._window else 0
-        graphs = {
+        moved = self._predict_motion(frame.stamp_ns)
+        trusted = self._trust.judge(registered, moved, frame.stamp_ns)
+        self.refused.update(trusted.refused)
+        path = moved if moved is not None else self._first_poses(trusted.evidence)
+        turns = self._predict_turns(frame, {seen.segment for seen in trusted.evidence.values()}, path)
+        evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
+        observed = np.isin(self.body.segments, [seen.segment for seen in evidence.values()])
+        joints_seen = observed[self._joint_ends].all(axis=1)
+        known = observed | np.isin(self.body.segments, [turn.segment for _, turn in turns])
+        turning = known[self._joint_ends].all(axis=1)
+        expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
+        path = self._hang(path, known, expected)
+        start = self._seat(path, trusted.seats)
+
+        factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
-            "joints": self._factors.joints(index, predicted),
-            "past": self._past(index, frame.stamp_ns, predicted),
+            "joints": self._factors.joints(index, start, expected),
+            "past": self._past(index, dt_s, path),
         }
-        poses = dict(zip(self._factors.keys(index), predicted, strict=True))
-        self._back_end.update(merged(graphs), poses, 1e-9 * frame.stamp_ns)
-
-        root_covariance = self._root_covariance(index, seen=bool(evidence))
+        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
-        self._window.append(_Instant(index, frame.stamp_ns, stamps_ns, len(evidence), root_covariance))
-        self._trust.compare(evidence, self._poses(self._window[-1]))
+        missing_ns = self._silence.missing(frame) if index else ()
+        instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, missing_ns)
+        self._window.add(instant, factors)
+        self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
         return states + self._publish(self.settings.output_delay)
 
     def flush(self) -> list[BodyState]:
         """The states that were still waiting for later frames; the recording is over."""
-        if self._window:
-            self._back_end.settle()
+        if self._window.instants:
+            self._window.settle()
         return self._publish(0)
 
-    def _publish_leaving(self, stamp_ns: int) -> list[BodyState]:
-        """States that cannot wait any longer: after a pause all, else those that the window is about to lose."""
-        if not self._window:
+    def _publish_before(self, stamp_ns: int) -> list[BodyState]:
+        """All states, if the next instant comes after a pause that nothing reaches across."""
+        if not self._window.instants or stamp_ns - self._window.instants[-1].stamp_ns <= 1e9 * self.settings.max_pause:
             return []
-        pause_s = 1e-9 * (stamp_ns - self._window[-1].stamp_ns)
-        if pause_s > min(self.settings.max_pause, self.settings.window):
-            states = self.flush()
-            self._begin_anew()
-            return states
-        leaves_before_ns = stamp_ns - 1e9 * self.settings.window
-        staying = sum(instant.stamp_ns > leaves_before_ns for instant in self._window)
-        return self._publish(staying)
+        states = self.flush()
+        self._begin_anew()
+        return states
 
-    def _predict(
-        self, frame: BodyFrame, evidence: Mapping[str, SegmentPose]
-    ) -> tuple[NDArray[np.float64], list[tuple[int, SegmentTurn]]]:
-        """Start values (S, 4, 4) of the new instant, and the turns of the segments that no camera is registered on."""
-        turns: list[tuple[int, SegmentTurn]] = []
-        if not self._window:
-            predicted = self._first_poses(frame)
-        else:
-            predicted = self._predict_motion(frame.stamp_ns)
-            turns = self._predict_turns(frame, {seen.segment for seen in evidence.values()}, predicted)
-        believed = self._trust.believed(evidence, frame.stamp_ns)
-        for row, world_T_segment in believed.items():
-            predicted[row] = orthonormal(world_T_segment[None])[0]
-        self._replaced = set(believed)
-        return predicted, turns
-
-    def _predict_motion(self, stamp_ns: int) -> NDArray[np.float64]:
-        """Poses (S, 4, 4) at the velocity of the latest two instants."""
-        latest = self._window[-1]
-        world_T_segment = self._poses(latest)
-        if len(self._window) == 1:
-            return world_T_segment
-        before = self._window[-2]
-        time_ratio = (stamp_ns - latest.stamp_ns) / (latest.stamp_ns - before.stamp_ns)
-        predicted = predict(self._poses(before), world_T_segment, time_ratio, self._motion)
+    def _predict_motion(self, stamp_ns: int) -> Array | None:
+        """Poses (S, 4, 4) at the velocity of the latest two instants; None while there is none."""
+        if not self._window.instants:
+            return None
+        latest = self._window.instants[-1]
+        if len(self._window.instants) == 1:
+            return self._window.poses(latest).copy()
+        before, world_T_segment = self._window.instants[-2], self._window.poses(latest)
+        before_s, ahead_s = 1e-9 * (latest.stamp_ns - before.stamp_ns), 1e-9 * (stamp_ns - latest.stamp_ns)
+        predicted = predict(self._window.poses(before), world_T_segment, before_s, ahead_s, self._motion)
         # Where a segment was put elsewhere, the step before is no velocity.
         for row in self._replaced:
             predicted[row] = world_T_segment[row]
         return predicted
 
-    def _predict_turns(
-        self, frame: BodyFrame, seen: set[str], predicted: NDArray[np.float64]
-    ) -> list[tuple[int, SegmentTurn]]:
-        """Turns of the segments that are not seen, and since which instant; their prediction is turned, in place."""
+    def _predict_turns(self, frame: BodyFrame, seen: set[str], path: Array) -> list[tuple[int, SegmentTurn]]:
+        """Turns of the segments that are not seen, and since which instant; their path is turned, in place."""
         turns = []
         for camera, matches in frame.matches.items():
             mount = self.body.mounts.get(camera)
             if mount is None or mount.segment in seen:
                 continue
             # By the camera's own stamps: those of other cameras may be off by some milliseconds.
-            since = next((i for i in self._window if i.camera_stamps_ns.get(camera) == matches.previous_stamp_ns), None)
+            since = next(
+                (i for i in self._window.instants if i.camera_stamps_ns.get(camera) == matches.previous_stamp_ns), None
+            )
             turn = rotation_evidence(matches, mount, self._evidence)
-            if since and turn and frame.stamp_ns - since.stamp_ns < 1e9 * self.settings.window:
+            if since and turn and self._window.reaches(since.index):
                 row = self.body.segment_index[mount.segment]
                 turns.append((since.index, turn))
-                predicted[row] = turned(self._poses(since)[row], turn, predicted[row])
+                path[row] = turned(self._window.poses(since)[row], turn, path[row])
         return turns
 
-    def _first_poses(self, frame: BodyFrame) -> NDArray[np.float64]:
+    def _first_poses(self, evidence: Mapping[str, SegmentPose]) -> Array:
         """Segments where their cameras are (A 4.2, from camera poses), the others as in the N-pose."""
-        poses: dict[str, NDArray[np.float64]] = {}
-        for camera, matches in frame.matches.items():
-            if camera in self._cameras and matches.world_T_camera is not None:
-                mount = self.body.mounts[camera]
-                poses.setdefault(mount.segment, matches.world_T_camera @ inverse(mount.segment_T_camera))
+        poses: dict[str, Array] = {}
+        for seen in evidence.values():
+            poses.setdefault(seen.segment, seen.world_T_segment)
         joints = self.body.tree_joints
         while len(poses) < len(self.body.segments):
             for joint in (*joints, *reversed(joints)):
@@ -254,56 +224,109 @@ class BodySmoother:
                     poses[joint.parent] = poses[joint.child] @ inverse(parent_T_child)
         return orthonormal(np.stack([poses[segment] for segment in self.body.segments]))
 
-    def _weak_evidence(
-        self, frame: BodyFrame, registered: set[str], predicted: NDArray[np.float64]
-    ) -> dict[str, SegmentPose]:
+    def _hang(self, path: Array, known: NDArray[np.bool_], expected: ExpectedJoints) -> Array:
+        """Poses (S, 4, 4) in which what is not known hangs on its joint, turned no farther than the joint turns.
+
+        It moves as it did when it was last seen at first, and more and more as is expected of it.
+        """
+        if known.all():
+            return path
+        rotations = self.body.joint_rotations(path)
+        if self._window.instants and len(expected.rows):
+            before = self.body.joint_rotations(self._window.poses(self._window.instants[-1]))[expected.rows]
+            towards = log_so3(np.swapaxes(rotations[expected.rows], -1, -2) @ before @ expected.steps)
+            rotations[expected.rows] = rotations[expected.rows] @ exp_so3(expected.lead[:, None] * towards)
+        rotations = self._memory.within_limits(rotations)
+        hung = path.copy()
+        for row, joint in enumerate(self.body.tree_joints):
+            parent, child = self._joint_ends[row]
+            if not known[child]:
+                joint_T_joint = rigid(rotations[row], np.zeros(3))
+                hung[child] = hung[parent] @ joint.parent_T_joint @ joint_T_joint @ joint.joint_T_child
+        return orthonormal(hung)
+
+    def _seat(self, path: Array, seats: Mapping[int, Array]) -> Array:
+        """Start values (S, 4, 4): the path, except for segments that start where their cameras are."""
+        start = path.copy()
+        for row, world_T_segment in seats.items():
+            start[row] = orthonormal(world_T_segment[None])[0]
+        self._replaced = {row for row in seats if not np.array_equal(seats[row], path[row])}
+        return start
+
+    def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
+        """What cameras say that are not registered, and what the refused ones say when they are asked again."""
         weak = {}
         for camera, matches in frame.matches.items():
-            if camera in self._cameras and camera not in registered:
-                mount = self.body.mounts[camera]
-                start = predicted[self.body.segment_index[mount.segment]]
-                seen = weak_evidence(matches, self._cameras[camera], mount, start, self._pose_fit, self._evidence)
-                if seen:
-                    weak[camera] = seen
+            if camera not in self._cameras or camera in trusted.evidence:
+                continue
+            mount, settings = self.body.mounts[camera], self._evidence
+            start = path[self.body.segment_index[mount.segment]]
+            if camera in trusted.refused:
+                start = self._turned_on_joint(matches, trusted.evidence, path)
+                settings = replace(settings, max_weak_shift=self._trust_settings.max_gap)
+            seen = weak_evidence(matches, self._cameras[camera], mount, start, self._pose_fit, settings)
+            if seen:
+                weak[camera] = seen
         return weak
 
-    def _past(self, index: int, stamp_ns: int, predicted: NDArray[np.float64]) -> gtsam.NonlinearFactorGraph:
-        """How the instant hangs on the one before, or what stands in for it at the start."""
-        if not self._window:
-            return self._factors.anchor(index, predicted)
-        latest = self._window[-1]
-        dt_s = 1e-9 * (stamp_ns - latest.stamp_ns)
-        previous_dt_s = 1e-9 * (latest.stamp_ns - self._window[-2].stamp_ns) if len(self._window) > 1 else dt_s
-        return self._factors.motion(index, inverse(self._poses(latest)) @ predicted, dt_s, previous_dt_s)
+    def _turned_on_joint(self, matches: LandmarkMatches, evidence: Mapping[str, SegmentPose], path: Array) -> Array:
+        """The pose (4, 4) of a refused camera's segment: turned as the camera says, but where its joint is.
 
-    def _root_covariance(self, index: int, seen: bool) -> NDArray[np.float64]:
-        """Covariance (6, 6) of the root at the newest instant.
-
-        It costs as much as half an update and changes slowly while cameras speak: then the last one stands for some
-        frames. While the body is seen it is cautious for the delayed state, which later frames sharpen; while no camera
-        speaks it grows too slowly, because velocity is not a variable of the graph.
+        Far landmarks fix a rotation well and a position badly, so a wrong registration is often half right.
         """
-        if self._window and seen and index % self.settings.covariance_interval:
-            return self._window[-1].root_covariance
-        return self._back_end.covariance(self._factors.key(index, self.body.segment_index[self.body.root]))
+        mount = self.body.mounts[matches.camera]
+        start = path[self.body.segment_index[mount.segment]]
+        joint = self.body.joint_to_parent(mount.segment)
+        if joint is None or matches.world_T_camera is None:
+            return np.asarray(start)
+        parents = [seen.world_T_segment for seen in evidence.values() if seen.segment == joint.parent]
+        world_T_parent = parents[0] if parents else path[self.body.segment_index[joint.parent]]
+        world_T_joint = world_T_parent @ joint.parent_T_joint
+        world_R_segment = (matches.world_T_camera @ inverse(mount.segment_T_camera))[:3, :3]
+        return rigid(world_R_segment, world_T_joint[:3, 3] - world_R_segment @ joint.child_T_joint[:3, 3])
+
+    def _past(self, index: int, dt_s: float, path: Array) -> gtsam.NonlinearFactorGraph:
+        """How the instant hangs on the one before, or what stands in for it at the start."""
+        if index == 0:
+            return self._factors.anchor(index, path, _BEGIN_RAD, _BEGIN_M)
+        instants = self._window.instants
+        previous_dt_s = 1e-9 * (instants[-1].stamp_ns - instants[-2].stamp_ns) if len(instants) > 1 else dt_s
+        return self._factors.motion(index, inverse(self._window.poses(instants[-1])) @ path, dt_s, previous_dt_s)
 
     def _publish(self, delay: int) -> list[BodyState]:
         """States of the instants that at least ``delay`` others have followed."""
         states = []
-        for instant in self._window:
-            if self._published < instant.index <= self._window[-1].index - delay:
+        for position, instant in enumerate(self._window.instants):
+            if self._published < instant.index <= self._window.instants[-1].index - delay:
+                states += self._bridge(position, instant)
+                posture = self._posture(instant)
                 states.append(
                     BodyState(
-                        stamp_ns=instant.stamp_ns,
-                        segments=self.body.segments,
-                        world_T_segment=self._poses(instant),
-                        root_covariance=instant.root_covariance,
-                        cameras_used=instant.cameras_used,
-                        predicted=instant.cameras_used == 0,
+                        posture.stamp_ns,
+                        self.body.segments,
+                        posture.world_T_segment,
+                        posture.uncertainty,
+                        instant.observed,
+                        instant.cameras_used,
                     )
                 )
+                self._leaving.append(posture)
                 self._published = instant.index
         return states
 
-    def _poses(self, instant: _Instant) -> NDArray[np.float64]:
-        return orthonormal(self._back_end.poses(self._factors.keys(instant.index)))
+    def _bridge(self, position: int, instant: Instant) -> list[BodyState]:
+        """States of the stamps before an instant at which all cameras were silent."""
+        if not instant.missing_ns or not self._leaving:
+            return []
+        after = [self._posture(later) for later in islice(self._window.instants, position, position + 2)]
+        poses, uncertainties = bridge(
+            self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density
+        )
+        self.bridged += len(poses)
+        return [
+            BodyState(stamp_ns, self.body.segments, world_T_segment, uncertainty, np.zeros(len(poses[0]), bool), 0)
+            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, uncertainties, strict=True)
+        ]
+
+    def _posture(self, instant: Instant) -> Posture:
+        return Posture(instant.stamp_ns, self._window.poses(instant), instant.uncertainty)

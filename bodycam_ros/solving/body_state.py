@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.solving.body_covariance import BodyUncertainty
+
 
 @dataclass(frozen=True)
 class BodyState:
@@ -14,15 +16,20 @@ class BodyState:
         stamp_ns: the instant [ns].
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
-        root_covariance: (6, 6) of the root segment's pose, rotation [rad^2] first, then translation [m^2],
-            both in the root segment's axes (gtsam's order and tangent).
-        cameras_used: how many cameras spoke at this instant.
-        predicted: whether no camera spoke, so that the state follows from motion alone.
+        uncertainty: covariances of root, velocity and joints.
+        observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
+            from smoothness and from the poses that the body has been seen in.
+        cameras_used: how many cameras spoke and were believed.
     """
 
     stamp_ns: int
     segments: tuple[str, ...]
     world_T_segment: NDArray[np.float64]
-    root_covariance: NDArray[np.float64]
+    uncertainty: BodyUncertainty
+    observed: NDArray[np.bool_]
     cameras_used: int
-    predicted: bool
+
+    @property
+    def predicted(self) -> bool:
+        """Whether no camera spoke, so that the state follows from what came before and after."""
+        return self.cameras_used == 0

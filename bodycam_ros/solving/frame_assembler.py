@@ -113,6 +113,13 @@ class FrameAssembler:
         """Cameras that are not waited for."""
         return [camera for camera, stream in self._streams.items() if not stream.queue and self._is_silent(stream)]
 
+    def apart_s(self, camera: str) -> float | None:
+        """How far the stamps of a camera that speaks are from the body's present [s]: ahead (positive), or behind."""
+        stream = self._streams[camera]
+        if stream.heard_ns is None or not self._is_lively(stream):
+            return None
+        return 1e-9 * (stream.heard_ns - self._assembled_ns)
+
     def join(self, camera: str) -> None:
         """Wait for one more camera from now on."""
         if camera not in self._streams:
@@ -195,8 +202,11 @@ class FrameAssembler:
             self.late_of[stream.queue.pop().camera] += 1
 
     def _most_are_behind(self) -> bool:
-        lately = [s for s in self._streams.values() if s.turn and self._turn - s.turn <= _LATELY * len(self._streams)]
+        lately = [stream for stream in self._streams.values() if self._is_lively(stream)]
         return 2 * sum(bool(stream.behind) for stream in lately) > len(lately)
+
+    def _is_lively(self, stream: _Stream) -> bool:
+        return stream.turn > 0 and self._turn - stream.turn <= _LATELY * len(self._streams)
 
     def _go_back(self) -> list[BodyFrame]:
         """Time begins anew where most cameras are; the frames of the time before, as far as those had come."""

@@ -26,30 +26,32 @@ class MotionSettings:
     angular_acceleration_sigma: float = setting(
         60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
     )
-    prediction_damping: float = setting(
-        0.9,
-        limits=(0.0, 1.0),
-        reason="share of the velocity that is carried over a frame, so that a blind limb comes to "
-        "rest instead of flying off",
+    velocity_time: float = setting(
+        0.32,
+        unit="s",
+        limits=(0.01, 60.0),
+        reason="a velocity that nothing sees fades in this time: a blind limb comes to rest instead of flying off",
     )
 
 
 def predict(
     world_T_segment_before: NDArray[np.float64],
     world_T_segment: NDArray[np.float64],
-    time_ratio: float,
+    before_s: float,
+    ahead_s: float,
     settings: MotionSettings,
 ) -> NDArray[np.float64]:
-    """Poses (S, 4, 4) at constant velocity of poses at two instants.
+    """Poses (S, 4, 4) at the fading velocity of poses at two instants.
 
     Args:
         world_T_segment_before: (S, 4, 4) the earlier poses.
         world_T_segment: (S, 4, 4) the later poses.
-        time_ratio: time to predict over the time between the two.
-        settings: damping.
+        before_s: time between the two [s].
+        ahead_s: time to predict [s].
+        settings: how a velocity fades.
     """
-    velocity = log_se3(inverse(world_T_segment_before) @ world_T_segment)
-    return orthonormal(world_T_segment @ exp_se3(settings.prediction_damping * time_ratio * velocity))
+    velocity = log_se3(inverse(world_T_segment_before) @ world_T_segment) / before_s
+    return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / settings.velocity_time) * velocity))
 
 
 def motion_sigmas(dt_s: float, previous_dt_s: float, settings: MotionSettings) -> NDArray[np.float64]:

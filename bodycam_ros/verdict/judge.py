@@ -1,6 +1,6 @@
 """From what was collected to the verdict: what each camera did, and what it makes of the result."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -42,7 +42,8 @@ def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> V
         *_of_early_ends(agreement, cameras, settings),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
-        findings += _of_solver_astray(agreement, found, settings)
+        told = {finding.camera for finding in findings}
+        findings += _of_solver_astray(agreement, found, told, settings)
     return Verdict.of(findings)
 
 
@@ -147,11 +148,16 @@ def _of_lenses_and_clocks(
             yield Finding(camera, Level.DOUBTFUL, "its places come at other times", cause.why, cause.remedy)
 
 
-def _of_solver_astray(agreement: Agreement, found: Contradiction, settings: VerdictSettings) -> Iterator[Finding]:
-    """Cameras that agree with each other and not with what was solved, though none that is wrong explains it."""
+def _of_solver_astray(
+    agreement: Agreement, found: Contradiction, told: Collection[str], settings: VerdictSettings
+) -> Iterator[Finding]:
+    """Cameras that agree with each other and not with what was solved, though none that is wrong explains it.
+
+    Of those with a finding already only what is worse than that.
+    """
     for camera in found.core:
         gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
-        if gap_m > settings.doubtful_gap:
+        if gap_m > (settings.wrong_gap if camera in told else settings.doubtful_gap):
             level = Level.WRONG if gap_m > settings.wrong_gap else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
             yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")

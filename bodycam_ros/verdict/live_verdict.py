@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.verdict.agreement_log import AgreementLog
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict
@@ -21,15 +22,15 @@ class LiveVerdict:
         body: that is solved.
         cameras: models by name.
         settings: thresholds, how far it looks back, and how often it judges.
-        inlier_px: a landmark farther off than this says nothing of the lens [px].
+        pose_fit: which landmarks a registration took for its own; they tell of the lens.
     """
 
     def __init__(
-        self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: VerdictSettings, inlier_px: float
+        self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: VerdictSettings, pose_fit: PoseFitSettings
     ) -> None:
         self._body = body
         self._settings = settings
-        self._log = AgreementLog(body, cameras, settings, inlier_px, settings.span)
+        self._log = AgreementLog(body, cameras, settings, pose_fit.inlier_px, settings.span)
         self._latest = Verdict.of(())
         self._judged_ns: int | None = None
         self._solved_ns = 0

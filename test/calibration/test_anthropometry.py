@@ -8,7 +8,10 @@ from bodycam_ros.calibration.anthropometry import (
     BoneLength,
     expected_stature,
     judge_bones,
+    odd_scale,
+    refuse_impossible,
 )
+from bodycam_ros.errors import MapError
 
 SIGMA_M = 0.002
 ENDS = {"upper_arm": ("shoulder", "elbow"), "thigh": ("hip", "knee"), "shin": ("knee", "ankle")}
@@ -123,3 +126,40 @@ def test_too_few_bones_make_no_stature() -> None:
     assert all(bone.expected_m is None and bone.warning == "" for bone in judge_bones(bones))
     assert expected_stature([]) is None and judge_bones([]) == []
     assert expected_stature(bones, AnthropometrySettings(least_bones=2)) == pytest.approx(1.75)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(10.0, r"about 10 \(too large\)"), (0.1, r"about 9\.9 \(too small\)"), (25.4, r"about 26 \(too large\)")],
+)
+@pytest.mark.parametrize("count", [1, 6])
+def test_bones_that_nobody_has_accuse_the_scale_of_the_map(factor: float, said: str, count: int) -> None:
+    with pytest.raises(MapError, match=rf"nobody is: the map's scale looks wrong by a factor of {said}.*board.yaml"):
+        refuse_impossible(limbs(1.75 * factor)[:count])
+
+
+@pytest.mark.parametrize("stature_m", [0.75, 1.25, 1.75, 2.05, 2.72])
+def test_nobody_who_lived_is_refused(stature_m: float) -> None:
+    refuse_impossible(limbs(stature_m))
+
+
+def test_bones_of_no_known_proportion_accuse_nothing() -> None:
+    refuse_impossible([BoneLength("torso", "spine", "neck", 45.0, SIGMA_M)])
+
+
+@pytest.mark.parametrize(
+    ("stature_m", "said"), [(1.75 * 1.5, "about 1.5 (too large)"), (1.75 / 1.5, "about 1.5 (too small)")]
+)
+def test_an_odd_stature_is_a_warning(stature_m: float, said: str) -> None:
+    assert said in odd_scale(expected_stature(limbs(stature_m)))
+
+
+@pytest.mark.parametrize("stature_m", [None, 1.25, 1.75, 2.05])
+def test_a_usual_stature_is_none(stature_m: float | None) -> None:
+    assert odd_scale(stature_m) == ""
+
+
+def test_what_is_odd_or_impossible_is_a_setting() -> None:
+    giants = AnthropometrySettings(odd_above=30.0, impossible_above=30.0)
+    refuse_impossible(limbs(17.5), giants)
+    assert odd_scale(17.5, giants) == ""

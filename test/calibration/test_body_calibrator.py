@@ -21,7 +21,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.joint_limits import JointLimitSettings
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.errors import BodyError, RangeOfMotionError
+from bodycam_ros.errors import BodyError, MapError, RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid
 
 
@@ -233,3 +233,31 @@ def test_facing_turns_the_axes_alone() -> None:
     hip = next(joint for joint in found.body.joints if joint.name == "hip_left").parent_T_joint[:3, 3]
     np.testing.assert_allclose(hip, exp_so3(np.array([0.0, 0.0, -0.3])) @ [0.0, 0.09, 0.0], atol=1e-6)
     assert greatest_error(found.body, body) < 1e-6
+
+
+def in_map_of_scale(matches, scale: float):
+    """The registrations in a map whose lengths are this many times the true ones."""
+    for one in matches:
+        pose = one.world_T_camera.copy()
+        pose[:3, 3] *= scale
+        blown_up = np.diag(np.repeat([1.0, scale], 3))
+        yield replace(
+            one,
+            points_world=scale * one.points_world,
+            world_T_camera=pose,
+            pose_covariance=blown_up @ one.pose_covariance @ blown_up,
+        )
+
+
+@pytest.mark.parametrize("scale", [10.0, 0.1])
+def test_a_map_of_another_scale_is_named_before_any_joint_is_blamed(scale: float) -> None:
+    body = known_body()
+    matches = in_map_of_scale(registrations(range_of_motion(body)), scale)
+    with pytest.raises(MapError, match=r"scale looks wrong by a factor of about [0-9.]+ .*tag size in board.yaml"):
+        calibrated(body, matches)
+
+
+def test_an_odd_scale_is_the_first_warning() -> None:
+    body = known_body()
+    found = calibrated(body, in_map_of_scale(registrations(range_of_motion(body, duration_s=5.0, rate_hz=12.0)), 1.5))
+    assert "by a factor of about 1.5 (too large)" in found.diagnosis.warnings[0]

@@ -55,9 +55,9 @@ def test_facing_is_across_hips_and_shoulders(heading: float) -> None:
         "shoulder_right": R @ [0.01, -0.2, 1.38],
         "neck": R @ [0.0, 0.0, 1.5],
     }
-    assert facing_direction(joints) == pytest.approx(heading, abs=1e-9)
+    assert facing_direction(joints, RestPoseSettings()) == pytest.approx(heading, abs=1e-9)
 
 
 def test_without_pairs_the_user_must_say() -> None:
     with pytest.raises(RangeOfMotionError, match="--facing"):
-        facing_direction({"neck": np.zeros(3), "hip_left": np.ones(3)})
+        facing_direction({"neck": np.zeros(3), "hip_left": np.ones(3)}, RestPoseSettings())

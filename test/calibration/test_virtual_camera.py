@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.calibration.virtual_camera import fuse_cameras, weighted_average_poses
+from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings, fuse_cameras, weighted_average_poses
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 
@@ -14,7 +14,7 @@ CAMERAS = SEGMENT[:, None] @ PLACES
 
 
 def test_exact() -> None:
-    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)))
+    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)), VirtualCameraSettings())
     for k, name in enumerate(NAMES):
         np.testing.assert_allclose(virtual.virtual_T_camera[name], PLACES[k], atol=1e-9)
     np.testing.assert_allclose(virtual.world_T_virtual, SEGMENT, atol=1e-9)
@@ -22,7 +22,7 @@ def test_exact() -> None:
 
 
 def test_the_reference_is_the_weightiest() -> None:
-    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)) * [0.1, 1.0, 0.5])
+    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)) * [0.1, 1.0, 0.5], VirtualCameraSettings())
     np.testing.assert_array_equal(virtual.virtual_T_camera["left"], np.eye(4))
     np.testing.assert_allclose(virtual.world_T_virtual, CAMERAS[:, 1], atol=1e-9)
 
@@ -32,7 +32,7 @@ def test_noise_averages_and_wrong_poses_are_left_out() -> None:
     sigmas = np.repeat([0.001, 0.005], 3)
     noisy = CAMERAS @ exp_se3(sigmas * random.normal(size=(90, 3, 6)))
     noisy[::9, 1] = rigid(np.eye(3), np.array([5.0, 5.0, 5.0]))
-    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3)))
+    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3)), VirtualCameraSettings())
     errors = log_se3(inverse(SEGMENT) @ virtual.world_T_virtual)
     assert np.abs(errors[:, 3:]).max() < 0.02
     alone = log_se3(inverse(SEGMENT) @ noisy[:, 0])
@@ -43,7 +43,9 @@ def test_where_a_camera_is_lost_the_others_speak() -> None:
     weights = np.ones((90, 3))
     weights[20:40, 0] = 0.0
     weights[50] = 0.0
-    virtual = fuse_cameras(NAMES, np.where(weights[..., None, None] > 0, CAMERAS, np.eye(4)), weights)
+    virtual = fuse_cameras(
+        NAMES, np.where(weights[..., None, None] > 0, CAMERAS, np.eye(4)), weights, VirtualCameraSettings()
+    )
     segment_T_virtual = inverse(SEGMENT[0]) @ virtual.world_T_virtual[0]
     np.testing.assert_allclose(virtual.world_T_virtual[30], SEGMENT[30] @ segment_T_virtual, atol=1e-9)
     assert not virtual.known[50]
@@ -54,8 +56,10 @@ def test_cameras_that_never_see_together_are_named() -> None:
     weights = np.ones((90, 2))
     weights[:45, 0] = weights[45:, 1] = 0.0
     with pytest.raises(RangeOfMotionError, match="cameras front and left"):
-        fuse_cameras(NAMES[:2], CAMERAS[:, :2], weights)
+        fuse_cameras(NAMES[:2], CAMERAS[:, :2], weights, VirtualCameraSettings())
 
 
 def test_no_weight_at_all_gives_the_identity() -> None:
-    np.testing.assert_array_equal(weighted_average_poses(CAMERAS[:1], np.zeros((1, 3)))[0], np.eye(4))
+    np.testing.assert_array_equal(
+        weighted_average_poses(CAMERAS[:1], np.zeros((1, 3)), VirtualCameraSettings())[0], np.eye(4)
+    )

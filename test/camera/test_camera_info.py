@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from bodycam_ros.camera import camera_from_info, camera_from_yaml
-from bodycam_ros.errors import CalibrationError
+from bodycam_ros.errors import LensError
 
 K = [300.0, 0.0, 320.0, 0.0, 301.0, 240.0, 0.0, 0.0, 1.0]
 GOOD: dict[str, Any] = {"width": 640, "height": 480, "distortion_model": "plumb_bob", "d": [0.0] * 5, "k": K}
@@ -73,7 +73,7 @@ def test_known_models_are_accepted(model: str, d: list[float], distortion: tuple
     ],
 )
 def test_what_is_wrong_is_said(change: dict[str, Any], words: str) -> None:
-    with pytest.raises(CalibrationError, match=f"camera 'head': .*{words}"):
+    with pytest.raises(LensError, match=f"camera 'head': .*{words}"):
         camera_from_info("head", **{**GOOD, **change})
 
 
@@ -104,7 +104,7 @@ def test_yaml_of_ros_is_read(tmp_path: Path) -> None:
 def test_missing_field_is_named(tmp_path: Path, field: str) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text(yaml.safe_dump({k: v for k, v in document().items() if k != field}))
-    with pytest.raises(CalibrationError, match=f"camera.yaml: the field '{field}' is missing"):
+    with pytest.raises(LensError, match=f"camera.yaml: the field '{field}' is missing"):
         camera_from_yaml(path)
 
 
@@ -121,7 +121,7 @@ def test_missing_field_is_named(tmp_path: Path, field: str) -> None:
 def test_wrong_field_names_the_file(tmp_path: Path, change: dict[str, Any], words: str) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text(yaml.safe_dump({**document(), **change}))
-    with pytest.raises(CalibrationError, match=f"camera.yaml: {words}"):
+    with pytest.raises(LensError, match=f"camera.yaml: {words}"):
         camera_from_yaml(path)
 
 
@@ -129,10 +129,10 @@ def test_wrong_field_names_the_file(tmp_path: Path, change: dict[str, Any], word
 def test_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "camera.yaml"
     path.write_bytes(content)
-    with pytest.raises(CalibrationError, match="camera.yaml: .*camera_info YAML"):
+    with pytest.raises(LensError, match="camera.yaml: .*camera_info YAML"):
         camera_from_yaml(path)
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="nowhere.yaml: cannot read"):
+    with pytest.raises(LensError, match="nowhere.yaml: cannot read"):
         camera_from_yaml(tmp_path / "nowhere.yaml")

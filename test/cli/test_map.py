@@ -213,6 +213,33 @@ def test_a_board_that_nobody_sees_is_an_error(few, tmp_path, capsys):
     expect_error(arguments, capsys, "no photograph shows a tag", "--no-board")
 
 
+def longer_lens(camera):
+    camera["camera_matrix"]["data"][0] *= 2.0
+    camera["camera_matrix"]["data"][4] *= 2.0
+
+
+def other_lens(camera):
+    camera["distortion_model"] = "equidistant"
+    camera["distortion_coefficients"] = {"rows": 1, "cols": 4, "data": [0.0] * 4}
+
+
+@pytest.mark.parametrize("another", [longer_lens, other_lens])
+def test_the_intrinsics_of_another_camera_are_named(few, tmp_path, capsys, another):
+    camera = yaml.safe_load((few / "camera.yaml").read_text())
+    another(camera)
+    (few / "camera.yaml").write_text(yaml.safe_dump(camera))
+    expect_error([few, "-o", tmp_path / "map", *QUICK], capsys, "Does camera.yaml belong to the camera")
+    assert not (tmp_path / "map").exists()
+
+
+def test_how_much_must_fit_together_is_a_setting(few, tmp_path, caplog, capsys):
+    arguments = [few, "--no-board", "-o", tmp_path / "map", *QUICK]
+    expect_error([*arguments, "--landmarks.min_fitting", "0.9"], capsys, "do not fit together", "Does camera.yaml")
+    assert not (tmp_path / "map").exists()
+    assert main(["map", *map(str, arguments), "--landmarks.doubtful_fitting", "0.9"]) == 0
+    assert "the map may be bent" in caplog.text
+
+
 def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     command = [
         sys.executable,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -40,6 +41,16 @@ def test_the_published_body_is_the_one_that_was_solved(walk: Walk, rider: BodyMo
         assert_same_links(published_body(UrdfTree.parse(urdf_text(tree), "a test")), tree)
 
 
+def test_a_base_link_without_a_shape_still_carries_the_body(walk: Walk) -> None:
+    robot = ElementTree.fromstring(urdf_text(walk.body))
+    base = next(link for link in robot.iterfind("link") if link.attrib["name"] == walk.body.root)
+    for shape in base.findall("visual"):
+        base.remove(shape)
+    tree = UrdfTree.parse(ElementTree.tostring(robot, encoding="unicode"), "a test")
+    assert walk.body.root not in tree.segments
+    assert_same_links(published_body(tree), walk.body)
+
+
 def test_a_good_walk_is_good(solved: Path) -> None:
     evaluation = evaluate(solved)
     assert (evaluation.verdict.level, evaluation.verdict.findings) == (Level.GOOD, ())
@@ -64,6 +75,6 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
 def test_the_line_in_the_picture_names_camera_and_cause_and_is_not_too_long(level: Level) -> None:
     short = Verdict.of([Finding("head", level, "is odd", "its lens is wrong")])
     assert verdict_line(short).startswith(level.word)
-    assert verdict_line(short).endswith("head: its lens is wrong")
+    assert verdict_line(short).endswith("head (head: its lens is wrong)")
     many = Verdict.of([Finding(f"camera_{number}", level, "is odd", "its lens is wrong") for number in range(40)])
     assert len(verdict_line(many)) == 150

@@ -51,7 +51,12 @@ def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
     rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     nodes = live_graph(tmp_path / "map", tmp_path / "body.yaml", rig=rig)
     assert [node.name for node in nodes] == ["tracker_left", "tracker_right", "registration", "skeleton_solver"]
-    written = {"body": str(tmp_path / "body.yaml"), "rig": str(rig), "overwrite_body": False}
+    written = {
+        "body": str(tmp_path / "body.yaml"),
+        "rig": str(rig),
+        "map": str(tmp_path / "map"),
+        "overwrite_body": False,
+    }
     assert nodes[-1].parameters == written
     with pytest.raises(BodyError, match="the rig carries no camera hat; it carries left, right"):
         live_graph(tmp_path / "map", tmp_path / "body.yaml", ["hat"], rig=rig)

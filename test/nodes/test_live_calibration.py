@@ -1,6 +1,7 @@
 """The solver makes the body itself: a known body goes through its range of motion before a real node."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,9 @@ from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.registration.reference_map import ReferenceMap
 
+MAP = Path(__file__).parents[2] / "bags/map"
 CALIBRATION = "skeleton_solver: calibration"
 PAUSE_NS = 20_000_000_000
 LOST_M, LOST_DEG = 0.004, 0.5  # at 0.3 px
@@ -64,7 +67,8 @@ class Studio:
             camera: graph.publisher(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo")
             for camera in self.truth.mounts
         }
-        given = {"body": str(self.path), "rig": str(_write_rig(folder / "rig.yaml", self.truth)), "idle_flush": 1.0}
+        rig = _write_rig(folder / "rig.yaml", self.truth)
+        given = {"body": str(self.path), "rig": str(rig), "map": str(MAP), "idle_flush": 1.0}
         (self.solver,) = graph.start(NodeProcess("skeleton_solver", "skeleton_solver", given))
         everything = [*self._landmarks.values(), *self._infos.values()]
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
@@ -211,3 +215,22 @@ def test_a_body_is_not_overwritten_unasked(graph: Any, tmp_path: Path) -> None:
     graph.until(lambda: solver.process.poll() is not None, _START_S, "it is refused")
     assert solver.process.returncode == 1 and "overwrite_body:=true" in solver.printed
     assert (tmp_path / "body.yaml").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("flaw", "told"),
+    [
+        ({"metric": False}, "is not metric"),
+        ({"gravity_aligned": False}, "does not know what is up"),
+        (None, "the parameter 'map' is missing"),
+    ],
+    ids=["no scale", "no vertical", "no map"],
+)
+def test_a_map_that_no_body_can_be_made_in(graph: Any, tmp_path: Path, flaw: dict[str, bool] | None, told: str) -> None:
+    given = {"body": str(tmp_path / "body.yaml"), "rig": str(_write_rig(tmp_path / "rig.yaml", known_body()))}
+    if flaw is not None:
+        replace(ReferenceMap.load(MAP), **flaw).save(tmp_path / "map")
+        given["map"] = str(tmp_path / "map")
+    (solver,) = graph.start(NodeProcess("skeleton_solver", "skeleton_solver", given))
+    graph.until(lambda: solver.process.poll() is not None, _START_S, "it is refused")
+    assert solver.process.returncode == 1 and told in solver.printed and len(solver.printed.splitlines()) == 1

@@ -1,6 +1,7 @@
 """What a user can get wrong when starting a node: one clear line and exit code 1."""
 
 import signal
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,15 @@ from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 _START_S = 60.0
 
 
 def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> None:
     body, reference_map = str(write_body(tmp_path / "body.yaml")), str(write_map(tmp_path / "map"))
+    sizeless = tmp_path / "sizeless"
+    replace(ReferenceMap.load(Path(reference_map)), metric=False).save(sizeless)
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")
     rig = str(tmp_path / "rig.yaml")
@@ -29,6 +33,7 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("tracker", "camera", "left", "image_queue", "many"): "image_queue must be int, not 'many'",
         ("registration", "body", body): "the parameter 'map' is missing",
         ("registration", "body", body, "map", str(tmp_path / "nowhere")): "there is no map folder",
+        ("registration", "body", body, "map", str(sizeless)): "is not metric",
         ("registration", "map", reference_map): "the parameter 'body' is missing",
         ("skeleton_solver",): "the parameter 'body' is missing",
         ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",

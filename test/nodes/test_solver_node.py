@@ -17,7 +17,7 @@ from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_smoother import SmootherSettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 FRAME_NS = 33_333_333
 START_NS = 1_000_000_000
@@ -162,4 +162,9 @@ def test_a_camera_whose_trigger_is_off_is_named(graph: Any, tmp_path: Path) -> N
 
     graph.until(named, _SOON_S, "that they do not go together is named")
     assert (named()[-1]["level"], named()[-1]["share of instants [%]"]) == (1, "0")
+
+    # The clock of one of them is set.
+    cameras.publish(range(60, 120), off_ns={right: -3_600_000_000_000})
+    behind = "3600.0 s behind"
+    graph.until(lambda: any(behind in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, behind)
     assert cameras.solver.end() == 0, cameras.solver.printed

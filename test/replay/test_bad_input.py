@@ -114,7 +114,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
     rows = {
-        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 6
+        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 7
     }
     assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
     assert "12 of 12 instants solved" in printed.out
@@ -166,6 +166,21 @@ def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.Captur
     assert_refused(capfd, run(sample, bag, out, "--flow.window_px", "1000"), out, "window_px", "5 to 41")
     (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {smother: {window: 0.5}}}")
     assert_refused(capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "smother", "smoother")
+
+
+def test_a_map_without_scale_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    dataclasses.replace(ReferenceMap.load(sample / "map"), metric=False).save(tmp_path / "map")
+    code = run(sample, sample / "sample" / "bag", tmp_path / "out", map_path=tmp_path / "map")
+    assert_refused(capfd, code, tmp_path / "out", str(tmp_path / "map"), "not metric", "AprilTag board")
+
+
+def test_a_map_without_a_vertical_is_solved_with_a_word(
+    sample: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    dataclasses.replace(ReferenceMap.load(sample / "map"), gravity_aligned=False).save(tmp_path / "map")
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
+    assert run(sample, bag, tmp_path / "out", map_path=tmp_path / "map") == 0
+    assert "does not know what is up" in caplog.text
 
 
 def test_what_is_lost_or_off_is_said_of_each_camera(

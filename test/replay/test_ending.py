@@ -75,8 +75,10 @@ def test_workers_end_with_a_parent_that_is_killed_and_the_next_run_clears_up(sam
     assert [path.name for path in tmp_path.iterdir()] == ["another_output"]
 
 
-@pytest.mark.parametrize("number", CODE_OF)
-@pytest.mark.parametrize("delay_s", [0.0, 0.4, 1.2])
+@pytest.mark.parametrize(
+    ("number", "delay_s"),
+    [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.0), (signal.SIGHUP, 0.3), (signal.SIGINT, 0.6), (signal.SIGTERM, 1.2)],
+)
 def test_a_signal_while_it_starts_leaves_no_traceback(
     sample: Path, tmp_path: Path, number: signal.Signals, delay_s: float
 ) -> None:

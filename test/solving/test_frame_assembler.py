@@ -66,7 +66,7 @@ def test_a_camera_that_dies_is_waited_for_once() -> None:
         for camera in "ab":
             waited |= {frame[0]: stamp - frame[0] for frame in fed(assembler, [heard(camera, stamp)])}
     assert waited[100] == 200, "it is waited for"
-    assert assembler.silent == ["c"]
+    assert assembler.silent == ["c"] and assembler.apart_s("c") is None
     assert {waited[stamp] for stamp in range(320, 980, 20)} == {20}, "but not again"
 
     # It speaks again, and is waited for again.
@@ -183,6 +183,8 @@ def test_one_camera_with_a_clock_of_its_own_does_not_hinder_the_others(monkeypat
         assert frames[-1] == (HOUR + 39_960, "abc")
         assert sum(name == "abc" for _, name in frames) == 975
         assert assembler.late_of["d"] > 200, "what it says is not kept for ever"
+        assert assembler.apart_s("d") == pytest.approx(1e-3 * off, abs=0.1)
+        assert assembler.apart_s("a") == pytest.approx(0.0, abs=0.1)
         # One of the others dies: no longer a reason to stop for that camera's sake.
         last = fed(assembler, (m for s in range(HOUR + 40_000, HOUR + 43_000, 40) for m in (*spoken("ab", [s]),)))
         assert last[-1][0] > HOUR + 42_900

@@ -82,6 +82,17 @@ def test_descriptors_come_on_keyframes_and_with_new_tracks_only(camera: CameraMo
     assert keyframes == [0, 4, 8]
 
 
+def test_a_keyframe_comes_when_it_is_wanted(camera: CameraModel, panorama: np.ndarray) -> None:
+    tracker = FeatureTracker(camera)
+    image = look(panorama, camera, turn(0))
+    keyframes = []
+    for index in range(12):
+        if index == 5:
+            tracker.want_keyframe()
+        keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
+    assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == [0, 5]
+
+
 def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: CameraModel, panorama: np.ndarray) -> None:
     tracker = FeatureTracker(camera)
     image = look(panorama, camera, turn(0))

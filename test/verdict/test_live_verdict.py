@@ -4,6 +4,7 @@ import numpy as np
 from known_motion import BODY, KnownMotion, segment_poses
 
 from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.verdict.live_verdict import LiveVerdict
 from bodycam_ros.verdict.verdict import Level
 from bodycam_ros.verdict.verdict_settings import VerdictSettings
@@ -17,7 +18,7 @@ def elsewhere_for_a_second(time: float, pose: Array) -> Array:
 
 def test_a_verdict_comes_after_the_interval_and_ends_after_the_span() -> None:
     settings = VerdictSettings(span=2.0, interval=0.5)
-    live = LiveVerdict(BODY, {}, settings, inlier_px=2.5)
+    live = LiveVerdict(BODY, {}, settings, PoseFitSettings())
     told: dict[float, Level] = {}
     for matches in KnownMotion(altered={"shin_left": elsewhere_for_a_second}).registrations():
         live.add_registration(matches)
@@ -32,7 +33,7 @@ def test_a_verdict_comes_after_the_interval_and_ends_after_the_span() -> None:
 
 
 def test_time_that_begins_anew_takes_the_verdict_back() -> None:
-    live = LiveVerdict(BODY, {}, VerdictSettings(interval=0.5), inlier_px=2.5)
+    live = LiveVerdict(BODY, {}, VerdictSettings(interval=0.5), PoseFitSettings())
     for starts_s, altered in ((0.0, {"shin_left": lambda time, pose: None}), (-1000.0, {})):
         motion = KnownMotion(("waist_front", "shin_left"), altered=altered, starts_s=starts_s)
         for matches in motion.registrations():

@@ -1,0 +1,222 @@
+"""Poses that this body has been seen in, and what they say of a limb that nothing sees.
+
+A limb without a camera that sees is held by its joint alone: it spins, or hangs where it was last seen. People move
+their limbs together, so the memory keeps the mean and the covariance of all joint rotations that were observed. Given
+the joints that are seen, a Gaussian tells the others: their expectation and how far from it they have been.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.geometry import exp_so3, log_so3
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class PoseMemorySettings:
+    """How strongly and how long the seen poses hold a limb that is not seen."""
+
+    sigma: float = setting(
+        0.35,
+        unit="rad",
+        limits=(0.05, 10.0),
+        reason="spread of a joint about the N-pose that is assumed until it has been seen, where no range is known",
+    )
+    min_sigma: float = setting(
+        0.1, unit="rad", limits=(0.01, 3.0), reason="an unseen joint is never known better than this"
+    )
+    noise: float = setting(
+        0.05, unit="rad", limits=(0.01, 1.0), reason="motion of the seen joints below this says nothing of the others"
+    )
+    forget_after: float = setting(
+        60.0, unit="s", limits=(1.0, 3600.0), reason="people change what they do; older poses count less and less"
+    )
+    prior_time: float = setting(
+        0.3,
+        unit="s",
+        limits=(0.0, 60.0),
+        reason="for this long a joint must be seen to outweigh what was assumed of it",
+    )
+    correlation_time: float = setting(
+        0.05,
+        unit="s",
+        limits=(0.001, 10.0),
+        reason="how long a limb stays on one side of its expectation: the frames of this time are one opinion",
+    )
+    turning_time: float = setting(
+        3.0,
+        unit="s",
+        limits=(0.001, 100.0),
+        reason="the same for a limb whose rotation is measured from image to image: it knows where it is for longer",
+    )
+    lead_time: float = setting(
+        0.2,
+        unit="s",
+        limits=(0.001, 10.0),
+        reason="unseen for this long, a limb moves with its expectation and no longer as it moved when it was seen",
+    )
+
+
+@dataclass(frozen=True)
+class ExpectedJoints:
+    """What the memory says of the joints that are not seen.
+
+    Attributes:
+        rows: (U) of the joints in ``BodyModel.tree_joints``.
+        rotations: (U, 3, 3) joint rotations, within their limits.
+        sigmas: (U) how far a joint may be from it [rad].
+        steps: (U, 3, 3) how the expectation turned since the instant before, in the child's frame.
+        lead: (U) share, 0 to 1, by which a joint moves as expected rather than as it moved when it was last seen.
+    """
+
+    rows: NDArray[np.int64]
+    rotations: NDArray[np.float64]
+    sigmas: NDArray[np.float64]
+    steps: NDArray[np.float64]
+    lead: NDArray[np.float64]
+
+
+class PoseMemory:
+    """A Gaussian over all joint rotations, learned while they are observed.
+
+    The rotation of each joint is a rotation vector (3) from the middle of its limits, so that an arm that is raised
+    overhead is nowhere near the vector's jump at half a turn.
+
+    Args:
+        body: joints and their limits.
+        settings: strength and time.
+    """
+
+    def __init__(self, body: BodyModel, settings: PoseMemorySettings) -> None:
+        self._settings = settings
+        self._joint_angles = JointAngles(body)
+        low, high = _angle_limits(body)
+        self._low, self._high = low, high
+        self._rest_angles = np.clip(np.zeros(len(low)), low, high)
+        self._joint_of_angle = np.repeat(
+            np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
+        )
+        bounded = np.isfinite(low) & np.isfinite(high)
+        self._middle_R = self._joint_angles.rotations(
+            0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0)
+        )
+        self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
+        spans = np.array([_span(joint.limits, settings.sigma) for joint in body.tree_joints])
+        self._rest_variance = np.repeat(spans**2, 3)
+        size = 3 * len(body.tree_joints)
+        # Sums over the instants at which both of two components were seen: seconds, first component, product.
+        self._unseen_s = np.zeros(len(body.tree_joints))
+        self._expected_before = np.full((len(body.tree_joints), 3, 3), np.nan)
+        self._seconds = np.zeros((size, size))
+        self._sums = np.zeros((size, size))
+        self._products = np.zeros((size, size))
+
+    def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
+        """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
+        kept = np.exp(-dt_s / self._settings.forget_after)
+        angles = self._joint_angles.angles(rotations, self._rest_angles)
+        moved = seen[self._joint_of_angle]
+        self._low = np.where(moved, np.minimum(self._low, angles), self._low)
+        self._high = np.where(moved, np.maximum(self._high, angles), self._high)
+        x = self._vectors(rotations)
+        mask = np.repeat(seen, 3).astype(float)
+        both = dt_s * np.outer(mask, mask)
+        self._seconds = kept * self._seconds + both
+        self._sums = kept * self._sums + both * x[:, None]
+        self._products = kept * self._products + both * np.outer(x, x)
+
+    def expect(
+        self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], turning: NDArray[np.bool_], dt_s: float
+    ) -> ExpectedJoints:
+        """What the joints that are seen say of the others: the Gaussian's conditional.
+
+        A limb deviates from its expectation for a while, so an instant is only a share of an opinion; and in a blink
+        the limb's own motion knows better.
+
+        Args:
+            rotations: (J, 3, 3) joint rotations; those of unseen joints do not matter.
+            seen: (J,) whether both of a joint's segments are.
+            turning: (J,) whether the rotation of what is not seen is measured at least.
+            dt_s: since the instant before [s].
+        """
+        self._unseen_s = np.where(seen, 0.0, self._unseen_s + dt_s)
+        rows = np.flatnonzero(~seen)
+        if len(rows) == 0:
+            self._expected_before[:] = np.nan
+            return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0))
+        mean, covariance = self._gaussian()
+        known, wanted = np.repeat(seen, 3), np.repeat(~seen, 3)
+        noise = self._settings.noise**2
+        gain = np.linalg.solve(
+            covariance[np.ix_(known, known)] + noise * np.eye(int(known.sum())), covariance[np.ix_(known, wanted)]
+        ).T
+        spread = covariance[np.ix_(wanted, wanted)] - gain @ covariance[np.ix_(known, wanted)]
+        # A pose unlike all that were seen must not throw the others farther than they have ever been.
+        reach = 2.0 * np.sqrt(np.diag(covariance)[wanted])
+        deviation = gain @ (self._vectors(rotations) - mean)[known]
+        expected = mean.copy()
+        expected[wanted] += np.clip(deviation, -reach, reach)
+        variances = np.diag(spread).reshape(-1, 3).max(axis=1)
+        sigmas = np.sqrt(np.maximum(variances, self._settings.min_sigma**2)) * self._caution(turning, dt_s)[rows]
+        now = self.within_limits(self._rotations(expected))[rows]
+        steps = np.swapaxes(self._expected_before[rows], -1, -2) @ now
+        steps[np.isnan(steps).any(axis=(1, 2))] = np.eye(3)
+        self._expected_before[:] = np.nan
+        self._expected_before[rows] = now
+        lead = np.where(turning, 0.0, np.minimum(1.0, self._unseen_s / self._settings.lead_time))[rows]
+        return ExpectedJoints(rows, now, sigmas, steps, lead)
+
+    def _caution(self, turning: NDArray[np.bool_], dt_s: float) -> NDArray[np.float64]:
+        """By how much (J,) an instant's sigma exceeds that of one opinion."""
+        lasting_s = np.where(turning, self._settings.turning_time, self._settings.correlation_time)
+        opinions = np.maximum(1.0, lasting_s / max(dt_s, 1e-3))
+        blink: NDArray[np.float64] = 1.0 + (self._settings.correlation_time / np.maximum(self._unseen_s, 1e-3))
+        return np.sqrt(opinions) * blink
+
+    def within_limits(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joint rotations (J, 3, 3) with every angle put back into its limits, or as far as it has been seen."""
+        angles = self._joint_angles.angles(rotations, self._rest_angles)
+        outside = (angles < self._low) | (angles > self._high)
+        if not outside.any():
+            return rotations
+        return self._joint_angles.rotations(np.clip(angles, self._low, self._high))
+
+    def _gaussian(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean (3J) and covariance (3J, 3J) of what was seen, begun with what is assumed."""
+        prior_s = self._settings.prior_time + 1e-9
+        alone_s = np.diag(self._seconds)
+        mean = (np.diag(self._sums) + prior_s * self._rest) / (alone_s + prior_s)
+        # About the mean: sum of (x - m)(y - n) over the instants that saw both.
+        cross = self._products - self._sums * mean - (self._sums * mean).T + self._seconds * np.outer(mean, mean)
+        covariance = cross / (self._seconds + prior_s)
+        covariance[np.diag_indices_from(covariance)] += prior_s * self._rest_variance / (alone_s + prior_s)
+        # Pairs that were seen at different times do not make one covariance by themselves.
+        values, vectors = np.linalg.eigh(covariance)
+        return mean, (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+    def _vectors(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+        return log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations).ravel()
+
+    def _rotations(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        rotations: NDArray[np.float64] = self._middle_R @ exp_so3(vectors.reshape(-1, 3))
+        return rotations
+
+
+def _angle_limits(body: BodyModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Low and high (A) [rad] of all joint angles; infinite where no limit is known."""
+    pairs = [
+        pair for joint in body.tree_joints for pair in (joint.limits or ((-np.inf, np.inf),) * len(joint.angle_names))
+    ]
+    limits = np.array(pairs, dtype=np.float64).reshape(-1, 2)
+    return limits[:, 0], limits[:, 1]
+
+
+def _span(limits: tuple[tuple[float, float], ...] | None, unknown: float) -> float:
+    """Spread of a joint [rad] as its range tells: people are within a quarter of it most of the time."""
+    if not limits:
+        return unknown
+    return max(0.25 * float(np.mean([high - low for low, high in limits])), 0.05)

@@ -1,0 +1,42 @@
+"""Images that cannot be decoded, or must not be."""
+
+import subprocess
+import sys
+
+import pytest
+
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early", b"P5 1000000 1000000 255\n"]
+)
+def test_undecodable_image_is_an_error_that_names_it(content: bytes) -> None:
+    with pytest.raises(RecordingError, match="camera head: the image of stamp 5 ns"):
+        decode_grey(CameraImage("head", 5, content))
+
+
+def test_a_small_file_of_a_huge_image_takes_no_memory() -> None:
+    """Nine hundred megabytes of grey in one of PNG; in a process of its own, as OpenCV reads its limit once."""
+    code = """
+import sys, zlib
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
+def chunk(kind, data):
+    return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+side = 30_000
+header = chunk(b"IHDR", side.to_bytes(4, "big") * 2 + bytes([8, 0, 0, 0, 0]))
+squeezer = zlib.compressobj(1)
+data = b"".join(squeezer.compress(bytes(side + 1)) for _ in range(side)) + squeezer.flush()
+png = b"\\x89PNG\\r\\n\\x1a\\n" + header + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+try:
+    decode_grey(CameraImage("head", 5, png))
+except RecordingError as error:
+    peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+    print(peak.split()[1], error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    kilobytes, message = done.stdout.split(" ", 1)
+    assert int(kilobytes) < 400_000
+    assert "camera head: the image of stamp 5 ns" in message
