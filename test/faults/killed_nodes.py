@@ -40,7 +40,8 @@ def kill_nodes(folder: Path, times: int, on_kill: Callable[[str], None]) -> list
         try:
             session.until(session.has_states(5), _START_S)
         except TimeoutError:
-            return [Recovery("graph", fault=f"no joint states within {_START_S:.0f} s of its start")]
+            told = "; ".join(f"{name}: {_last_words(each)}" for name, each in session.running.items())
+            return [Recovery("graph", fault=f"no joint states within {_START_S:.0f} s of its start; {told}")]
         recoveries = []
         for _ in range(times):
             for name in list(session.running):
@@ -166,7 +167,10 @@ class _Session:
 
 def _last_words(started: Started) -> str:
     """The end of what a process printed, in a line; how it ended, if it said nothing."""
-    return " ".join(started.printed.split())[-200:] or f"exit code {started.process.poll()}, without a word"
+    return (
+        " ".join(started.printed.split())[-200:]
+        or f"{'runs' if started.process.poll() is None else f'exit code {started.process.poll()}'}, without a word"
+    )
 
 
 def _back_and_forth() -> Iterator[list[tuple[str, str, Any]]]:
