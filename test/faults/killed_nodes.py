@@ -166,11 +166,10 @@ class _Session:
 
 
 def _last_words(started: Started) -> str:
-    """The end of what a process printed, in a line; how it ended, if it said nothing."""
-    return (
-        " ".join(started.printed.split())[-200:]
-        or f"{'runs' if started.process.poll() is None else f'exit code {started.process.poll()}'}, without a word"
-    )
+    """The end of what a process printed, in a line; how it fares, if it said nothing."""
+    code = started.process.poll()
+    fares = "it runs" if code is None else f"exit code {code}"
+    return " ".join(started.printed.split())[-200:] or f"{fares}, without a word"
 
 
 def _back_and_forth() -> Iterator[list[tuple[str, str, Any]]]:
