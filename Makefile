@@ -1,6 +1,7 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
+#   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
 #   make clean   remove what the others made
@@ -14,7 +15,7 @@ DEMO := out/demo
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test faults lint bench clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -24,7 +25,10 @@ demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto
+
+faults: $(VENV)/ros.stamp
+	$(BIN)/python test/faults
 
 lint: $(VENV)/test.stamp
 	$(BIN)/ruff check .

@@ -34,6 +34,8 @@ def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: boo
             raise OutputError(
                 f"{output}: {relation} what this command reads ({given}), which it must not touch; choose another place"
             )
+    if output.name != os.fsencode(output.name).decode("utf-8", "replace"):
+        raise OutputError(f"{output}: a name that is not UTF-8 cannot be said in what is written; choose another")
     if not (makes_folders or output.parent.is_dir()):
         raise OutputError(f"{output}: cannot be written: its folder is not there; make it first")
     _check_writable(output)

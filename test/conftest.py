@@ -3,10 +3,14 @@
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
+import cv2
 import pytest
 from known_walk import Walk, make_walk
+from made_once import made_once
 from rider import rider_body
+from threadpoolctl import threadpool_limits
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
@@ -14,11 +18,33 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
+LIVE = "test/nodes"
+"""Tests with real processes that have to keep up with each other, and would not beside another such graph."""
 
 
 def pytest_configure() -> None:
-    """Let Ctrl-C reach the tests of it: what a shell started in the background ignores it, and so do its children."""
+    """Let Ctrl-C reach the tests of it, and let workers that test side by side not get in each other's way."""
+    # What a shell started in the background ignores it, and so do its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
+    threadpool_limits(1)
+    cv2.setNumThreads(1)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """One worker runs the tests of a file, which share what they made; and one all that start live graphs.
+
+    xdist's own groups do nothing under pytest 9.2, whose node ids cannot be changed.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            return LIVE if file.startswith(f"{LIVE}/") else file
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")
@@ -44,11 +70,13 @@ def tiny_bag(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sample, replayed once for all tests."""
-    out = tmp_path_factory.mktemp("sample") / "out"
+    """The sample, replayed once for all tests of all workers."""
     bag, jobs = sample / "sample" / "bag", os.cpu_count() or 1
-    replay(bag, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs)
-    return out
+
+    def make(folder: Path) -> None:
+        replay(bag, sample / "map", sample / "body.yaml", folder / "out", PipelineSettings(), jobs)
+
+    return made_once(tmp_path_factory, "sample", make) / "out"
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -24,6 +25,8 @@ from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, write_recording
 _REPOSITORY = Path(__file__).parent.parent
 _DEPTH = 5000
 _ASKED = 4
+_DOMAINS = range(1, 102)
+"""Those whose ports are outside of what Linux hands out to anybody who asks for a port."""
 _START_S, _GRACE_S = 60.0, 30.0
 
 
@@ -130,9 +133,17 @@ class Graph:
             assert time.monotonic() < deadline_s, f"after {timeout_s:g} s still not: {what}\n{self.report()}"
             self._executor.spin_once(0.05)
 
-    def messages(self, topic: str, latest: int = 0) -> list[Any]:
-        """What was said on a topic, or the latest of it."""
-        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][-latest:]]
+    def hear(self, longest_s: float) -> None:
+        """Wait a moment for something to be said."""
+        self._executor.spin_once(longest_s)
+
+    def publishers_of(self, topic: str) -> set[bytes]:
+        """Those that publish a topic, each with an identity of its own; who was killed goes after a while."""
+        return {bytes(each.endpoint_gid) for each in self._node.get_publishers_info_by_topic(topic)}
+
+    def messages(self, topic: str, start: int = 0) -> list[Any]:
+        """What was said on a topic, from a message of a number on; of a negative number, the latest."""
+        return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][start:]]
 
     def all_diagnostics(self, part: str) -> list[dict[str, Any]]:
         """Level, text and values of all reports on a part, named with its node."""
@@ -178,10 +189,30 @@ class Graph:
 
 
 @contextmanager
+def own_domain() -> Iterator[int]:
+    """A DDS domain that no other test on this machine has, as long as the context lasts, or the process."""
+    start = os.getpid() % len(_DOMAINS)
+    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
+        with socket.socket(socket.AF_UNIX) as claim:
+            try:
+                claim.bind(f"\0bodycam_ros/test/domain/{domain}")
+            except OSError:
+                continue  # somebody else's
+            yield domain
+            return
+    raise RuntimeError("all DDS domains are taken by other tests on this machine")
+
+
+@contextmanager
 def running_graph(folder: Path) -> Iterator[Graph]:
     """A graph without processes yet, on a DDS domain of its own that does not leave the machine."""
+    with own_domain() as domain:
+        yield from _graph_on(domain, folder)
+
+
+def _graph_on(domain: int, folder: Path) -> Iterator[Graph]:
     ours = {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(_REPOSITORY / "config/fastdds-shm.xml"),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",

@@ -57,6 +57,8 @@ def test_what_cannot_be_written_is_named_before_the_work(place: Path) -> None:
         check_output(place / "new" / "out", (), makes_folders=False)
     with pytest.raises(OutputError, match="cannot be written: "):
         check_output(Path("/proc/out"), ())
+    with pytest.raises(OutputError, match="a name that is not UTF-8"):
+        check_output(place / os.fsdecode(b"\xff\xfeout"), ())
 
 
 def test_only_files_of_the_same_kind_are_replaced(place: Path) -> None:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 from bodycam_ros.solved.trajectory import interpolated
-from bodycam_ros.yaml_file import read_yaml
+from bodycam_ros.yaml_file import read_text, read_yaml
 
 _NANOSECONDS = Decimal(10**9)
 _TRUTH = "truth"
 _TUM_COLUMNS = 8
+_LONGEST_TOLD = 200
 _EDGE_NS = 1000
 """A stamp this far outside counts as the first or the last frame's: stamps are rounded on their way."""
 
@@ -109,8 +110,9 @@ def _read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
 
     Stamps are read as decimals: a float of today's seconds is 0.2 microseconds coarse.
     """
+    text = read_text(path, "trajectory", RecordingError)
     try:
-        lines = [line.split() for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
+        lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
         if any(len(words) != _TUM_COLUMNS for words in lines):
             raise ValueError(f"expected {_TUM_COLUMNS} numbers per line")
         stamps = np.array([int((Decimal(words[0]) * _NANOSECONDS).to_integral_value()) for words in lines], np.int64)
@@ -118,5 +120,11 @@ def _read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
         if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(stamps) > 0).all():
             raise ValueError("expected two lines or more, finite, with increasing stamps")
         return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
-    except (OSError, UnicodeDecodeError, ValueError, InvalidOperation) as error:
-        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {error}") from error
+    except (ValueError, InvalidOperation) as error:
+        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {_told(error)}") from error
+
+
+def _told(error: Exception) -> str:
+    """What an error says, but not the whole of a damaged line, which it may quote."""
+    text = str(error)
+    return text if len(text) <= _LONGEST_TOLD else f"{text[:_LONGEST_TOLD]}..."

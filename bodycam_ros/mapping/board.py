@@ -13,6 +13,11 @@ from bodycam_ros.mapping.apriltag import FAMILIES
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
+_LARGEST_M = 100.0
+"""Of a coordinate: a board is smaller."""
+_UNEVEN = 0.1
+"""Sides and diagonals of a printed square differ by less than this share; one mistyped corner by more."""
+
 _UP = re.compile(r"board (-?)([xyz]) is up")
 
 
@@ -53,7 +58,23 @@ def read_board(path: Path) -> Board:
         raise MapError(f"{path}: there is no AprilTag family {shown(family)}; known are {', '.join(FAMILIES)}")
     if not corners or any(c.shape != (4, 3) or not np.isfinite(c).all() for c in corners.values()):
         raise MapError(f"{path}: 'corners_in_board' must give each tag four corners of three finite numbers [m]")
+    for tag, corners_tag in corners.items():
+        if not _is_square(corners_tag):
+            raise MapError(
+                f"{path}: the corners of tag {tag} make no square; expected four corners [m] in order around the tag, "
+                "in the order of cv2.aruco"
+            )
     return Board(family, corners, _upright(placement))
+
+
+def _is_square(corners: NDArray[np.float64]) -> bool:
+    """Whether four corners (4, 3) are those of a square of a size that can be printed, in order around it."""
+    if np.abs(corners).max() > _LARGEST_M:
+        return False
+    sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    diagonals = np.linalg.norm(corners[2:] - corners[:2], axis=1) / np.sqrt(2.0)
+    lengths = np.concatenate([sides, diagonals])
+    return bool(lengths.min() > 0.0 and np.ptp(lengths) <= _UNEVEN * lengths.max())
 
 
 def _upright(placement: str) -> NDArray[np.float64] | None:

@@ -35,8 +35,18 @@ _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way st
 
 
 def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeatures]) -> None:
-    """Create a COLMAP database with one camera and the features of all photographs."""
-    with pycolmap.Database.open(path) as database:
+    """Create a COLMAP database with one camera and the features of all photographs.
+
+    Raises:
+        MapError: the disk refuses.
+    """
+    try:
+        opened = pycolmap.Database.open(path)
+    except RuntimeError as error:
+        raise MapError(
+            f"{path}: COLMAP cannot make its database here: {error} Is the disk full? TMPDIR names another place"
+        ) from error
+    with opened as database:
         camera_id = database.write_camera(colmap_camera(camera))
         sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_id)
         rig = pycolmap.Rig()

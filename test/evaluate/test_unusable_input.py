@@ -1,5 +1,6 @@
 """What cannot be evaluated is refused with the name of what is wrong, and leaves nothing behind."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -143,3 +144,10 @@ def test_malformed_truth_is_named(
     else:
         (folder / file).write_text(content)
     assert expected in complaint(solved, folder)
+
+
+def test_a_trajectory_that_is_a_pipe_is_not_waited_for(walk: Walk, solved: Path, tmp_path: Path) -> None:
+    pipe = write_truth(walk, tmp_path / "walk") / "truth" / "segments" / "pelvis.tum"
+    pipe.unlink()
+    os.mkfifo(pipe)
+    assert "pelvis.tum: cannot read this trajectory: it is a folder, pipe" in complaint(solved, tmp_path / "walk")

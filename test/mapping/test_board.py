@@ -50,6 +50,10 @@ def test_a_placement_without_an_upward_axis_leaves_it_open(tmp_path, placement):
         ({"corners_in_board": {0: [[0, 0, 0]]}}, "four corners"),
         ({"corners_in_board": {0: [[float("nan"), 0, 0]] * 4}}, "finite"),
         ({"corners_in_board": {}}, "four corners"),
+        ({"corners_in_board": {0: [[True, 0.1, 0], *CORNERS[0][1:]]}}, "tag 0 make no square"),
+        ({"corners_in_board": {0: [[1e300, 0.1, 0], *CORNERS[0][1:]]}}, "tag 0 make no square"),
+        ({"corners_in_board": {0: [[0.1, 0.1, 0], [-0.1, 0.1, 0], *CORNERS[0][2:]]}}, "in order around"),
+        ({"corners_in_board": {0: [[0.1, 0.1, 0]] * 4}}, "tag 0 make no square"),
         ({"corners_in_board": {"left": CORNERS[0]}}, "b.yaml"),
     ],
 )

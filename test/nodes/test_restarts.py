@@ -100,11 +100,11 @@ def test_every_node_is_killed_and_the_body_goes_on(graph: Any, sample: Path) -> 
     drivers.until(lambda: len(graph.heard["/joint_states"]) > 20, _START_S, "the body is solved")
 
     def is_used(camera: str, since_ns: int) -> bool:
-        heard = graph.messages(f"/{camera}/landmarks", latest=3)
+        heard = graph.messages(f"/{camera}/landmarks", start=-3)
         return any(message.registered and stamp_ns(message.header.stamp) > since_ns for message in heard)
 
     def is_solved(since_ns: int) -> bool:
-        heard = graph.messages("/joint_states", latest=3)
+        heard = graph.messages("/joint_states", start=-3)
         return any(stamp_ns(message.header.stamp) > since_ns for message in heard)
 
     took: dict[str, tuple[float, float]] = {}

@@ -1,0 +1,110 @@
+"""Breaks everything that a user can give, and every node, and counts what comes of it."""
+
+import argparse
+import os
+import shutil
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+from faults.cases import KINDS, Case, chosen, named
+from faults.outcome import Outcome, snapshot
+from faults.recovery import Recovery, recovery_table
+from faults.run import warm_up
+from faults.table import by_kind, failures, on_paper
+from faults.trials import run_cases
+from faults.work import make_stock
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+NODES = "nodes"
+_SHORT, _KILLS_SHORT, _KILLS = 30, 1, 5
+"""Cases of the short form, and kills of each node in either."""
+
+
+def main() -> int:
+    """Run the campaign; 1 if there is a fault, else 0."""
+    arguments = _arguments()
+    cases = _cases(arguments)
+    if arguments.list:
+        print("\n".join(case.title for case in cases))
+        return 0
+    # No TemporaryDirectory: the cases are forked from this process, and the first that ends would remove it.
+    folder = Path(tempfile.mkdtemp(prefix="bodycam_faults."))
+    try:
+        results = _all_run(cases, folder, arguments) if cases else []
+        recoveries = _nodes_killed(folder, arguments)
+    finally:
+        shutil.rmtree(folder)
+    for table in (*([by_kind(results)] if results else []), *([recovery_table(recoveries)] if recoveries else [])):
+        on_paper().print(table)
+    return int(any(outcome.faults for _, outcome in results) or any(recovery.fault for recovery in recoveries))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="test/faults", description=__doc__)
+    parser.add_argument("--seed", type=int, default=1, help="of all random numbers (default: %(default)s)")
+    parser.add_argument("--cases", type=int, help="how many (default: each damage once)")
+    parser.add_argument("--only", action="append", choices=(*KINDS, NODES), help="this kind; repeatable")
+    parser.add_argument("--case", metavar="TITLE", help="this case alone, and show what it printed")
+    parser.add_argument("--list", action="store_true", help="list the cases, and run nothing")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time (default: %(default)s)")
+    parser.add_argument("--short", action="store_true", help="a minute's worth of it, for the tests")
+    return parser.parse_args()
+
+
+def _cases(arguments: argparse.Namespace) -> list[Case]:
+    if arguments.case:
+        return [named(arguments.case)]
+    kinds = frozenset(arguments.only or KINDS) & KINDS.keys()
+    return list(chosen(_SHORT if arguments.short else arguments.cases, arguments.seed, kinds)) if kinds else []
+
+
+def _all_run(cases: list[Case], folder: Path, arguments: argparse.Namespace) -> list[tuple[Case, Outcome]]:
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    results: list[tuple[Case, Outcome]] = []
+    # No thread that draws: the cases are forked from this process.
+    with Progress(*columns, console=on_paper(), transient=True, auto_refresh=False) as progress:
+        task = progress.add_task("making good inputs", total=len(cases))
+        progress.refresh()
+        warm_up()
+        stock = folder / "stock"
+        stock.mkdir()
+        make_stock(stock)
+        untouched = snapshot(stock)
+        for trial, outcome in run_cases(cases, arguments.seed, stock, folder, arguments.jobs):
+            results.append((trial.case, outcome))
+            for fault in failures(trial.case, outcome, arguments.seed):
+                progress.console.print(fault)
+            faulty = sum(bool(outcome.faults) for _, outcome in results)
+            progress.update(task, advance=1, description=f"{faulty} faulty; {trial.case.title}", refresh=True)
+            if arguments.case:
+                _show(trial.run.attempt.arguments, trial.run.printed, outcome)
+        if snapshot(stock) != untouched:
+            raise RuntimeError("a command changed a file that it was given as input, outside of its case's folder")
+    return results
+
+
+def _nodes_killed(folder: Path, arguments: argparse.Namespace) -> list[Recovery]:
+    if arguments.case or NODES not in (arguments.only or [NODES]):
+        return []
+    if find_spec("rclpy") is None:
+        on_paper().print("no nodes are killed: rclpy is not installed; 'make faults' installs it")
+        return []
+    from faults.killed_nodes import kill_nodes
+
+    times = _KILLS_SHORT if arguments.short else _KILLS
+    with Progress(
+        TextColumn("{task.description}"), TimeElapsedColumn(), console=on_paper(), transient=True
+    ) as progress:
+        task = progress.add_task("starting a graph", total=None)
+        recoveries = kill_nodes(folder, times, lambda name: progress.update(task, description=f"killed {name}"))
+        for recovery in recoveries:
+            if recovery.fault:
+                progress.console.print(f"{recovery.node}: {recovery.fault}", markup=False)
+    return recoveries
+
+
+def _show(command: tuple[str, ...], printed: bytes, outcome: Outcome) -> None:
+    print(ascii(" ".join(("bodycam", *command))))
+    print(printed.decode("utf-8", "backslashreplace"))
+    print(outcome)
