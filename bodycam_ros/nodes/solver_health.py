@@ -1,7 +1,8 @@
 """How the solver says how it fares: rates, latency, what is missing, and how the cameras go together."""
 
 import time
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bodycam_ros.messages.registration_health import timing_health
@@ -43,6 +44,7 @@ class SolverHealth:
         self._sync_tolerance = sync_tolerance
         self._tally = _Tally()
         self._late_reported = 0
+        self._refused_reported: Counter[str] = Counter()
         self._heard_s = self._begun_s = self._solved_s = 0.0
         self._arrivals: deque[tuple[int, float]] = deque(maxlen=_ARRIVALS)
 
@@ -84,6 +86,9 @@ class SolverHealth:
         cameras, skipped = self._cameras, self._skipped
         late = pipeline.assembler.late if pipeline else 0
         lost, self._late_reported = skipped.lately() + max(0, late - self._late_reported), late
+        refused = pipeline.refused if pipeline else Counter()
+        refusals = refused - self._refused_reported
+        self._refused_reported = refused.copy()
         values: dict[str, object] = {
             "registrations per second": tally.heard,
             "instants per second": tally.solved,
@@ -94,14 +99,19 @@ class SolverHealth:
             "cameras missing": ", ".join([*cameras.missing, *sorted(cameras.refused)]) or "none",
             "camera_info changed": cameras.changes,
             "late registrations": late,
+            "registrations not believed": ", ".join(f"{c} {n}" for c, n in sorted(refusals.items())) or "none",
+            "instants bridged": pipeline.bridged if pipeline else 0,
+            "solver failures": pipeline.restarts if pipeline else 0,
             "times begun anew": pipeline.assembler.restarts if pipeline else 0,
             **skipped.counts,
             "last error": skipped.latest or "none",
         }
-        level, text = self._judge(tally, lost, has_body, is_solving=pipeline is not None)
+        level, text = self._judge(tally, lost, sorted(refusals), has_body, is_solving=pipeline is not None)
         return [Health("body", level, text, values), *self._of_cameras(pipeline)]
 
-    def _judge(self, tally: _Tally, lost: int, has_body: bool, is_solving: bool) -> tuple[HealthLevel, str]:
+    def _judge(
+        self, tally: _Tally, lost: int, refused: Sequence[str], has_body: bool, is_solving: bool
+    ) -> tuple[HealthLevel, str]:
         lacking = few([*self._cameras.missing, *sorted(self._cameras.refused)])
         if self.quiet_s > _PATIENCE_S:
             too = f", and no usable camera_info of {lacking}" if lacking else ""
@@ -116,6 +126,8 @@ class SolverHealth:
             return HealthLevel.ERROR, "no camera is registered; the body is a guess"
         if lacking:
             return HealthLevel.WARN, f"solving without {lacking}: no usable camera_info"
+        if refused:
+            return HealthLevel.WARN, f"solving without {few(refused)}: what they say contradicts the other cameras"
         if tally.predicted or lost:
             return HealthLevel.WARN, "solving, with losses"
         return HealthLevel.OK, "solving"

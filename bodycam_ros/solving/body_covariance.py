@@ -103,7 +103,9 @@ class BodyCovariance:
         prior = self._pose
         count = len(prior)
         information = np.zeros((count, 6, count, 6))
-        information[np.arange(count), :, np.arange(count), :] = np.linalg.inv(prior)
+        # Where the body is the segments know from each other: together they must not know it better than each of them.
+        own = np.repeat([1.0, 1.0 / np.sqrt(count)], 3)
+        information[np.arange(count), :, np.arange(count), :] = own[:, None] * np.linalg.inv(prior) * own
         rows = []
         for seen in evidence:
             rows.append(self._body.segment_index[seen.segment])

@@ -109,7 +109,7 @@ class BodySmoother:
         self._leaving: deque[Posture] = deque(maxlen=2)
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
-        self._replaced: set[int] = set()
+        self._jumped: frozenset[int] = frozenset()
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
@@ -146,6 +146,7 @@ class BodySmoother:
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         start = self._seat(path, trusted.seats)
+        self._jumped = trusted.jumped
 
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
@@ -186,7 +187,7 @@ class BodySmoother:
         before_s, ahead_s = 1e-9 * (latest.stamp_ns - before.stamp_ns), 1e-9 * (stamp_ns - latest.stamp_ns)
         predicted = predict(self._window.poses(before), world_T_segment, before_s, ahead_s, self._motion)
         # Where a segment was put elsewhere, the step before is no velocity.
-        for row in self._replaced:
+        for row in self._jumped:
             predicted[row] = world_T_segment[row]
         return predicted
 
@@ -226,7 +227,6 @@ class BodySmoother:
         start = path.copy()
         for row, world_T_segment in seats.items():
             start[row] = orthonormal(world_T_segment[None])[0]
-        self._replaced = {row for row in seats if not np.array_equal(seats[row], path[row])}
         return start
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:

@@ -23,6 +23,11 @@ from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
 _SIGMAS = 3.0
 """What two registrations may differ by beyond the tolerance: their own scatter."""
 
+_EXTRAPOLATED = 5.0
+_KNOWS_VELOCITY = 2  # instants in a row at which a segment was seen
+_VELOCITY = np.repeat([6.0, 2.0], 3)
+"""Sigmas [rad/s], [m/s] of people's segments, as long as nothing is known of their motion."""
+
 Pose = NDArray[np.float64]
 
 
@@ -60,11 +65,13 @@ class Trusted:
         evidence: camera -> its registration, of the cameras that are believed.
         refused: cameras that are not.
         seats: row of a segment -> pose (4, 4) at which it starts, because its cameras are far from the prediction.
+        jumped: rows of segments that did not move there: what they were taken to be before is no motion to go on with.
     """
 
     evidence: dict[str, SegmentPose]
     refused: frozenset[str]
     seats: dict[int, Pose]
+    jumped: frozenset[int]
 
 
 class CameraTrust:
@@ -83,6 +90,7 @@ class CameraTrust:
         self._settings = settings
         self._motion = motion
         self._seen_ns: dict[str, int] = {}
+        self._streaks: Counter[str] = Counter()
         self._refusals: Counter[str] = Counter()
         self._pairs = _comparable_pairs(body)
 
@@ -107,18 +115,36 @@ class CameraTrust:
                 self._refusals[camera] = 0
         believed = {camera: seen for camera, seen in evidence.items() if camera not in refused}
         seats = {} if predicted is None else self._seats(believed, predicted)
-        self._seen_ns |= {seen.segment: stamp_ns for seen in believed.values()}
-        return Trusted(believed, frozenset(refused), seats)
+        segments = {seen.segment for seen in believed.values()}
+        self._seen_ns |= dict.fromkeys(segments, stamp_ns)
+        self._streaks = Counter({segment: self._streaks[segment] + 1 for segment in segments})
+        jumped = {
+            self._body.segment_index[seen.segment]
+            for camera, seen in believed.items()
+            if surprise[camera] > self._settings.max_jump
+        }
+        return Trusted(believed, frozenset(refused), seats, frozenset(jumped))
 
     def _surprise(self, evidence: Mapping[str, SegmentPose], predicted: Pose | None, stamp_ns: int) -> dict[str, float]:
         """Camera -> sigmas between registration and prediction, allowing for what may have happened while unseen."""
         if predicted is None or not evidence:
             return dict.fromkeys(evidence, 0.0)
         unseen_s = [1e-9 * (stamp_ns - self._seen_ns.get(seen.segment, 0)) for seen in evidence.values()]
-        moved = np.stack([np.diag(motion_sigmas(s, s, self._motion) ** 2) for s in unseen_s])
-        sigmas = self._distances(evidence, predicted, moved)
+        moved = np.stack(
+            [np.diag(self._reach(seen.segment, s) ** 2) for seen, s in zip(evidence.values(), unseen_s, strict=True)]
+        )
+        # The prediction goes on from two registrations like this one: 2 x - y has five times their variance.
+        predicted_from = _EXTRAPOLATED * np.stack([seen.covariance for seen in evidence.values()])
+        sigmas = self._distances(evidence, predicted, moved + predicted_from)
         known = [seen.segment in self._seen_ns for seen in evidence.values()]
         return dict(zip(evidence, np.where(known, sigmas, 0.0).tolist(), strict=True))
+
+    def _reach(self, segment: str, unseen_s: float) -> Pose:
+        """Sigmas (6) of how far a segment may have gone from its prediction, rotation [rad] then translation [m]."""
+        sigmas = motion_sigmas(unseen_s, unseen_s, self._motion)
+        if self._streaks[segment] >= _KNOWS_VELOCITY:
+            return sigmas
+        return np.hypot(sigmas, unseen_s * _VELOCITY)
 
     def _distances(self, evidence: Mapping[str, SegmentPose], predicted: Pose, more: Pose) -> Pose:
         """Sigmas (N) from prediction (S, 4, 4) to registrations, whose covariances ``more`` (N, 6, 6) enlarges."""
