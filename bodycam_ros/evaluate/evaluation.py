@@ -15,8 +15,7 @@ from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
 from bodycam_ros.solved.read_solved import read_solved
 from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.verdict.verdict import Verdict
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_output import BodyOutput
-from bodycam_ros.verdict.live_verdict import LiveVerdict
+from bodycam_ros.verdict.judge import LiveVerdict
 
 _LOOK_S = 0.5
 

@@ -33,7 +33,7 @@ from bodycam_ros.replay.camera_worker import (
 )
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_output import BodyOutput
-from bodycam_ros.verdict.agreement_log import AgreementLog
+from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict
 
