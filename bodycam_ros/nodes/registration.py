@@ -7,8 +7,8 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.nodes.camera_topics import CameraModels

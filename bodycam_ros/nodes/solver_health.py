@@ -4,7 +4,7 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
-from bodycam_ros.messages.registration_health import timing_health
+from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import Skipped

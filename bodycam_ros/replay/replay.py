@@ -12,11 +12,10 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError, MapError
-from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
-from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
