@@ -23,8 +23,7 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.map_frame import check_upright
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
 
 _LOOK_S = 0.2
 _STOP_S = 5.0
