@@ -13,8 +13,7 @@ from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
-from bodycam_ros.solved.read_solved import read_solved
-from bodycam_ros.solved.solved_recording import SolvedRecording
+from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
