@@ -39,7 +39,7 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.verdict import VerdictSettings
 
 
 @dataclass(frozen=True)

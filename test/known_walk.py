@@ -15,7 +15,7 @@ from bodycam_ros.body.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, transform_points
-from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.status import text_message

@@ -6,6 +6,7 @@ So nothing behind an ordinary lens is valid, and a lens of more than 180 degrees
 """
 
 from abc import abstractmethod
+from functools import cached_property
 
 import numpy as np
 
@@ -94,3 +95,81 @@ class AngularCamera(CameraModel):
         y = max(self.cy + 0.5, self.height - 0.5 - self.cy) / self.fy
         largest = float(self._radius(np.array([self._regular_angle]))[0])
         return float(self._angle(np.array([min(np.hypot(x, y), largest)]))[0])
+
+
+_START_SAMPLES = 1000  # angles of the table that the inverse starts from
+_MAX_STEPS = 20  # two or three are enough but at the very edge of the cone, where the slope vanishes
+_CONVERGED = 1e-14  # [focal lengths]
+
+
+class EquidistantCamera(AngularCamera):
+    """The fisheye with a polynomial: ``equidistant`` in ROS, ``cv2.fisheye``, COLMAP's OPENCV_FISHEYE.
+
+    Kannala and Brandt 2006, "A generic camera model and calibration method for conventional, wide-angle, and fish-eye
+    lenses", with the four odd terms that OpenCV kept: at the angle a the radius is
+    a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8).
+    """
+
+    distortion_model = "equidistant"
+    coefficients = ("k1", "k2", "k3", "k4")
+
+    def _radius(self, angle: Array) -> Array:
+        k1, k2, k3, k4 = self.distortion
+        a2 = angle * angle
+        return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4))))
+
+    def _radius_and_slope(self, angle: Array) -> tuple[Array, Array]:
+        k1, k2, k3, k4 = self.distortion
+        a2 = angle * angle
+        slope = 1.0 + a2 * (3.0 * k1 + a2 * (5.0 * k2 + a2 * (7.0 * k3 + a2 * (9.0 * k4))))
+        return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4)))), slope
+
+    def _angle(self, radius: Array) -> Array:
+        """Newton from a table; the radius grows strictly with the angle up to ``_regular_angle``."""
+        angle = np.interp(radius, *self._start_table)
+        for _ in range(_MAX_STEPS):
+            reached, slope = self._radius_and_slope(angle)
+            missing = radius - reached
+            if np.max(np.abs(missing), initial=0.0) < _CONVERGED:
+                break
+            angle = np.clip(angle + missing / slope, 0.0, self._regular_angle)
+        return angle
+
+    @cached_property
+    def _start_table(self) -> tuple[Array, Array]:
+        angles = np.linspace(0.0, self._regular_angle, _START_SAMPLES)
+        return self._radius(angles), angles
+
+
+_SMALLEST_OMEGA = 1e-8  # [rad] below it the model is the pinhole to rounding
+
+
+class FovCamera(AngularCamera):
+    """The field-of-view model with one coefficient omega, as COLMAP's FOV; omega = 0 is the pinhole.
+
+    Devernay and Faugeras 2001, "Straight lines have to be straight": r_d = atan(2 r_u tan(omega / 2)) / omega, where
+    r_u is the radius in the perspective image. With r_u = tan(a) it becomes a function of the angle a that grows
+    smoothly beyond 90 degrees, where COLMAP ends; ``atan2`` continues it. sensor_msgs and OpenCV have no name for it.
+    """
+
+    distortion_model = "fov"
+    coefficients = ("omega",)
+
+    @property
+    def _omega(self) -> float:
+        return max(self.distortion[0], _SMALLEST_OMEGA)
+
+    @property
+    def _stretch(self) -> float:
+        return float(2.0 * np.tan(self._omega / 2.0))
+
+    def _radius(self, angle: Array) -> Array:
+        return np.arctan2(self._stretch * np.sin(angle), np.cos(angle)) / self._omega
+
+    def _radius_and_slope(self, angle: Array) -> tuple[Array, Array]:
+        sin, cos = self._stretch * np.sin(angle), np.cos(angle)
+        return np.arctan2(sin, cos) / self._omega, self._stretch / self._omega / (sin * sin + cos * cos)
+
+    def _angle(self, radius: Array) -> Array:
+        phase = self._omega * radius
+        return np.arctan2(np.sin(phase), self._stretch * np.cos(phase))

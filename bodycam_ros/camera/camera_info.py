@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from bodycam_ros import MOST_PIXELS
-from bodycam_ros.camera.equidistant import EquidistantCamera
-from bodycam_ros.camera.fov import FovCamera
+from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
 from bodycam_ros.camera.model import CameraModel
-from bodycam_ros.camera.plumb_bob import PlumbBobCamera
-from bodycam_ros.camera.rational_polynomial import RationalPolynomialCamera
+from bodycam_ros.camera.perspective import PlumbBobCamera, RationalPolynomialCamera
 from bodycam_ros.errors import LensError
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml

@@ -46,8 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
-    from bodycam_ros.calibration.report.body_report import body_report
     from bodycam_ros.calibration.report.html_report import write_html_report
+    from bodycam_ros.calibration.report.report_tables import body_report
     from bodycam_ros.calibration.report.terminal_report import print_report
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.replay.calibrate import calibrate

@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate import body_health
-from bodycam_ros.evaluate.camera_health import CameraHealth, camera_healths, camera_models, reprojection_errors
+from bodycam_ros.evaluate import health
 from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
-from bodycam_ros.solved.read_solved import read_solved
-from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.verdict.verdict import Verdict
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +62,22 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     """
     truth = None if truth_path is None else read_true_motion(truth_path)
     solved = read_solved(solved_path)
-    cameras = camera_healths(solved)
-    models = {} if recording_path is None else camera_models(solved, recording_path)
+    cameras = health.camera_healths(solved)
+    models = {} if recording_path is None else health.camera_models(solved, recording_path)
     if models:
-        reprojection = reprojection_errors(solved, models)
-        cameras = tuple(replace(health, reprojection=reprojection.get(health.camera)) for health in cameras)
-    position_sigma, rotation_sigma = body_health.root_sigmas(solved.motion.root_covariance)
+        reprojection = health.reprojection_errors(solved, models)
+        cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
+    position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
-        image_coverage=body_health.image_coverage(solved),
-        gaps=body_health.gaps(solved),
-        blind=body_health.blind(solved),
+        image_coverage=health.image_coverage(solved),
+        gaps=health.gaps(solved),
+        blind=health.blind(solved),
         cameras=cameras,
         position_sigma=position_sigma,
         rotation_sigma=rotation_sigma,
-        angle_ranges=body_health.angle_ranges(solved),
-        jitter=body_health.jitter(solved),
+        angle_ranges=health.angle_ranges(solved),
+        jitter=health.jitter(solved),
         verdict=solved_verdict(solved, models, VerdictSettings()),
         comparison=None if truth is None else compare(solved, truth),
     )

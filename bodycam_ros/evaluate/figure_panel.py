@@ -9,7 +9,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from bodycam_ros.drawing.oblique_view import ObliqueView
 from bodycam_ros.drawing.picture_style import (
     CENTRE,
     FAINT,
@@ -21,7 +20,7 @@ from bodycam_ros.drawing.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.drawing.stick_figure import HEAD, Bone, bones
+from bodycam_ros.drawing.stick_figure import HEAD, Bone, ObliqueView, bones
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 

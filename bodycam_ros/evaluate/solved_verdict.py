@@ -14,10 +14,9 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solved.solved_recording import SolvedRecording
 from bodycam_ros.solved.topics import read_landmarks
 from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.agreement_log import AgreementLog
+from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Verdict
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 _AHEAD_NS = 200_000_000
 """Registrations that are heard before an instant's body: a camera's place then lies between two of them."""

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.camera_health import CameraHealth
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.verdict.verdict import Verdict
 

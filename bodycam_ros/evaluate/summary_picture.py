@@ -13,9 +13,8 @@ from bodycam_ros.drawing.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRA
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
-from bodycam_ros.evaluate.registration_panel import draw_registrations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
-from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
+from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors, draw_registrations
 from bodycam_ros.geometry import Array
 from bodycam_ros.verdict.verdict import Level, Verdict
 

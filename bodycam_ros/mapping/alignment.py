@@ -11,8 +11,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.board import Board
-from bodycam_ros.mapping.board_corners import CornerViews, collect_corners, triangulate_corners
+from bodycam_ros.mapping.board import Board, CornerViews, collect_corners, triangulate_corners
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.settings import setting
 

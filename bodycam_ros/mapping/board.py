@@ -1,15 +1,17 @@
-"""The AprilTag board that gives a map its scale, its origin and its upward direction."""
+"""The AprilTag board that gives a map its scale, its origin and its upward direction, and its corners in the map."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.apriltag import FAMILIES
+from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.mapping.apriltag import FAMILIES, TagView
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -19,6 +21,10 @@ _UNEVEN = 0.1
 """Sides and diagonals of a printed square differ by less than this share; one mistyped corner by more."""
 
 _UP = re.compile(r"board (-?)([xyz]) is up")
+
+# Corners run from the upper left clockwise: where they lie along a tag's width and height.
+_WIDTH_SIGNS = np.array([[-1.0], [1.0], [1.0], [-1.0]])
+_HEIGHT_SIGNS = np.array([[-1.0], [-1.0], [1.0], [1.0]])
 
 
 @dataclass(frozen=True)
@@ -32,8 +38,8 @@ class Board:
     """
 
     family: str
-    corners_board: Mapping[int, NDArray[np.float64]]
-    map_R_board: NDArray[np.float64] | None
+    corners_board: Mapping[int, Array]
+    map_R_board: Array | None
 
 
 def read_board(path: Path) -> Board:
@@ -67,7 +73,7 @@ def read_board(path: Path) -> Board:
     return Board(family, corners, _upright(placement))
 
 
-def _is_square(corners: NDArray[np.float64]) -> bool:
+def _is_square(corners: Array) -> bool:
     """Whether four corners (4, 3) are those of a square of a size that can be printed, in order around it."""
     if np.abs(corners).max() > _LARGEST_M:
         return False
@@ -77,7 +83,7 @@ def _is_square(corners: NDArray[np.float64]) -> bool:
     return bool(lengths.min() > 0.0 and np.ptp(lengths) <= _UNEVEN * lengths.max())
 
 
-def _upright(placement: str) -> NDArray[np.float64] | None:
+def _upright(placement: str) -> Array | None:
     """Rotation (3, 3) from board axes to axes with z up, or None if the placement does not say what is up."""
     match = _UP.search(placement)
     if match is None:
@@ -88,3 +94,110 @@ def _upright(placement: str) -> NDArray[np.float64] | None:
     # The board's x stays x where it can; a board on its short side takes y instead.
     x = axes[1] if number == 0 else axes[0]
     return np.array([x, np.cross(up, x), up])
+
+
+@dataclass(frozen=True)
+class CornerViews:
+    """All views of board corners, one per row.
+
+    A corner is its tag's centre plus half of the tag's width and half of its height, each with the corner's sign.
+
+    Attributes:
+        camera_T_world: (N, 4, 4) of the photograph.
+        pixels: (N, 2) where it shows the corner.
+        bearings: (N, 3) unit rays to it in the camera.
+        centre_board, half_width_board, half_height_board: (N, 3) [m].
+        breadths: (N, 2) of the tag in the photograph [px]; see ``TagView``.
+        tags: (N,) numbers.
+        corner_rows: (N,) number of the corner: four per tag, in the order of the board's description.
+    """
+
+    camera_T_world: Array
+    pixels: Array
+    bearings: Array
+    centre_board: Array
+    half_width_board: Array
+    half_height_board: Array
+    breadths: Array
+    tags: NDArray[np.int64]
+    corner_rows: NDArray[np.int64]
+
+
+def collect_corners(
+    world_T_camera: Array, tag_views: Sequence[Sequence[TagView]], camera: CameraModel, board: Board
+) -> CornerViews:
+    """Gather the views of all corners of a board.
+
+    Args:
+        world_T_camera: (K, 4, 4) poses of the photographs.
+        tag_views: for each of them the tags that it shows; those of other boards are ignored.
+        camera: of all photographs.
+        board: what was printed.
+
+    Raises:
+        MapError: no photograph shows a tag of the board.
+    """
+    rows = [
+        (pose, view, board.corners_board[view.tag])
+        for pose, views in zip(inverse(world_T_camera), tag_views, strict=True)
+        for view in views
+        if view.tag in board.corners_board
+    ]
+    if not rows:
+        raise MapError(
+            f"board: none of its tags ({board.family}: {', '.join(map(str, board.corners_board))}) is seen in the "
+            "registered photographs; photograph it from near by, or leave the board out for a map without scale"
+        )
+    tags = np.array([view.tag for _, view, _ in rows])
+    order = {tag: row for row, tag in enumerate(board.corners_board)}
+    pixels = np.concatenate([view.corners for _, view, _ in rows])
+    corners_board = np.array([corners for _, _, corners in rows])
+    # The centre is the mean, so these are exact for squares and any other parallelogram.
+    half_widths = (corners_board * _WIDTH_SIGNS).mean(axis=1)
+    half_heights = (corners_board * _HEIGHT_SIGNS).mean(axis=1)
+    return CornerViews(
+        camera_T_world=np.repeat(np.array([pose for pose, _, _ in rows]), 4, axis=0),
+        pixels=pixels,
+        bearings=camera.unproject(pixels)[0],
+        centre_board=np.repeat(corners_board.mean(axis=1), 4, axis=0),
+        half_width_board=(_WIDTH_SIGNS * half_widths[:, None]).reshape(-1, 3),
+        half_height_board=(_HEIGHT_SIGNS * half_heights[:, None]).reshape(-1, 3),
+        breadths=np.repeat(np.array([view.breadths for _, view, _ in rows]), 4, axis=0),
+        tags=np.repeat(tags, 4),
+        corner_rows=np.array([4 * order[tag] + corner for tag in tags.tolist() for corner in range(4)]),
+    )
+
+
+def triangulate_corners(views: CornerViews, camera: CameraModel, max_error_px: float) -> dict[int, Array | None]:
+    """Each corner of the board in the world, from all photographs that agree on it."""
+    return {
+        row: _triangulate_robustly(views.camera_T_world[at], views.bearings[at], max_error_px / camera.fx)
+        for row in np.unique(views.corner_rows).tolist()
+        for at in [views.corner_rows == row]
+    }
+
+
+def _triangulate_robustly(camera_T_world: Array, bearings: Array, max_angle: float) -> Array | None:
+    """Point (3,) nearest to the rays (N, 3), by leaving out the worst ray until all agree to ``max_angle`` [rad]."""
+    R_transposed = np.swapaxes(camera_T_world[:, :3, :3], 1, 2)
+    directions = (R_transposed @ bearings[:, :, None])[:, :, 0]
+    centres = -(R_transposed @ camera_T_world[:, :3, 3:])[:, :, 0]
+    kept = np.arange(len(bearings))
+    while len(kept) >= 2:
+        # Squared distance to a ray is quadratic in the point: |(I - d d^T)(x - c)|^2, weighted to an angle by depth.
+        point = np.zeros(3)
+        weights = np.ones(len(kept))
+        for _ in range(3):
+            across = np.eye(3) - directions[kept, :, None] * directions[kept, None, :]
+            normal = np.einsum("n,nij->ij", weights, across)
+            if np.linalg.cond(normal) > 1e8:
+                return None
+            point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centres[kept]))
+            weights = 1.0 / np.maximum(np.sum((point - centres[kept]) ** 2, axis=1), 1e-12)
+        to_point = point - centres[kept]
+        angles = np.linalg.norm(np.cross(directions[kept], to_point), axis=1) / np.linalg.norm(to_point, axis=1)
+        worst = int(angles.argmax())
+        if angles[worst] <= max_angle:
+            return point
+        kept = np.delete(kept, worst)
+    return None

@@ -10,13 +10,11 @@ from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.alignment import align_to_board
 from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
-from bodycam_ros.mapping.built_map import BuiltMap, registration_table
+from bodycam_ros.mapping.built_map import BuiltMap, map_summary, registration_table
 from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
-from bodycam_ros.mapping.in_parallel import in_parallel
 from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.map_summary import map_summary
-from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.photographs import Photographs, in_parallel
 from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.registration.reference_map import ReferenceMap

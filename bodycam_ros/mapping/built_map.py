@@ -1,15 +1,19 @@
-"""A map that is ready to be saved, with what a person wants to know before trusting it."""
+"""A map that is ready to be saved, with what a person wants to know before trusting it, there and in ``map.yaml``."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
+from bodycam_ros import __version__
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.alignment import BoardResidual
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.structure import Structure
-from bodycam_ros.mapping.structure_ply import write_ply
+from bodycam_ros.mapping.map_settings import MapSettings
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.structure import Structure, write_ply
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _MODEL_FOLDER = "sparse"
@@ -86,3 +90,38 @@ def registration_table(
         error = float(seen.mean()) if len(seen) else float("nan")
         registrations.append(Registration(name, True, len(seen), error, len(tags.get(name, ()))))
     return tuple(registrations)
+
+
+def map_summary(
+    photographs: Photographs,
+    structure: Structure,
+    camera: CameraModel,
+    settings: MapSettings,
+    residual: BoardResidual | None,
+    registrations: Sequence[Registration],
+) -> dict[str, Any]:
+    """The document, of plain values only."""
+    errors = structure.reprojection_errors(camera)
+    return {
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "program": f"bodycam_ros {__version__}",
+        "reference": photographs.folder.resolve().name,
+        "photographs": len(photographs.paths),
+        "registered": len(structure.names),
+        "landmarks": len(structure.points_world),
+        "observations": len(errors),
+        "mean_reprojection_error_px": round(float(errors.mean()), 4),
+        "camera": {
+            "distortion_model": camera.distortion_model,
+            "size": [camera.width, camera.height],
+            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
+            "d": list(camera.distortion),
+        },
+        "board_residual": None if residual is None else asdict(residual),
+        "settings": settings.as_mapping(),
+        "registrations": [
+            {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}
+            | ({"error_px": round(r.error_px, 3), "tags": r.tags} if r.registered else {})
+            for r in registrations
+        ],
+    }

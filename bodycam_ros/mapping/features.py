@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.in_parallel import in_parallel
+from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 

@@ -1,7 +1,10 @@
-"""The photographs of a reference folder and the camera that took them."""
+"""The photographs of a reference folder, the camera that took them, and work on many of them at once."""
 
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.errors import MapError
@@ -9,6 +12,9 @@ from bodycam_ros.errors import MapError
 CAMERA_FILE = "camera.yaml"
 BOARD_FILE = "board.yaml"
 _SUFFIXES = {".jpg", ".jpeg", ".png"}
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -54,3 +60,16 @@ def find_photographs(folder: Path) -> Photographs:
     return Photographs(
         folder, paths, camera_from_yaml(folder / CAMERA_FILE), board_path if board_path.is_file() else None
     )
+
+
+def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:
+    """Results in the order of the items, as they get ready.
+
+    Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
+    for items that have not begun.
+    """
+    pool = ThreadPoolExecutor(max_workers=workers)
+    try:
+        yield from pool.map(function, items)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

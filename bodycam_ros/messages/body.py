@@ -1,10 +1,12 @@
-"""What the solver publishes about the body: joints, root, transforms, a skeleton to look at."""
+"""What the solver publishes about the body: joints, root, transforms, a skeleton to look at; and all of it by topic."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import inverse
 from bodycam_ros.messages.factory import Message, MessageFactory, flat
 from bodycam_ros.messages.header import MAP_FRAME, header_message
 from bodycam_ros.messages.pose import (
@@ -13,7 +15,7 @@ from bodycam_ros.messages.pose import (
     transform_message,
     vector_message,
 )
-from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.body_state import BodyOutput, BodyState
 
 _LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
 _BONE_WIDTH_M = 0.02
@@ -164,3 +166,26 @@ def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tup
         )
     ]
     return make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -> dict[str, Message]:
+    """Topic -> message of one instant: joint states, joint rotations, odometry, tf and the skeleton."""
+    state = output.state
+    rows = [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints]
+    parents, children = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [])
+    parent_T_child = inverse(state.world_T_segment[parents]) @ state.world_T_segment[children]
+    world_T_root = state.world_T_segment[body.segment_index[body.root]]
+    joint_names = [joint.name for joint in body.tree_joints]
+    joints_observed = state.observed[parents] & state.observed[children]
+    return {
+        "/joint_states": joint_state_message(
+            make, state.stamp_ns, output.joint_names, output.positions, output.velocities
+        ),
+        "/joint_rotations": joint_rotations_message(make, state.stamp_ns, joint_names, parent_T_child),
+        "/joint_covariances": joint_covariances_message(
+            make, state.stamp_ns, joint_names, joints_observed, state.uncertainty.joints
+        ),
+        "/odometry": odometry_message(make, state, body.root, output.root_velocity),
+        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, body.root, world_T_root)]),
+        "/skeleton": skeleton_message(make, state, rows),
+    }

@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable

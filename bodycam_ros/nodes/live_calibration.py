@@ -13,8 +13,8 @@ from std_srvs.srv import Trigger
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
-from bodycam_ros.calibration.report.body_report import body_report
 from bodycam_ros.calibration.report.html_report import write_html_report
+from bodycam_ros.calibration.report.report_tables import body_report
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
@@ -23,8 +23,7 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.map_frame import check_upright
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
 
 _LOOK_S = 0.2
 _STOP_S = 5.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.nodes.camera_topics import CameraModels
@@ -18,8 +18,7 @@ from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import registrar
-from bodycam_ros.registration.map_frame import assumed_vertical, check_metric
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 

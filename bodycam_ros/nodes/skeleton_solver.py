@@ -15,9 +15,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.health import verdict_health
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
-from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -31,7 +31,7 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.verdict.live_verdict import LiveVerdict
+from bodycam_ros.verdict.judge import LiveVerdict
 
 _LOOK_S = 0.5
 

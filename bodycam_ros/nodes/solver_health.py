@@ -5,7 +5,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bodycam_ros.messages.registration_health import timing_health
+from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import Skipped

@@ -15,8 +15,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.map_frame import check_upright
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
 from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
 

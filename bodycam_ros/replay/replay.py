@@ -13,17 +13,15 @@ from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError, MapError
-from bodycam_ros.messages.body_output import output_messages
+from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.registration_health import RegistrationHealth
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
-from bodycam_ros.messages.verdict_health import verdict_health
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.registration.map_frame import assumed_vertical, check_metric
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.replay.camera_clock import CameraClocks
 from bodycam_ros.replay.camera_worker import (
     DroppedImages,
@@ -34,7 +32,7 @@ from bodycam_ros.replay.camera_worker import (
 )
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.verdict.agreement_log import AgreementLog
+from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict
 

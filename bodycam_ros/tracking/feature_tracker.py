@@ -9,9 +9,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.settings import setting
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings
+from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
-from bodycam_ros.tracking.replenish import far_from, thin_out
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 from bodycam_ros.tracking.track_frame import TrackFrame
 

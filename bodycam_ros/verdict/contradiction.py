@@ -9,7 +9,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.verdict.agreement import Agreement
 from bodycam_ros.verdict.camera_link import CameraLink, camera_links
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.verdict import VerdictSettings
 
 _LEAST_ROWS = 3
 """Instants that a link must be known at before it says anything."""

@@ -11,15 +11,13 @@ from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
-from bodycam_ros.view.correction_panel import CorrectionActions, CorrectionPanel
 from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
 from bodycam_ros.view.local_server import LocalServer
+from bodycam_ros.view.panels import CorrectionActions, CorrectionPanel, Playback, ShowPanel, TimePanel
 from bodycam_ros.view.scene import Scene
-from bodycam_ros.view.show_panel import ShowPanel
 from bodycam_ros.view.sources import Sources
-from bodycam_ros.view.time_panel import Playback, TimePanel
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""

@@ -7,7 +7,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.view.corrected_file import BodyFile
+from bodycam_ros.view.correction import BodyFile
 from bodycam_ros.view.motion import Motion, read_motion
 
 

@@ -18,7 +18,7 @@ from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.calibrate import calibrate
 from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 
 JOBS = os.cpu_count() or 1
 

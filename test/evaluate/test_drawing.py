@@ -12,7 +12,7 @@ from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.evaluate.overlay_picture import draw_overlays, overlay_views
 from bodycam_ros.evaluate.time_panels import broken_at_gaps
 from bodycam_ros.geometry import rigid
-from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 
 
 def test_curves_break_where_instants_are_missing(walk: Walk, tmp_path: Path) -> None:

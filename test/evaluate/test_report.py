@@ -18,9 +18,8 @@ from bodycam_ros.drawing.picture_style import LEFT, RIGHT, WARNING
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate import report_folder
 from bodycam_ros.evaluate.evaluation import evaluate
-from bodycam_ros.evaluate.flexion import flexion, limb_joints
-from bodycam_ros.evaluate.registration_panel import registration_table
 from bodycam_ros.evaluate.report_folder import write_report
+from bodycam_ros.evaluate.time_panels import flexion, limb_joints, registration_table
 from bodycam_ros.geometry import exp_so3
 
 SMALL_SHARE = 1e-4  # of the picture's pixels

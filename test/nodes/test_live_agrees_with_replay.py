@@ -14,7 +14,7 @@ from bodycam_ros.nodes.graph import live_graph, player
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")

@@ -1,11 +1,17 @@
+"""A map in a folder: whole or refused; and what it must know before a body is made or solved in it."""
+
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from two_cameras import write_map
 
 from bodycam_ros.errors import MapError, OutputError
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric, check_upright
+
+PATH = Path("place")
 
 
 @pytest.fixture
@@ -125,3 +131,28 @@ def test_arrays_that_do_not_fit_are_an_error(tmp_path, small_map, change, messag
     dataclasses.replace(small_map, **change).save(tmp_path / "map")
     with pytest.raises(MapError, match=message):
         ReferenceMap.load(tmp_path / "map")
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> ReferenceMap:
+    return ReferenceMap.load(write_map(tmp_path / "map"))
+
+
+def test_a_map_with_scale_and_vertical_serves(whole: ReferenceMap) -> None:
+    check_metric(whole, PATH)
+    check_upright(whole, PATH)
+    assert assumed_vertical(whole, PATH) == ""
+
+
+@pytest.mark.parametrize("check", [check_metric, check_upright])
+def test_without_scale_there_is_no_body(whole: ReferenceMap, check) -> None:
+    with pytest.raises(MapError, match="place: this map is not metric.*AprilTag board"):
+        check(dataclasses.replace(whole, metric=False), PATH)
+
+
+def test_without_a_vertical_a_body_can_be_solved_but_not_made(whole: ReferenceMap) -> None:
+    tilted = dataclasses.replace(whole, gravity_aligned=False)
+    check_metric(tilted, PATH)
+    assert "z of the output is the board's z" in assumed_vertical(tilted, PATH)
+    with pytest.raises(MapError, match="place: this map does not know what is up"):
+        check_upright(tilted, PATH)

@@ -13,7 +13,7 @@ from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 
 
 @pytest.fixture(scope="module")

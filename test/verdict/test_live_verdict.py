@@ -5,9 +5,8 @@ from known_motion import BODY, KnownMotion, segment_poses
 
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.verdict.live_verdict import LiveVerdict
-from bodycam_ros.verdict.verdict import Level
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.judge import LiveVerdict
+from bodycam_ros.verdict.verdict import Level, VerdictSettings
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -8,8 +8,7 @@ import yaml
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.errors import BodyError, OutputError
-from bodycam_ros.view.corrected_file import BodyFile
-from bodycam_ros.view.correction import Correction, Move, Part
+from bodycam_ros.view.correction import BodyFile, Correction, Move, Part
 
 KNEE, HEAD = Part("joint", "knee_left"), Part("camera", "head")
 MOVE = Move(np.array([1.0, 0.0, -3.0]), np.array([0.0, 0.5, 0.0]))

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError, RecordingError
-from bodycam_ros.solved.read_solved import read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.view.motion import Motion, read_motion
 from bodycam_ros.view.skeleton_scene import segment_bones

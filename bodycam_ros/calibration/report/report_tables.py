@@ -1,8 +1,9 @@
-"""The figures of a diagnosis as tables of text, the same on a terminal and in a page."""
+"""The figures of a diagnosis: as tables of text for terminal and page alike, and as the ``report`` of a body file."""
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from bodycam_ros.calibration.diagnosis import (
 )
 
 MM_PER_M = 1000.0
+
+_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -199,3 +202,34 @@ def _millimetres(length_m: float | None, decimals: int, sign: str = "") -> str:
 
 def _number(value: float, decimals: int, sign: str = "") -> str:
     return f"{value:{sign}.{decimals}f}" if math.isfinite(value) else ""
+
+
+def body_report(diagnosis: CalibrationDiagnosis) -> dict[str, Any]:
+    """Plain numbers by joint, bone and camera, in the units of their names; bones are named ``segment: start-end``."""
+    report: dict[str, Any] = {"source": "range of motion"}
+    for f in fields(diagnosis):
+        if f.name not in ("joints", "bones", "cameras"):
+            report[f.name] = _plain(getattr(diagnosis, f.name))
+    report["warnings"] = list(diagnosis.warnings)
+    report["joints"] = {joint.name: _without(_plain(joint), "name", "parent", "child") for joint in diagnosis.joints}
+    report["bones"] = {
+        f"{bone.segment}: {bone.start}-{bone.end}": _without(_plain(bone), "segment", "start", "end")
+        for bone in diagnosis.bones
+    }
+    report["cameras"] = {camera.camera: _without(_plain(camera), "camera", "segment") for camera in diagnosis.cameras}
+    return report
+
+
+def _without(values: dict[str, Any], *names: str) -> dict[str, Any]:
+    """The same without what the key says already, and without what is empty."""
+    return {name: value for name, value in values.items() if name not in names and value not in ("", None)}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(f"{float(value):.{_DIGITS}g}")
+    return value

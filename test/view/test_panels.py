@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from bodycam_ros.view.inbox import Inbox
-from bodycam_ros.view.time_panel import Playback
+from bodycam_ros.view.panels import Playback
 
 
 class Clock:

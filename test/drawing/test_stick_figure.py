@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from known_walk import Walk
 
-from bodycam_ros.drawing.oblique_view import ObliqueView
-from bodycam_ros.drawing.stick_figure import bones
+from bodycam_ros.drawing.stick_figure import ObliqueView, bones
 from bodycam_ros.geometry import exp_so3, rigid
 
 

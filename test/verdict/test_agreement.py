@@ -3,10 +3,9 @@
 import numpy as np
 from known_motion import BODY, RATE_HZ, START_NS, KnownMotion, segment_poses
 
-from bodycam_ros.verdict.agreement_log import AgreementLog
+from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Level
-from bodycam_ros.verdict.verdict_settings import VerdictSettings
+from bodycam_ros.verdict.verdict import Level, VerdictSettings
 
 FRAME_NS = round(1e9 / RATE_HZ)
 STILL = segment_poses(0.0)

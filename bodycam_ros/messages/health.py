@@ -1,4 +1,4 @@
-"""How each camera fares lately, for /diagnostics: registered in the map, and in time with the others."""
+"""What is said on /diagnostics of a run: how each camera fares lately, and the verdict on what is solved."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.synchrony import Timing
+from bodycam_ros.verdict.verdict import Level, Verdict
 
 _POOR_SHARE = 0.9
 """A camera registered on a smaller share of its frames gets a warning: the body still holds, but with less."""
@@ -17,6 +18,8 @@ _APART_S = 5.0
 
 _WANDERING = 2.0
 """In units of the tolerance: stamps that are spread so far are not of one trigger."""
+
+_LEVELS = {Level.GOOD: HealthLevel.OK, Level.DOUBTFUL: HealthLevel.WARN, Level.WRONG: HealthLevel.ERROR}
 
 
 @dataclass
@@ -104,3 +107,12 @@ def timing_health(
     elif timing.share < _POOR_SHARE:
         level, text = HealthLevel.WARN, "misses instants"
     return Health(f"camera {camera}", level, f"{text}; speaks of {timing.share:.0%} of the instants", values)
+
+
+def verdict_health(verdict: Verdict) -> Health:
+    """Whether the result may be used, and what each camera has to do with it."""
+    told: dict[str, list[str]] = {}
+    for finding in verdict.findings:
+        told.setdefault(finding.camera, []).append(finding.told)
+    values = {camera: "; ".join(lines) for camera, lines in told.items()}
+    return Health("verdict", _LEVELS[verdict.level], verdict.text, values)

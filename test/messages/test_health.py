@@ -2,7 +2,7 @@
 
 import pytest
 
-from bodycam_ros.messages.registration_health import timing_health
+from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import HealthLevel, few
 from bodycam_ros.solving.synchrony import Timing
 

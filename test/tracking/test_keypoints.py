@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.tracking.replenish import far_from, thin_out
+from bodycam_ros.tracking.keypoints import far_from, thin_out
 
 
 def test_thinned_points_keep_their_distance_and_nothing_could_be_added() -> None:

@@ -1,0 +1,199 @@
+"""The controls: of time, of a correction, and of what is shown, with what the colours mean."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from viser import GuiApi, GuiSliderHandle
+
+from bodycam_ros.drawing.picture_style import LEFT, RIGHT
+from bodycam_ros.view.correction import NO_MOVE, Move, Part
+from bodycam_ros.view.inbox import Inbox, on_input, set_value
+from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
+
+_SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
+_STEP_S = 0.001
+_DECIMALS = 3
+_PLAY, _PAUSE = "Play", "Pause"
+
+NOTHING = "nothing"
+"""What the list of parts says when no part is selected."""
+
+_UNDO, _RESET = "last step", "this part"
+_STEP_MM, _STEP_DEG = 0.1, 0.01
+
+_PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
+_CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
+_UNKNOWN = ((UNKNOWN, "camera"),)
+
+
+class Playback:
+    """Where playing is, in seconds of the recording; it begins again at the end."""
+
+    def __init__(self, duration_s: float, now: Callable[[], float]) -> None:
+        self._speed = 1.0
+        self._duration_s = duration_s
+        self._now = now
+        self._since: float | None = None
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether time goes on."""
+        return self._since is not None
+
+    def play(self) -> None:
+        """Let time go on from now."""
+        self._since = self._now()
+
+    def pause(self) -> None:
+        """Hold time."""
+        self._since = None
+
+    def change_speed(self, speed: float) -> None:
+        """Let so many seconds of the recording pass in a second."""
+        self._speed = speed
+
+    def advance(self, seconds: float) -> float:
+        """The time to show after the time shown last, in seconds since the first instant."""
+        if self._since is None or self._duration_s <= 0.0:
+            return seconds
+        now = self._now()
+        seconds += (now - self._since) * self._speed
+        self._since = now
+        return seconds if seconds <= self._duration_s else 0.0
+
+
+class TimePanel:
+    """Slider and buttons; the time that they show is in seconds since the first instant."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        inbox: Inbox,
+        playback: Playback,
+        duration_s: float,
+        on_time: Callable[[], None],
+        on_follow: Callable[[], None],
+    ) -> None:
+        self._playback = playback
+        moves = duration_s > 0.0
+        with gui.add_folder("Time"):
+            # A slider needs a length; that of a single instant cannot be moved.
+            self._slider: GuiSliderHandle[float] = gui.add_slider(
+                "seconds", 0.0, max(round(duration_s, _DECIMALS), _STEP_S), _STEP_S, 0.0, disabled=not moves
+            )
+            self._button = gui.add_button(_PLAY, disabled=not moves)
+            speed = gui.add_dropdown("speed", tuple(_SPEEDS), disabled=not moves)
+            self._follow = gui.add_checkbox("follow the body", True)
+
+        on_input(self._slider, lambda: inbox.put(on_time, "time"))
+        self._button.on_click(lambda _: inbox.put(self._play_or_pause))
+        on_input(speed, lambda: inbox.put(lambda: playback.change_speed(_SPEEDS[speed.value])))
+        on_input(self._follow, lambda: inbox.put(on_follow))
+
+    @property
+    def seconds(self) -> float:
+        """The time that the slider shows."""
+        return float(self._slider.value)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the view goes with the body."""
+        return bool(self._follow.value)
+
+    def show(self, seconds: float) -> None:
+        """Move the slider to a time."""
+        set_value(self._slider, min(round(seconds, _DECIMALS), self._slider.max))
+
+    def _play_or_pause(self) -> None:
+        if self._playback.is_playing:
+            self._playback.pause()
+        else:
+            self._playback.play()
+        self._button.label = _PAUSE if self._playback.is_playing else _PLAY
+
+
+@dataclass(frozen=True)
+class CorrectionActions:
+    """What to do when a person uses the panel."""
+
+    select: Callable[[Part | None], None]
+    move: Callable[[Move], None]
+    undo: Callable[[], None]
+    reset: Callable[[], None]
+    write: Callable[[], None]
+
+
+class CorrectionPanel:
+    """Shows and takes the correction of one selected part."""
+
+    def __init__(
+        self, gui: GuiApi, inbox: Inbox, parts: Iterable[Part], file_name: str, actions: CorrectionActions
+    ) -> None:
+        self._parts = {str(part): part for part in parts}
+        with gui.add_folder("Correct"):
+            self._part = gui.add_dropdown(
+                "move", (NOTHING, *self._parts), hint="or click a camera or a joint in the scene, and drag its arrows"
+            )
+            self._shift = gui.add_vector3(
+                "moved [mm]", (0.0, 0.0, 0.0), step=_STEP_MM, hint="along the segment's axes: forward, left, up"
+            )
+            self._turn = gui.add_vector3(
+                "turned [deg]", (0.0, 0.0, 0.0), step=_STEP_DEG, hint="about the segment's axes: forward, left, up"
+            )
+            back = gui.add_button_group("take back", (_UNDO, _RESET))
+            self._write = gui.add_button(f"Write {file_name}")
+            self._moved = gui.add_markdown("")
+
+        on_input(self._part, lambda: inbox.put(partial(actions.select, self._parts.get(self._part.value))))
+        for field in (self._shift, self._turn):
+            on_input(field, lambda: inbox.put(partial(actions.move, self._entered())))
+        back.on_click(lambda event: inbox.put(actions.undo if event.target.value == _UNDO else actions.reset))
+        self._write.on_click(lambda _: inbox.put(actions.write))
+
+    def select(self, part: Part | None) -> None:
+        """Show another part as the one to be moved."""
+        set_value(self._part, NOTHING if part is None else str(part))
+
+    def show(self, move: Move | None, moves: Iterable[tuple[Part, Move]], *, can_turn: bool) -> None:
+        """Show how far the selected part (None: no part) and all others are from where the file has them."""
+        shown = (NO_MOVE if move is None else move).rounded()
+        for field, values in ((self._shift, shown.shift_mm), (self._turn, shown.turn_deg)):
+            x, y, z = values.tolist()
+            set_value(field, (x, y, z))
+        self._shift.disabled = move is None
+        self._turn.disabled = not can_turn
+        lines = [f"{part}: {moved}" for part, moved in moves]
+        self._moved.content = "\n\n".join(["**not written yet**", *lines]) if lines else ""
+        self._write.disabled = not lines
+
+    def _entered(self) -> Move:
+        return Move(np.array(self._shift.value, dtype=np.float64), np.array(self._turn.value, dtype=np.float64))
+
+
+class ShowPanel:
+    """A legend, and a switch for each kind of thing."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        inbox: Inbox,
+        switches: Mapping[str, Callable[[bool], None]],
+        *,
+        knows_registration: bool,
+    ) -> None:
+        with gui.add_folder("Show"):
+            for label, switch in switches.items():
+                self._add_switch(gui, inbox, label, switch)
+            gui.add_html(_legend(_PARTS, _CAMERAS if knows_registration else _UNKNOWN))
+
+    def _add_switch(self, gui: GuiApi, inbox: Inbox, label: str, switch: Callable[[bool], None]) -> None:
+        box = gui.add_checkbox(label, True)
+        on_input(box, lambda: inbox.put(lambda: switch(bool(box.value))))
+
+
+def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
+    square = '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;background:{}"></span> {}'
+    lines = ("&ensp; ".join(square.format(colour, text) for colour, text in row) for row in rows)
+    return f'<div style="font-size:0.75em;padding:0.1em 0.9em 0.5em;line-height:1.6">{"<br>".join(lines)}</div>'
