@@ -70,6 +70,7 @@ def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Pat
             "/map/points": "sensor_msgs/msg/PointCloud2",
             "/joint_states": "sensor_msgs/msg/JointState",
             "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
+            "/joint_covariances": "bodycam_msgs/msg/JointCovariances",
             "/odometry": "nav_msgs/msg/Odometry",
             "/tf": "tf2_msgs/msg/TFMessage",
             "/skeleton": "visualization_msgs/msg/MarkerArray",
