@@ -225,8 +225,8 @@ class BodySmoother:
     def _seat(self, path: Array, seats: Mapping[int, Array]) -> Array:
         """Start values (S, 4, 4): the path, except for segments that start where their cameras are."""
         start = path.copy()
-        for row, world_T_segment in seats.items():
-            start[row] = orthonormal(world_T_segment[None])[0]
+        if seats:
+            start[list(seats)] = orthonormal(np.stack(list(seats.values())))
         return start
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:

@@ -206,9 +206,7 @@ def test_one_wrong_camera_overrules_nobody(walk, usual, camera: str) -> None:
     def moved(matches: LandmarkMatches) -> LandmarkMatches:
         if matches.world_T_camera is None:
             return matches
-        return dataclasses.replace(
-            matches, world_T_camera=exp_se3(np.array([0, 0, 0, 0.4, 0, 0])) @ matches.world_T_camera
-        )
+        return dataclasses.replace(matches, world_T_camera=aside @ matches.world_T_camera)
 
     skeleton, states = walk.solve(walk.blinded([camera], 0.0, 99.0, moved))
     positions, rotations = errors(walk, states, usual).of(walk.body, walk.body.segments, 0.0, 9.0)
