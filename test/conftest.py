@@ -23,9 +23,10 @@ LIVE = "test/nodes"
 
 
 def pytest_configure() -> None:
-    """Let Ctrl-C reach the tests of it, and let workers that test side by side not get in each other's way."""
-    # What a shell started in the background ignores it, and so do its children.
+    """Let signals reach the tests of them, and let workers that test side by side not get in each other's way."""
+    # What a shell started in the background ignores Ctrl-C, what nohup started a closed terminal; so do their children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
     threadpool_limits(1)
     cv2.setNumThreads(1)
