@@ -13,7 +13,7 @@ _LOOKED_AT = 500  # stamps of a camera, evenly over the recording
 
 
 class CameraClocks:
-    """Stamps and registrations by camera, as they come.
+    """Stamps by camera, as they come.
 
     Args:
         cameras: that are expected to speak.
@@ -21,26 +21,19 @@ class CameraClocks:
 
     def __init__(self, cameras: Collection[str]) -> None:
         self._stamps: dict[str, array[int]] = {camera: array("q") for camera in cameras}
-        self._registered = dict.fromkeys(cameras, 0)
 
-    def add(self, camera: str, stamp_ns: int, registered: bool) -> None:
-        """Note an image, and whether its pose was found."""
+    def add(self, camera: str, stamp_ns: int) -> None:
+        """Note an image."""
         self._stamps[camera].append(stamp_ns)
-        self._registered[camera] += registered
 
     def remarks(self) -> tuple[str, ...]:
-        """A line for every camera that is silent, never registered, absent for a part, or off the others' time."""
+        """A line for every camera that is silent, absent for a part, or off the others' time."""
         stamps = {camera: np.sort(np.array(s, dtype=np.int64)) for camera, s in self._stamps.items() if len(s)}
         lines = []
         for camera in self._stamps:
             if camera not in stamps:
                 lines.append(f"camera {camera}: no image of it could be used")
                 continue
-            if not self._registered[camera]:
-                lines.append(
-                    f"camera {camera}: none of its {len(stamps[camera])} images was registered; is it covered, or does "
-                    "its camera_info belong to another?"
-                )
             others = [s for name, s in stamps.items() if name != camera]
             if others:
                 lines += [f"camera {camera}: {remark}" for remark in _against(stamps[camera], others)]

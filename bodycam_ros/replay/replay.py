@@ -133,7 +133,7 @@ def replay(
                 start_ns = item.stamp_ns
                 out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
-            clocks.add(item.camera, item.stamp_ns, item.matches.world_T_camera is not None)
+            clocks.add(item.camera, item.stamp_ns)
             out.write_registration(item)
             out.write_states(skeleton.add(item.matches))
             on_progress(1e-9 * (item.stamp_ns - start_ns))
