@@ -54,5 +54,5 @@ def test_a_camera_that_runs_free_is_named() -> None:
 
 def test_one_camera_has_nobody_to_be_compared_with() -> None:
     clocks = CameraClocks(["head"])
-    clocks.add("head", 5, True)
+    clocks.add("head", 5)
     assert clocks.remarks() == ()
