@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint import Joint, check_within_reach
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 
@@ -68,6 +68,7 @@ class BodyModel:
                 raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")
             if not np.isfinite(mount.segment_T_camera).all():
                 raise BodyError(f"camera {camera}: its place on segment {mount.segment} is not finite")
+            check_within_reach(f"camera {camera}", mount.segment_T_camera)
         self._check_one_tree()
 
     @cached_property

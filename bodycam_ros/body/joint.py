@@ -21,6 +21,7 @@ JointType = Literal["ball", "hinge", "weld"]
 LOOSE_RAD = 10.0  # [rad] three turns: no opinion on a free rotation, yet the information matrix stays invertible
 TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, softer than rounding
 TIGHT_M = 1e-4  # [m] leaves gaps of some micrometres; a millionth of what is loose is too stiff for a Cholesky factor
+FARTHEST_M = 100.0  # [m] of a place from its segment's origin; farther, a rotation's rounding tears joints apart
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
 _IDENTITY = np.eye(3)
@@ -80,6 +81,7 @@ class Joint:
             raise BodyError(f"{where}: angle_axes must hold x, y and z once each, such as yzx, not {axes}")
         if not np.isfinite([self.parent_T_joint, self.child_T_joint]).all():
             raise BodyError(f"{where}: its place on a segment is not finite")
+        check_within_reach(where, self.parent_T_joint, self.child_T_joint)
         length = float(np.linalg.norm(self.axis))
         if not np.isfinite(length) or length == 0.0:
             raise BodyError(f"{where}: axis must be a direction, not {list(self.axis)}")
@@ -188,6 +190,20 @@ class Joint:
         across = np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))])
         across /= np.linalg.norm(across)
         return np.stack([self.axis, across, np.cross(self.axis, across)])
+
+
+def check_within_reach(where: str, *places: Array) -> None:
+    """Refuse places (4, 4) on a segment that are beyond any body, or any machine that a body holds.
+
+    Raises:
+        BodyError: one is.
+    """
+    far_m = max(float(np.linalg.norm(place[:3, 3])) for place in places)
+    if far_m > FARTHEST_M:
+        raise BodyError(
+            f"{where}: its place is {far_m:g} m from its segment's origin; places are in metres, and none may be "
+            f"farther than {FARTHEST_M:g} m"
+        )
 
 
 def hinge_angle(rotation: Array, axis: Array) -> Array:

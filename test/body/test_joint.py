@@ -4,6 +4,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import LOOSE_RAD, TIGHT_M, TIGHT_RAD, Joint, JointType, hinge_angle
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
@@ -159,3 +160,15 @@ def test_what_is_no_joint_is_refused_by_name(changes: dict[str, object], complai
     fields = {"name": "hip", "parent": "a", "child": "b", "type": "ball", "parent_T_joint": np.eye(4)} | changes
     with pytest.raises(BodyError, match=f"joint hip.*{complaint}"):
         Joint(**fields)  # type: ignore[arg-type]
+
+
+def test_a_place_beyond_any_body_is_refused() -> None:
+    far = np.eye(4)
+    far[:3, 3] = [1e6, 0.0, 0.0]
+    with pytest.raises(BodyError, match="joint hip: its place is 1e[+]06 m from .* in metres"):
+        Joint("hip", "pelvis", "thigh", "ball", far)
+    with pytest.raises(BodyError, match="joint hip"):
+        Joint("hip", "pelvis", "thigh", "ball", np.eye(4), far)
+    hip = Joint("hip", "pelvis", "thigh", "ball", np.eye(4))
+    with pytest.raises(BodyError, match="camera knee: its place is"):
+        BodyModel("b", "pelvis", ("pelvis", "thigh"), (hip,), {"knee": CameraMount("thigh", far)})
