@@ -156,8 +156,10 @@ class BodySmoother:
         }
         uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
-        missing_ns = self._silence.missing(frame) if index else ()
-        instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, missing_ns)
+        silent_ns = self._silence.missing(frame)
+        instant = Instant(
+            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns if index else ()
+        )
         self._window.add(instant, factors)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
         return states + self._publish(self.settings.output_delay)
