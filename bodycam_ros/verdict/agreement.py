@@ -44,6 +44,8 @@ class CameraCount:
         first_ns: stamp of the first image [ns].
         last_ns: stamp of the last image [ns].
         last_registered_ns: stamp of the last with a pose [ns]; 0 if there was none.
+        blind_ns: longest time between two with a pose [ns].
+        blind_until_ns: stamp at which that time was over [ns].
     """
 
     images: int = 0
@@ -51,6 +53,8 @@ class CameraCount:
     first_ns: int = 0
     last_ns: int = 0
     last_registered_ns: int = 0
+    blind_ns: int = 0
+    blind_until_ns: int = 0
 
     @property
     def share(self) -> float:
@@ -152,6 +156,9 @@ class AgreementLog:
         self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
         count = replace(count, images=count.images + 1, last_ns=stamp_ns)
         if world_T_camera is not None:
+            blind_ns = stamp_ns - (count.last_registered_ns or count.first_ns)
+            if blind_ns > count.blind_ns:
+                count = replace(count, blind_ns=blind_ns, blind_until_ns=stamp_ns)
             count = replace(count, registered=count.registered + 1, last_registered_ns=stamp_ns)
             self._recent.setdefault(camera, deque(maxlen=_RECENT)).append((stamp_ns, world_T_camera))
         self._counts[camera] = count

@@ -42,6 +42,7 @@ def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> V
         *accused,
         *_of_lenses_and_clocks(agreement, body, found, settings),
         *_of_early_ends(agreement, cameras, settings),
+        *_of_blindness(agreement, body, cameras, settings),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
         told = {finding.camera for finding in findings}
@@ -163,6 +164,27 @@ def _of_solver_astray(
             level = Level.WRONG if gap_m > settings.wrong_gap else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
             yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")
+
+
+def _of_blindness(
+    agreement: Agreement, body: BodyModel, cameras: Sequence[str], settings: VerdictSettings
+) -> Iterator[Finding]:
+    """Cameras that found no landmark for long, where nobody else on their segment could see for them."""
+    looked_from_ns = agreement.start_ns + 1e9 * float(agreement.seconds[0]) if len(agreement.seconds) else np.inf
+    for camera in cameras:
+        count = agreement.counts[camera]
+        segment = body.mounts[camera].segment
+        shared = any(other != camera and body.mounts[other].segment == segment for other in cameras)
+        if not shared and count.blind_ns > 1e9 * settings.blind_time and count.blind_until_ns > looked_from_ns:
+            until_s = 1e-9 * (count.blind_until_ns - agreement.start_ns)
+            blind_s = 1e-9 * count.blind_ns
+            yield Finding(
+                camera,
+                Level.DOUBTFUL,
+                f"not registered from {until_s - blind_s:.1f} s to {until_s:.1f} s",
+                "it was covered or dark, or saw what the map does not show",
+                f"{segment} is a guess in that time, by the poses that it was seen in",
+            )
 
 
 def _of_early_ends(agreement: Agreement, cameras: Sequence[str], settings: VerdictSettings) -> Iterator[Finding]:

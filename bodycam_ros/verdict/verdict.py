@@ -132,6 +132,12 @@ class VerdictSettings:
         limits=(0.1, 600.0),
         reason="a camera that is registered for the last time this long before the others ends early",
     )
+    blind_time: float = setting(
+        1.0,
+        unit="s",
+        limits=(0.1, 600.0),
+        reason="a camera alone on its segment that is not registered for longer leaves it to guesswork",
+    )
     rate: float = setting(
         10.0, unit="Hz", limits=(1.0, 100.0), reason="instants that are looked at; a camera that is wrong stays wrong"
     )

@@ -4,12 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from bodycam_ros.replay.front_end import _signals_for_us_alone
 from bodycam_ros.whole_file import SCRATCH_PREFIX, write_whole
 
 TIME_S = 120.0
@@ -96,3 +98,17 @@ def answers(pid: int, number: int) -> bool:
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     caught = int(next(line.split()[1] for line in lines if line.startswith("SigCgt")), 16)
     return bool(caught & 1 << (number - 1))
+
+
+def test_what_ends_us_is_answered_when_the_workers_have_started() -> None:
+    """The signal comes on another thread than the one that has it blocked, as on a library's."""
+    started = []
+    with pytest.raises(KeyboardInterrupt), _signals_for_us_alone():
+        sender = threading.Thread(target=lambda: os.kill(os.getpid(), signal.SIGINT))
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        sender.start()
+        sender.join()
+        time.sleep(0.05)
+        started.append(True)
+    assert started == [True]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

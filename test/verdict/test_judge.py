@@ -128,6 +128,17 @@ def test_a_camera_that_ends_early() -> None:
     assert finding.what == f"registered for the last time at 2.0 s of {DURATION_S:.1f} s"
 
 
+def test_a_camera_that_is_blind_for_long_leaves_its_segment_to_guesswork() -> None:
+    def blind(time: float, pose: Array) -> Array | None:
+        return None if 1.0 <= time < 2.5 else pose
+
+    finding = only(KnownMotion(altered={"head": blind}).verdict(), Level.DOUBTFUL)
+    assert finding.what == "not registered from 1.0 s to 2.5 s" and "head is a guess" in finding.remedy
+    assert KnownMotion(altered={"waist_left": blind}).verdict().level == Level.GOOD, "its neighbours see the pelvis"
+    briefly = KnownMotion(altered={"head": lambda time, pose: None if 1.0 <= time < 1.7 else pose})
+    assert briefly.verdict().level == Level.GOOD
+
+
 @pytest.mark.parametrize("scale", [10.0, 0.5, 1.3])
 def test_a_map_of_another_scale(scale: float) -> None:
     def scaled(time: float, pose: Array) -> Array:
