@@ -66,7 +66,9 @@ class BodyWindow:
     def __init__(self, factors: BodyFactors, settings: SmootherSettings) -> None:
         self._factors = factors
         self._settings = settings
-        self.instants: deque[Instant] = deque(maxlen=max(3, settings.output_delay + 2))
+        kept = max(3, settings.output_delay + 2)
+        self.instants: deque[Instant] = deque(maxlen=kept)
+        self._longest_step_s = settings.window / kept
         self.restarts = 0
         self._solution = 0
         self._begin()
@@ -95,13 +97,10 @@ class BodyWindow:
         """
         keys = self._factors.keys(instant.index)
         start = dict(zip(keys, instant.world_T_segment, strict=True))
-        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART_RAD, _RESTART_M)
         # Time of the window: low rates and pauses must not push out what is still to be published.
         if self.instants:
             passed_s = 1e-9 * (instant.stamp_ns - self.instants[-1].stamp_ns)
-            self._clock_s += min(
-                passed_s, self._settings.window / self.instants.maxlen if self.instants.maxlen else 0.0
-            )
+            self._clock_s += min(passed_s, self._longest_step_s)
         self.instants.append(instant)
         if self.reaches(instant.index - 1) or instant.index == 0:
             try:
@@ -111,6 +110,7 @@ class BodyWindow:
             except BackEndError as error:
                 self._fail(error)
         # Without what ties it to a past that is lost; its turns speak of that past, too.
+        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART_RAD, _RESTART_M)
         alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()

@@ -6,7 +6,7 @@ Cubic Hermite curves, of the root's pose and of every joint's rotation, so that 
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,28 +75,24 @@ def bridge(
     """
     start, end = before[-1], after[0]
     root = body.segment_index[body.root]
-    start_R, end_R = (body.joint_rotations(posture.world_T_segment) for posture in (start, end))
     leaving_s, arriving_s = _seconds(before), _seconds(after)
     whole_s = 1e-9 * (end.stamp_ns - start.stamp_ns)
     share = 1e-9 * (np.array(stamps_ns) - start.stamp_ns) / whole_s
 
-    from_R = np.swapaxes(start_R, -1, -2)
-    turned = log_so3(from_R @ end_R)
-    leaving, arriving = np.zeros_like(turned), np.zeros_like(turned)
-    if leaving_s:
-        leaving = -log_so3(from_R @ body.joint_rotations(before[0].world_T_segment)) / leaving_s
-    if arriving_s:
-        arriving = (log_so3(from_R @ body.joint_rotations(after[1].world_T_segment)) - turned) / arriving_s
-    rotations = start_R @ exp_so3(_curve(share, turned, whole_s * leaving, whole_s * arriving))
+    def swept(away: Callable[[Array], Array]) -> Array:
+        """The curve (T, ...) of what ``away`` measures of poses (S, 4, 4) from where the body left."""
+        arrived = away(end.world_T_segment)
+        leaving = -away(before[0].world_T_segment) / leaving_s if leaving_s else np.zeros_like(arrived)
+        passed_on = away(after[-1].world_T_segment) - arrived
+        arriving = passed_on / arriving_s if arriving_s else np.zeros_like(arrived)
+        return _curve(share, arrived, whole_s * leaving, whole_s * arriving)
 
-    root_T_world = inverse(start.world_T_segment[root])
-    moved = log_se3(root_T_world @ end.world_T_segment[root])
-    leaving, arriving = np.zeros(6), np.zeros(6)
-    if leaving_s:
-        leaving = -log_se3(root_T_world @ before[0].world_T_segment[root]) / leaving_s
-    if arriving_s:
-        arriving = (log_se3(root_T_world @ after[1].world_T_segment[root]) - moved) / arriving_s
-    world_T_root = start.world_T_segment[root] @ exp_se3(_curve(share, moved, whole_s * leaving, whole_s * arriving))
+    start_R = body.joint_rotations(start.world_T_segment)
+    world_T_start = start.world_T_segment[root]
+    rotations = start_R @ exp_so3(
+        swept(lambda poses: log_so3(np.swapaxes(start_R, -1, -2) @ body.joint_rotations(poses)))
+    )
+    world_T_root = world_T_start @ exp_se3(swept(lambda poses: log_se3(inverse(world_T_start) @ poses[root])))
     known = [_between(start.uncertainty, end.uncertainty, float(u), whole_s, density) for u in share]
     return body.forward_kinematics(world_T_root, rotations), known
 
@@ -106,7 +102,7 @@ def _between(
 ) -> BodyUncertainty:
     """Covariances on the way: a white-noise acceleration pinned at both ends leaves q (t (T - t))^3 / (3 T^3)."""
     pinned = (share * (1.0 - share)) ** 3 * whole_s**3 / 3.0 * density
-    spun = 0.25 * whole_s * share * (1.0 - share) * 4.0 * density
+    spun = whole_s * share * (1.0 - share) * density
     mixed = [
         (1.0 - share) * a + share * b
         for a, b in ((start.root, end.root), (start.root_twist, end.root_twist), (start.joints, end.joints))
