@@ -1,0 +1,1 @@
+"""Videos of cameras that were started by hand, brought to one time and into one bag (A 3)."""
