@@ -21,6 +21,7 @@ from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
@@ -54,6 +55,7 @@ class PipelineSettings(SettingsGroups):
     matching: MatchingSettings = MatchingSettings()
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
+    shutter: ShutterSettings = ShutterSettings()
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()
@@ -69,10 +71,19 @@ def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureT
     return FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
 
 
-def registrar(camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> Registrar:
-    """The registrar of one camera."""
+def registrar(
+    camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout_time: float | None = None
+) -> Registrar:
+    """The registrar of one camera, whose rows are read out in a known time [s] or one to be estimated."""
     return Registrar(
-        camera, reference_map, settings.registrar, settings.matching, settings.absolute_pose, settings.pose_fit
+        camera,
+        reference_map,
+        settings.registrar,
+        settings.matching,
+        settings.absolute_pose,
+        settings.pose_fit,
+        settings.shutter,
+        readout_time,
     )
 
 

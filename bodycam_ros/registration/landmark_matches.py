@@ -1,5 +1,6 @@
 """What the registrar says about one image."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +17,15 @@ class LandmarkMatches:
         previous_stamp_ns: stamp of the frame that ``current_R_previous`` starts from; 0 if there is none.
         track_ids: (N,) uint32, the tracks that carry a landmark.
         landmark_ids: (N,) uint32, their landmarks in the map.
-        pixels: (N, 2) float32, where the image shows them.
+        pixels: (N, 2) float32, where the image would show them if all its rows were exposed with the middle one.
         points_world: (N, 3) float32, where the map has them [m].
         world_T_camera: (4, 4) pose from absolute registration (A 4.1), or None when the camera is lost.
         pose_covariance: (6, 6), rotation [rad] then translation [m], both in camera axes.
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
         rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
+        shifts: (N, 2) float32, how far the read-out of the rows moved them: the image shows them at pixels + shifts.
+        readout_time: of the camera, as far as it is known by now [s].
+        readout_sigma: its standard deviation [s]; 0 if it was given.
     """
 
     camera: str
@@ -35,3 +39,6 @@ class LandmarkMatches:
     pose_covariance: NDArray[np.float64]
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
+    shifts: NDArray[np.float32] | None = None
+    readout_time: float = 0.0
+    readout_sigma: float = math.nan

@@ -1,7 +1,8 @@
 """The pose of one calibrated camera from landmarks that it sees: robust Gauss-Newton on the reprojection error.
 
 This is the first term of A eq. 8 for a single camera, with the projection of A eq. 9. The result is a pose and
-its information matrix, which stand for all the image measurements when the body is solved.
+its information matrix, which stand for all the image measurements when the body is solved. Where the rows are read out
+one after the other, every landmark is projected from where the camera is when its row is exposed.
 """
 
 from dataclasses import dataclass
@@ -10,11 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import exp_se3, hat
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.registration.rolling_shutter import ImageMotion, by_pose, row_shares, seen_later
 from bodycam_ros.settings import setting
 
 _CONVERGED = 1e-4
 """A step below this [rad, m] moves landmarks by some hundredths of a pixel; the next one would be far smaller yet."""
+
+_LONGEST_READOUT = 0.05
+"""No camera reads its rows for longer [s]; a step of the fit may ask for it."""
+
+_FIXED_READOUT = 1e-7
+"""Standard deviation of a read-out time that is given [s]."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +52,22 @@ class PoseFit:
     """A fitted pose.
 
     Attributes:
-        world_T_camera: (4, 4).
+        world_T_camera: (4, 4) at the exposure of the middle row.
         information: (6, 6) of the pose, rotation [1/rad^2] then translation [1/m^2] in camera axes.
         errors_px: (N,) reprojection errors, infinite where the camera cannot see the landmark.
         inliers: (N,) whose error is below ``inlier_px``.
+        shifts: (N, 2) how far the read-out of the rows moved the landmarks in the image [px].
+        readout_time: what this image says of it [s].
+        readout_information: [1/s^2]; zero where it was not asked for.
     """
 
     world_T_camera: NDArray[np.float64]
     information: NDArray[np.float64]
     errors_px: NDArray[np.float64]
     inliers: NDArray[np.bool_]
+    shifts: NDArray[np.float64]
+    readout_time: float
+    readout_information: float
 
 
 def fit_pose(
@@ -62,6 +76,7 @@ def fit_pose(
     pixels: NDArray[np.floating],
     world_T_camera: NDArray[np.float64],
     settings: PoseFitSettings,
+    motion: ImageMotion | None = None,
 ) -> PoseFit:
     """Refine a camera's pose on its landmarks, with a Geman-McClure kernel that tightens as it converges.
 
@@ -71,22 +86,33 @@ def fit_pose(
         pixels: (N, 2) where the image shows them.
         world_T_camera: (4, 4) start.
         settings: noise and thresholds.
+        motion: how the camera moves while its rows are read out; None if all are exposed together.
     """
-    pose = world_T_camera
+    problem = _Problem(camera, np.asarray(points_world, np.float64), pixels, settings, motion)
+    at = _Point(world_T_camera, np.zeros(6), motion.readout_time if motion else 0.0)
     scale = None
     for _ in range(settings.iterations):
-        hessian, gradient, errors_px, scale = _normal_equations(camera, points_world, pixels, pose, scale, settings)
+        equations = problem.linearise(at, scale)
         try:
-            step = -np.linalg.solve(hessian + 1e-9 * np.eye(6) * max(np.trace(hessian), 1e-9), gradient)
+            step = equations.step()
         except np.linalg.LinAlgError:
             break
-        pose = pose @ exp_se3(np.clip(step, -0.5, 0.5))
-        if scale <= settings.inlier_px and np.abs(step).max() < _CONVERGED:
+        at = at.moved(step)
+        if equations.scale_px <= settings.inlier_px and np.abs(step[:6]).max() < _CONVERGED:
             break
-        scale = max(0.5 * scale, settings.inlier_px)
+        scale = max(0.5 * equations.scale_px, settings.inlier_px)
     else:
-        hessian, _, errors_px, _ = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px, settings)
-    return PoseFit(pose, hessian / settings.pixel_sigma**2, errors_px, errors_px < settings.inlier_px)
+        equations = problem.linearise(at, settings.inlier_px)
+    readout_time, readout_information = problem.readout(at, equations)
+    return PoseFit(
+        at.world_T_camera,
+        equations.pose_hessian() / settings.pixel_sigma**2,
+        equations.errors_px,
+        equations.errors_px < settings.inlier_px,
+        equations.shifts,
+        readout_time,
+        readout_information / settings.pixel_sigma**2,
+    )
 
 
 def reprojection_errors(
@@ -100,29 +126,130 @@ def reprojection_errors(
     return np.where(valid, np.linalg.norm(projected - pixels, axis=1), np.inf)
 
 
-def _normal_equations(
-    camera: CameraModel,
-    points_world: NDArray[np.floating],
-    pixels: NDArray[np.floating],
-    world_T_camera: NDArray[np.float64],
-    scale_px: float | None,
-    settings: PoseFitSettings,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-    """Hessian (6, 6), gradient (6,) [px^2], errors (N,) and kernel scale [px] for ``world_T_camera @ exp(xi)``.
+@dataclass(frozen=True)
+class _Point:
+    """Where the fit is.
 
-    Without a scale the errors give it: twice their median, which the right landmarks lie within.
+    Attributes:
+        world_T_camera: (4, 4) at the exposure of the middle row.
+        bend: (6,) by how much the twist differs from what the images before tell [rad/s, m/s].
+        readout_time: [s].
     """
-    points_camera = (points_world - world_T_camera[:3, 3]) @ world_T_camera[:3, :3]
-    projected, pixel_by_point, valid = camera.project_with_jacobian(points_camera)
-    residuals = (projected - pixels)[valid]
-    seen_errors = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
-    errors = np.full(len(pixels), np.inf)
-    errors[valid] = seen_errors
-    if scale_px is None:
-        scale_px = float(np.clip(2 * np.median(errors), settings.inlier_px, settings.start_px))
-    # The point moves by hat(p) w - v when the camera moves by the tangent vector (w, v).
-    by_point = pixel_by_point[valid]
-    jacobian = np.concatenate([by_point @ hat(points_camera[valid]), -by_point], axis=2).reshape(-1, 6)
-    weights = np.repeat(1.0 / (1.0 + (seen_errors / scale_px) ** 2) ** 2, 2)
-    weighted = jacobian * weights[:, None]
-    return weighted.T @ jacobian, weighted.T @ residuals.ravel(), errors, scale_px
+
+    world_T_camera: NDArray[np.float64]
+    bend: NDArray[np.float64]
+    readout_time: float
+
+    def moved(self, step: NDArray[np.float64]) -> "_Point":
+        """After a step of the pose (6), or of all (13)."""
+        pose = self.world_T_camera @ exp_se3(np.clip(step[:6], -0.5, 0.5))
+        if len(step) == 6:
+            return _Point(pose, self.bend, self.readout_time)
+        readout_time = float(np.clip(self.readout_time + step[12], -_LONGEST_READOUT, _LONGEST_READOUT))
+        return _Point(pose, self.bend + step[6:12], readout_time)
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """The fit linearised: the pose (6) and, where rows are read out one by one, bend (6) and read-out time (1) [px^2].
+
+    ``jacobian`` (2V, K), ``weights`` (2V,) and ``residuals`` (2V,) are those of the V landmarks in view.
+    """
+
+    hessian: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    errors_px: NDArray[np.float64]
+    scale_px: float
+    shifts: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+
+    def step(self) -> NDArray[np.float64]:
+        """Gauss-Newton step (K,); raises LinAlgError where there is none."""
+        damping = 1e-9 * np.maximum(np.diag(self.hessian), max(np.trace(self.hessian[:6, :6]), 1e-9))
+        return np.asarray(-np.linalg.solve(self.hessian + np.diag(damping), self.gradient))
+
+    def pose_hessian(self) -> NDArray[np.float64]:
+        """(6, 6) of the pose, whatever the rest is."""
+        if len(self.hessian) == 6:
+            return self.hessian
+        across = self.hessian[:6, 6:]
+        return np.asarray(self.hessian[:6, :6] - across @ np.linalg.solve(self.hessian[6:, 6:], across.T))
+
+
+class _Problem:
+    """One image's landmarks, and how the camera moves meanwhile."""
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        points_world: NDArray[np.float64],
+        pixels: NDArray[np.floating],
+        settings: PoseFitSettings,
+        motion: ImageMotion | None,
+    ) -> None:
+        self._camera, self._points_world, self._pixels = camera, points_world, pixels
+        self._settings, self._motion = settings, motion
+        self._shares = row_shares(camera, pixels)
+        self._stiffness = np.zeros(7)
+        if motion is not None and motion.sweeps:
+            sigmas = np.append(motion.sigmas, max(motion.readout_sigma, _FIXED_READOUT))
+            self._stiffness = (settings.pixel_sigma / sigmas) ** 2
+
+    def linearise(self, at: _Point, scale_px: float | None) -> _Equations:
+        """The equations at a point.
+
+        Without a scale [px] of the kernel the errors give it: twice their median, which the right landmarks lie within.
+        """
+        motion = self._motion if self._motion is not None and self._motion.sweeps else None
+        points = (self._points_world - at.world_T_camera[:3, 3]) @ at.world_T_camera[:3, :3]
+        moved, twist, times_s = points, np.zeros(6), np.zeros(0)
+        if motion is not None:
+            twist = motion.twist_at(at.world_T_camera) + at.bend
+            times_s = at.readout_time * self._shares
+            moved = seen_later(points, twist, times_s)
+        projected, pixel_by_point, valid = self._camera.project_with_jacobian(moved)
+        shifts = np.zeros((len(points), 2))
+        if motion is not None:
+            shifts = np.nan_to_num(projected - self._camera.project(points)[0])
+        residuals = (projected - self._pixels)[valid]
+        seen_errors = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
+        errors = np.full(len(self._pixels), np.inf)
+        errors[valid] = seen_errors
+        if scale_px is None:
+            settings = self._settings
+            scale_px = float(np.clip(2 * np.median(errors), settings.inlier_px, settings.start_px))
+        weights = np.repeat(1.0 / (1.0 + (seen_errors / scale_px) ** 2) ** 2, 2)
+        jacobian = by_pose(pixel_by_point[valid], moved[valid])
+        if motion is not None:
+            # A row's own pose is that of the middle row, moved on by the twist, which the pose has a part in.
+            times_s = times_s[valid, None, None]
+            by_readout = self._shares[valid, None, None] * (jacobian @ twist)[:, :, None]
+            jacobian = np.concatenate(
+                [(1.0 + motion.gain * times_s) * jacobian, times_s * jacobian, by_readout], axis=2
+            )
+        jacobian = jacobian.reshape(-1, jacobian.shape[2])
+        weighted = jacobian * weights[:, None]
+        hessian, gradient = weighted.T @ jacobian, weighted.T @ residuals.ravel()
+        if motion is not None:
+            hessian[range(6, 13), range(6, 13)] += self._stiffness
+            gradient[6:] += self._stiffness * np.append(at.bend, at.readout_time - motion.readout_time)
+        return _Equations(hessian, gradient, errors, scale_px, shifts, jacobian, weights, residuals.ravel())
+
+    def readout(self, at: _Point, equations: _Equations) -> tuple[float, float]:
+        """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""
+        motion = self._motion
+        if motion is None or motion.readout_sigma == 0.0 or not len(equations.residuals):
+            return 0.0, 0.0
+        hessian, gradient = equations.hessian.copy(), equations.gradient.copy()
+        hessian[12, 12] -= self._stiffness[6]
+        gradient[12] -= self._stiffness[6] * (at.readout_time - motion.readout_time)
+        try:
+            solved = np.linalg.solve(hessian[:-1, :-1], np.column_stack([hessian[:-1, -1], gradient[:-1]]))
+        except np.linalg.LinAlgError:
+            return 0.0, 0.0
+        information = float(hessian[-1, -1] - hessian[-1, :-1] @ solved[:, 0])
+        if information <= 0.0:
+            return 0.0, 0.0
+        return at.readout_time - float(gradient[-1] - hessian[-1, :-1] @ solved[:, 1]) / information, information

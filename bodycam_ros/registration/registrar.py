@@ -17,7 +17,10 @@ from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_po
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
+from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -55,7 +58,11 @@ class Registrar:
     Args:
         camera: its model.
         reference_map: the map; may be shared by the registrars of all cameras.
-        settings, matching, absolute_pose, pose_fit: settings of the registrar and of its steps.
+        settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
+        readout_time: of the camera's rows [s], if it is known; otherwise it is estimated.
+
+    Attributes:
+        readout: the read-out time of the camera's rows.
     """
 
     def __init__(
@@ -66,6 +73,8 @@ class Registrar:
         matching: MatchingSettings | None = None,
         absolute_pose: AbsolutePoseSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
+        shutter: ShutterSettings | None = None,
+        readout_time: float | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
@@ -73,23 +82,32 @@ class Registrar:
         self._matching = matching or MatchingSettings()
         self._absolute_pose = absolute_pose or AbsolutePoseSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
+        self.readout = ReadoutTime(shutter or ShutterSettings(), readout_time)
+        self._path = RecentPath(shutter or ShutterSettings())
         self._carried_ids = np.zeros(0, np.uint32)
         self._carried_landmarks = np.zeros(0, np.int64)
         self._strikes = np.zeros(0, np.int64)
         self._world_T_camera: NDArray[np.float64] | None = None
         self._previous_T_camera = np.eye(4)
         self._frames_predicted = 0
+        self._motion: ImageMotion | None = None
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
         rows = self._carry(frame)
         predicted = self._predict(frame)
+        self._motion = self._path.motion(frame, self.readout)
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
-        rows = self._strike_out(rows, fit)
+        rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
-        return self._matches(frame, rows, fit)
+        if fit is not None:
+            points_world = self.map.points_world[self._carried_landmarks]
+            view = RegisteredView(frame.stamp_ns, fit.world_T_camera, points_world, frame.pixels[rows])
+            self._path.add(view, frame.previous_stamp_ns)
+            self._time_rows()
+        return self._matches(frame, rows, shifts, fit)
 
     def _register_described(
         self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
@@ -129,7 +147,7 @@ class Registrar:
         if start is None or len(rows) < self.settings.min_inliers:
             return None
         points_world = self.map.points_world[self._carried_landmarks]
-        fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit)
+        fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
         agree = fit.inliers.sum() >= self.settings.min_inliers
         return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
 
@@ -142,7 +160,7 @@ class Registrar:
             self.map,
             self.camera,
             pose,
-            frame.pixels[described],
+            self._steady(frame.pixels[described]),
             frame.descriptors,
             frame.scales,
             radius_px,
@@ -171,14 +189,35 @@ class Registrar:
             named, landmarks = match_everywhere(self.map, frame.descriptors, every_view, self._matching)
             if len(named) < self.settings.min_inliers:
                 continue
-            pixels = frame.pixels[frame.described.astype(np.int64)[named]]
+            pixels = self._steady(frame.pixels[frame.described.astype(np.int64)[named]])
             found = find_pose(self.camera, self.map.points_world[landmarks], pixels, self._absolute_pose)
             if found is not None:
                 return found
         return None
 
-    def _strike_out(self, rows: NDArray[np.int64], fit: PoseFit | None) -> NDArray[np.int64]:
-        """Take the landmark from tracks that keep disagreeing; from all once the camera is lost."""
+    def _steady(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Pixels (M, 2) as they would be if all rows were exposed together, near enough for a gate."""
+        turning = np.zeros(3) if self._motion is None else self._motion.turning
+        return steady_pixels(self.camera, pixels, turning, self.readout.in_use)
+
+    def _time_rows(self) -> None:
+        """Learn the read-out time from the image before, whose motion is known from both sides."""
+        if self.readout.is_known or (between := self._path.between(self.readout)) is None:
+            return
+        view, motion = between
+        fit = fit_pose(self.camera, view.points_world, view.pixels, view.world_T_camera, self._pose_fit, motion)
+        if fit.inliers.sum() >= self.settings.min_inliers:
+            self.readout.add(fit.readout_time, fit.readout_information)
+
+    def _strike_out(
+        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Take the landmark from tracks that keep disagreeing; from all once the camera is lost.
+
+        Returns:
+            The rows that keep theirs, and how far the read-out of the image moved those in the image (N, 2) [px].
+        """
+        shifts = frame.pixels[rows] - self._steady(frame.pixels[rows]) if fit is None else fit.shifts
         if fit is None:
             keep = (
                 np.zeros(len(rows), bool)
@@ -188,7 +227,8 @@ class Registrar:
         else:
             self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
             keep = self._strikes < self.settings.max_strikes
-        return rows[self._forget(~keep)]
+        self._forget(~keep)
+        return rows[keep], shifts[keep]
 
     def _forget(self, forgotten: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Take the landmarks from some of the tracks that carry one; which of them keep theirs."""
@@ -210,7 +250,9 @@ class Registrar:
         self._frames_predicted += 1
         self._world_T_camera = predicted if self._frames_predicted <= self.settings.max_predicted_frames else None
 
-    def _matches(self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None) -> LandmarkMatches:
+    def _matches(
+        self, frame: TrackFrame, rows: NDArray[np.int64], shifts: NDArray[np.float64], fit: PoseFit | None
+    ) -> LandmarkMatches:
         covariance = np.full((6, 6), np.nan) if fit is None else np.asarray(np.linalg.inv(fit.information), np.float64)
         return LandmarkMatches(
             camera=frame.camera,
@@ -218,10 +260,13 @@ class Registrar:
             previous_stamp_ns=frame.previous_stamp_ns,
             track_ids=frame.track_ids[rows],
             landmark_ids=self.map.landmark_ids[self._carried_landmarks],
-            pixels=frame.pixels[rows],
+            pixels=(frame.pixels[rows] - shifts).astype(np.float32),
             points_world=self.map.points_world[self._carried_landmarks].astype(np.float32),
             world_T_camera=None if fit is None else fit.world_T_camera,
             pose_covariance=covariance,
             current_R_previous=frame.current_R_previous,
             rotation_inliers=frame.rotation_inliers,
+            shifts=shifts.astype(np.float32),
+            readout_time=self.readout.seconds,
+            readout_sigma=self.readout.sigma,
         )
