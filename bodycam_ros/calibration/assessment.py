@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.articulation import ArticulatedMotion, joints_in_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
@@ -16,7 +17,6 @@ from bodycam_ros.calibration.anthropometry import (
     judge_bones,
     odd_scale,
 )
-from bodycam_ros.calibration.articulation import ArticulatedMotion, joints_in_cameras
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
 from bodycam_ros.calibration.image_evidence import ImageEvidence
@@ -56,6 +56,7 @@ class Findings:
 
     Attributes:
         rig: names.
+        delays_before_s: camera -> by how much its clock was taken to be ahead when the motion was found [s].
         found: joints by A eq. 14, virtual cameras and slips.
         motion: of the cameras.
         rows: (N) instants of it that the refinement used.
@@ -69,6 +70,7 @@ class Findings:
     """
 
     rig: Rig
+    delays_before_s: Mapping[str, float]
     found: FoundJoints
     motion: CameraMotion
     rows: NDArray[np.intp]
@@ -79,6 +81,15 @@ class Findings:
     straight_sigma: float
     rest_s: tuple[float, float]
     image_counts: Mapping[str, tuple[int, int]]
+
+    @property
+    def delays_s(self) -> dict[str, float]:
+        """Camera -> by how much its clock is ahead of that of the first [s]."""
+        motion = self.refined.motion
+        return {
+            camera: self.delays_before_s[camera] + float(delay)
+            for camera, delay in zip(motion.cameras, motion.delays, strict=True)
+        }
 
     @property
     def body(self) -> BodyModel:

@@ -93,9 +93,22 @@ class BodyCalibrator:
             RangeOfMotionError: the recording does not tell, and what to repeat.
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
+        delays_s = dict.fromkeys(self._logs, 0.0)
+        # Joint centres and trust were found with clocks that were off; once those are known, all is asked anew.
+        clock = self._settings.clock
+        for _ in range(clock.turns):
+            findings = self._found(name, delays_s, on_progress)
+            delays_s = findings.delays_s
+            if np.abs(findings.refined.motion.delays).max() < clock.settled:
+                break
+        body = limited_body(findings.zeroed, self._settings.joint_limits)
+        return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
+
+    def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
+        """Body and motion, given by how much each camera's clock is ahead [s]."""
         settings = self._settings
         on_progress("joint centres", 0.0)
-        motion = camera_motion(list(self._logs.values()), settings.motion_log)
+        motion = camera_motion(list(self._logs.values()), settings.motion_log, delays_s)
         search = JointSearch(self._rig, settings.strap_slip, settings.virtual_camera, settings.joint_centre)
         found = search.find(motion)  # A eq. 6-7, 12-14
         axes_on_child = check_exercised(self._rig, found.centres, settings.joint_centre)
@@ -109,7 +122,7 @@ class BodyCalibrator:
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
         body = place_hinges(body, hinges)  # A eq. 16-17
         rows = np.union1d(motion.spread(settings.refinement.max_instants), rest.some_instants)
-        first = first_motion(body, motion.cameras, found.virtual, rest_T_virtual, rows)
+        first = first_motion(body, motion, found.virtual, rest_T_virtual, rows)
         on_progress("joint centres", 1.0)
 
         images = image_evidence(motion, rows, self._models, self._pose_fit, self._evidence)
@@ -120,14 +133,16 @@ class BodyCalibrator:
             found.trust[rows],
             straight_limbs(first, hinges),
             settings.refinement,
+            settings.clock,
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)
         zeroed = zero_at_rest(
             refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges), settings.rest_pose
         )
-        findings = Findings(
+        return Findings(
             rig=self._rig,
+            delays_before_s=delays_s,
             found=found,
             motion=motion,
             rows=rows,
@@ -139,8 +154,6 @@ class BodyCalibrator:
             rest_s=(0.0, float(motion.seconds[rest.instants[-1]])),
             image_counts={camera: (log.images, log.registered) for camera, log in self._logs.items()},
         )
-        body = limited_body(zeroed, settings.joint_limits)
-        return CalibratedBody(body, assess(findings, body, settings.assessment, settings.anthropometry))
 
     def _rest_pose(self, motion: CameraMotion, found: FoundJoints) -> RestPose:
         return find_rest_pose(

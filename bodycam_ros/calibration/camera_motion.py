@@ -7,14 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import exp_se3, inverse, log_se3
+from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
+from bodycam_ros.timing.camera_path import CameraPath, nearest_rows
 
 Array = NDArray[np.float64]
 
 _SHORTEST_BEAT_NS = 1_000_000_000 // 480
 """Shorter than the time between two images. Its doubles hold whole images at usual rates, so that they stay even."""
+
+
+_TRIGGERED_NS = 100_000
+"""Stamps of one trigger differ by less."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,8 @@ class CameraMotion:
         matches: (T) camera -> the image nearest to the instant, with its landmarks; registered ones only.
         instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the instant: the
             identity where all cameras are triggered together.
+        twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
+        triggered: (C) whether a camera took its images at the instants of the others, as far as stamps tell.
     """
 
     cameras: tuple[str, ...]
@@ -108,6 +115,8 @@ class CameraMotion:
     known: NDArray[np.bool_]
     matches: tuple[Mapping[str, LandmarkMatches], ...]
     instant_T_image: Array
+    twists: Array
+    triggered: NDArray[np.bool_]
 
     @property
     def seconds(self) -> Array:
@@ -130,8 +139,15 @@ class CameraMotion:
         return np.unique(np.linspace(0, instants - 1, min(count, instants)).round().astype(np.intp))
 
 
-def camera_motion(logs: Sequence[CameraLog], settings: MotionLogSettings) -> CameraMotion:
+def camera_motion(
+    logs: Sequence[CameraLog], settings: MotionLogSettings, delays_s: Mapping[str, float] | None = None
+) -> CameraMotion:
     """Bring the registrations of all cameras to common instants.
+
+    Args:
+        logs: of all cameras.
+        settings: how far apart the images of a camera may be.
+        delays_s: camera -> by how much its clock is known to be ahead [s].
 
     Raises:
         RangeOfMotionError: a camera was never registered.
@@ -143,42 +159,41 @@ def camera_motion(logs: Sequence[CameraLog], settings: MotionLogSettings) -> Cam
                 "known of its segment; is the lens covered, or does it look where the map has no landmarks?"
             )
     registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
-    clock = max(registered, key=len)
-    stamps_ns = np.array([m.stamp_ns for m in clock], dtype=np.int64)
+    own_stamps_ns = [np.array([m.stamp_ns for m in seen], dtype=np.int64) for seen in registered]
+    delays_ns = [round(1e9 * (delays_s or {}).get(log.camera, 0.0)) for log in logs]
+    clock = max(range(len(logs)), key=lambda column: len(own_stamps_ns[column]))
+    stamps_ns = own_stamps_ns[clock] - delays_ns[clock]
     shape = (len(stamps_ns), len(logs))
     world_T_camera = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
     instant_T_image = world_T_camera.copy()
+    twists = np.zeros((*shape, 6))
     known = np.zeros(shape, dtype=bool)
     nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
     for column, (log, seen) in enumerate(zip(logs, registered, strict=True)):
-        poses, rows, images = _interpolated(seen, stamps_ns, 1e9 * settings.max_gap)
-        world_T_camera[rows, column] = poses
+        path = CameraPath(
+            own_stamps_ns[column] - delays_ns[column],
+            np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None]),
+        )
+        rows = np.flatnonzero(path.inside(stamps_ns, 1e9 * settings.max_gap))
+        points = path.at(stamps_ns[rows])
+        world_T_camera[rows, column] = points.poses
+        twists[rows, column] = points.twists
         known[rows, column] = True
-        for row, image in zip(rows, images, strict=True):
+        instant_T_image[rows, column] = inverse(points.poses) @ path.world_T_camera[points.nearest]
+        for row, image in zip(rows, points.nearest, strict=True):
             nearest[row][log.camera] = seen[image]
-            image_pose = seen[image].world_T_camera
-            if image_pose is not None and seen[image].stamp_ns != stamps_ns[row]:
-                instant_T_image[row, column] = inverse(world_T_camera[row, column]) @ image_pose
     return CameraMotion(
-        tuple(log.camera for log in logs), stamps_ns, world_T_camera, known, tuple(nearest), instant_T_image
+        cameras=tuple(log.camera for log in logs),
+        stamps_ns=stamps_ns,
+        world_T_camera=world_T_camera,
+        known=known,
+        matches=tuple(nearest),
+        instant_T_image=instant_T_image,
+        twists=twists,
+        triggered=np.array([_go_together(own_ns, own_stamps_ns[clock]) for own_ns in own_stamps_ns]),
     )
 
 
-def _interpolated(
-    seen: Sequence[LandmarkMatches], stamps_ns: NDArray[np.int64], max_gap_ns: float
-) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Poses (K, 4, 4) at those instants (K) that lie between two close registrations, and the nearest image (K)."""
-    own_ns = np.array([m.stamp_ns for m in seen], dtype=np.int64)
-    poses = np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None])
-    after = np.searchsorted(own_ns, stamps_ns)
-    exact = (after < len(own_ns)) & (own_ns[np.minimum(after, len(own_ns) - 1)] == stamps_ns)
-    inside = (after > 0) & (after < len(own_ns))
-    before, after = np.maximum(after - 1, 0), np.minimum(after, len(own_ns) - 1)
-    gap_ns = np.maximum(own_ns[after] - own_ns[before], 1)
-    rows = np.flatnonzero(exact | (inside & (gap_ns <= max_gap_ns)))
-    share = np.where(exact, 1.0, (stamps_ns - own_ns[before]) / gap_ns)[rows]
-    first, second = poses[before[rows]], poses[after[rows]]
-    steps = log_se3(inverse(first) @ second)
-    between = first @ exp_se3(share[:, None] * steps)
-    between[exact[rows]] = second[exact[rows]]
-    return between, rows, np.where(share < 0.5, before[rows], after[rows])
+def _go_together(own_ns: NDArray[np.int64], clock_ns: NDArray[np.int64]) -> bool:
+    """Whether most stamps of a camera are those of the one that says the time."""
+    return bool(np.median(np.abs(clock_ns[nearest_rows(clock_ns, own_ns)] - own_ns)) < _TRIGGERED_NS)

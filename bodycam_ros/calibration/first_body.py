@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.articulation import ArticulatedMotion, articulated
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.articulation import ArticulatedMotion, articulated
+from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.calibration.virtual_camera import VirtualCamera
@@ -77,7 +78,7 @@ def first_body(
 
 def first_motion(
     body: BodyModel,
-    cameras: tuple[str, ...],
+    motion: CameraMotion,
     virtual: Mapping[str, VirtualCamera],
     rest_T_virtual: Mapping[str, Array],
     rows: NDArray[np.intp],
@@ -88,7 +89,7 @@ def first_motion(
 
     Args:
         body: whose zero is the N-pose.
-        cameras: (C) names, in the order of the motion's.
+        motion: of the cameras.
         virtual: segment -> its virtual camera.
         rest_T_virtual: segment -> (4, 4) pose of its virtual camera in the N-pose; the rotation in the N-pose's axes.
         rows: instants to take.
@@ -100,7 +101,7 @@ def first_motion(
     camera = body.cameras_on(body.root)[0]
     root_T_virtual = body.mounts[camera].segment_T_camera @ inverse(virtual[body.root].virtual_T_camera[camera])
     root_positions = (virtual[body.root].filled()[rows] @ inverse(root_T_virtual))[:, :3, 3]
-    return articulated(body, cameras, root_positions, rotations)
+    return articulated(body, motion.cameras, root_positions, rotations, motion.twists[rows], motion.triggered)
 
 
 def root_at_hips(body: BodyModel) -> BodyModel:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.calibration.articulation import ArticulatedMotion
+from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
 from bodycam_ros.settings import setting
+from bodycam_ros.timing.clock_settings import ClockSettings
 
 Array = NDArray[np.float64]
 
@@ -122,6 +123,7 @@ def refine(
     trust: Array,
     limbs: Sequence[StraightLimb],
     settings: RefinementSettings,
+    clock: ClockSettings,
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> Refined:
     """Refine a body and its motion.
@@ -133,6 +135,7 @@ def refine(
         trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
         limbs: the straight limbs of the N-pose.
         settings: of the refinement.
+        clock: how far clocks may be off.
         on_progress: called with the share that is done.
     """
     start = motion
@@ -146,7 +149,7 @@ def refine(
             hessians, gradients = images.linearised(world_T_camera)
         weights = trust * _cauchy(hessians, gradients, settings)
         equations, back_substitute = _eliminate_instants(
-            motion, start, weights[..., None, None] * hessians, weights[..., None] * gradients, limbs, settings
+            motion, start, weights[..., None, None] * hessians, weights[..., None] * gradients, limbs, settings, clock
         )
         lasting = equations.step()
         motion = motion.moved(back_substitute(lasting), lasting)
@@ -175,6 +178,7 @@ def _eliminate_instants(
     gradients: Array,
     limbs: Sequence[StraightLimb],
     settings: RefinementSettings,
+    clock: ClockSettings,
 ) -> tuple[NormalEquations, Callable[[Array], Array]]:
     """Normal equations of the lasting unknowns, and the function that gives the moving ones' step for theirs."""
     J_moving, J_lasting = motion.jacobians()
@@ -199,7 +203,7 @@ def _eliminate_instants(
     A_inverse_B = np.linalg.solve(A, B)
     A_inverse_a = np.linalg.solve(A, a[..., None])[..., 0]
     B_transposed = np.swapaxes(B, 1, 2)
-    prior_hessian, prior_gradient = _priors(motion, start, limbs, settings)
+    prior_hessian, prior_gradient = _priors(motion, start, limbs, settings, clock)
     equations = NormalEquations(
         hessians=C - B_transposed @ A_inverse_B,
         gradients=c - (B_transposed @ A_inverse_a[..., None])[..., 0],
@@ -210,7 +214,11 @@ def _eliminate_instants(
 
 
 def _priors(
-    motion: ArticulatedMotion, start: ArticulatedMotion, limbs: Sequence[StraightLimb], settings: RefinementSettings
+    motion: ArticulatedMotion,
+    start: ArticulatedMotion,
+    limbs: Sequence[StraightLimb],
+    settings: RefinementSettings,
+    clock: ClockSettings,
 ) -> tuple[Array, Array]:
     """What no image tells: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
     count = motion.lasting_count
@@ -222,7 +230,13 @@ def _priors(
         columns = motion.mount_columns(c)
         is_root = motion.body.segments[carrier] == motion.body.root
         held[columns.start : columns.stop if is_root else columns.start + 3] = True
+    # All clocks together may be off by anything: the first camera's is the body's.
+    held[motion.delay_columns.start] = True
     hessian[held, held] = _HELD
+    sigmas = np.where(motion.triggered, clock.trigger_sigma, clock.sigma)
+    delays = range(motion.delay_columns.start, motion.delay_columns.stop)
+    hessian[delays, delays] += sigmas**-2.0
+    gradient[delays] += motion.delays / sigmas**2
     shift = (motion.offsets - start.offsets).ravel()
     for limb in limbs:
         row = np.zeros(count)

@@ -3,7 +3,7 @@
 import numpy as np
 from range_of_motion import known_body, range_of_motion
 
-from bodycam_ros.calibration.articulation import ArticulatedMotion, articulated
+from bodycam_ros.body.articulation import ArticulatedMotion, articulated
 from bodycam_ros.geometry import exp_so3, inverse, log_se3, rigid
 
 

@@ -40,6 +40,9 @@ class ArticulatedMotion:
         mounts: (C, 4, 4) segment_T_camera.
         root_positions: (T, 3) in the world [m].
         rotations: (T, S, 3, 3) world_R_segment.
+        delays: (C) by how much the clock of each camera is ahead of the body's [s].
+        twists: (T, C, 6) of the cameras, in their own axes [rad/s, m/s].
+        triggered: (C) whether a camera's stamps are those of the others.
     """
 
     body: BodyModel
@@ -48,6 +51,9 @@ class ArticulatedMotion:
     mounts: Array
     root_positions: Array
     rotations: Array
+    delays: Array
+    twists: Array
+    triggered: NDArray[np.bool_]
 
     @cached_property
     def parent_rows(self) -> tuple[int, ...]:
@@ -68,8 +74,8 @@ class ArticulatedMotion:
 
     @property
     def lasting_count(self) -> int:
-        """Unknowns of the body: each segment's offset (the root's is held), then each camera's mount."""
-        return 3 * len(self.body.segments) + 6 * len(self.cameras)
+        """Unknowns of the body: each segment's offset (the root's is held), each camera's mount and delay."""
+        return 3 * len(self.body.segments) + 7 * len(self.cameras)
 
     def offset_columns(self, segment_row: int) -> slice:
         """Where a segment's offset stands among the lasting unknowns."""
@@ -79,6 +85,11 @@ class ArticulatedMotion:
         """Where a camera's mount stands among the lasting unknowns: rotation, then translation in camera axes."""
         start = 3 * len(self.body.segments) + 6 * camera_row
         return slice(start, start + 6)
+
+    @property
+    def delay_columns(self) -> slice:
+        """Where the delays stand among the lasting unknowns."""
+        return slice(self.lasting_count - len(self.cameras), self.lasting_count)
 
     def world_T_segment(self) -> Array:
         """Poses (T, S, 4, 4) (A eq. 3-4)."""
@@ -92,9 +103,9 @@ class ArticulatedMotion:
         return rigid(self.rotations, positions)
 
     def world_T_camera(self) -> Array:
-        """Poses (T, C, 4, 4) (A eq. 5)."""
+        """Poses (T, C, 4, 4) at what the cameras' clocks call the instants (A eq. 5): earlier by their delays."""
         poses: Array = self.world_T_segment()[:, list(self.carriers)] @ self.mounts
-        return poses
+        return poses @ exp_se3(-self.delays[:, None] * self.twists) if self.delays.any() else poses
 
     def jacobians(self) -> tuple[Array, Array]:
         """How each camera's pose moves, a tangent in its own axes, with the unknowns of its instant and of the body.
@@ -112,6 +123,7 @@ class ArticulatedMotion:
             moving[:, c, :3, _turn(carrier)] = R_mount.T
             moving[:, c, 3:, _turn(carrier)] = -R_mount.T @ hat(m)
             lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
+            lasting[:, c, :, self.delay_columns.start + c] = -self.twists[:, c]
             row = carrier
             while (parent := self.parent_rows[row]) >= 0:
                 camera_R_parent = camera_R_world @ self.rotations[:, parent]
@@ -127,14 +139,15 @@ class ArticulatedMotion:
             moving: (T, moving_count) the root's shift in the world [m], then a rotation vector per segment in its own
                 axes [rad].
             lasting: (lasting_count) shift of each offset in the parent's axes [m], then a tangent per mount in the
-                camera's axes.
+                camera's axes, then what each camera's delay grows by [s].
         """
         segments, cameras = len(self.body.segments), len(self.cameras)
         turns = moving[:, 3:].reshape(-1, segments, 3)
         return replace(
             self,
             offsets=self.offsets + lasting[: 3 * segments].reshape(segments, 3),
-            mounts=_orthonormal(self.mounts @ exp_se3(lasting[3 * segments :].reshape(cameras, 6))),
+            mounts=_orthonormal(self.mounts @ exp_se3(lasting[3 * segments : -cameras].reshape(cameras, 6))),
+            delays=self.delays + lasting[-cameras:],
             root_positions=self.root_positions + moving[:, :3],
             rotations=nearest_rotation(self.rotations @ exp_so3(turns)),
         )
@@ -166,7 +179,10 @@ class ArticulatedMotion:
         mount = body.mounts[self.cameras[camera]].segment_T_camera
         old_T_new = self.mounts[camera] @ inverse(mount)
         root_positions = self.root_positions + self.rotations[:, root] @ old_T_new[:3, 3]
-        return articulated(body, self.cameras, root_positions, self.rotations)
+        return replace(
+            articulated(body, self.cameras, root_positions, self.rotations, self.twists, self.triggered),
+            delays=self.delays,
+        )
 
     def joints_at_zero(self, joints: Iterable[Joint]) -> dict[str, Array]:
         """Joint -> (3,) where it is when all segments have the root's axes, in those of the root [m]."""
@@ -214,14 +230,20 @@ class ArticulatedMotion:
 
 
 def articulated(
-    body: BodyModel, cameras: tuple[str, ...], root_positions: Array, rotations: Array
+    body: BodyModel,
+    cameras: tuple[str, ...],
+    root_positions: Array,
+    rotations: Array,
+    twists: Array,
+    triggered: NDArray[np.bool_],
 ) -> ArticulatedMotion:
     """The arrays of a body whose segments begin at their joints, and of its motion; see ``ArticulatedMotion``."""
     offsets = np.zeros((len(body.segments), 3))
     for joint in body.tree_joints:
         offsets[body.segment_index[joint.child]] = joint.parent_T_joint[:3, 3]
     mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
-    return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations)
+    delays = np.zeros(len(cameras))
+    return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations, delays, twists, triggered)
 
 
 def joints_in_cameras(body: BodyModel) -> Array:
