@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -72,9 +73,9 @@ def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureT
 
 
 def registrar(
-    camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout_time: float | None = None
+    camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout: Readout | None = None
 ) -> Registrar:
-    """The registrar of one camera, whose rows are read out in a known time [s] or one to be estimated."""
+    """The registrar of one camera, with what is known beforehand of how its rows are read out."""
     return Registrar(
         camera,
         reference_map,
@@ -83,16 +84,22 @@ def registrar(
         settings.absolute_pose,
         settings.pose_fit,
         settings.shutter,
-        readout_time,
+        readout,
     )
 
 
 class CameraPipeline:
-    """One camera from images to registrations."""
+    """One camera from images to registrations; ``readout`` as of ``registrar``."""
 
-    def __init__(self, camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings) -> None:
+    def __init__(
+        self,
+        camera: CameraModel,
+        reference_map: ReferenceMap,
+        settings: PipelineSettings,
+        readout: Readout | None = None,
+    ) -> None:
         self._tracker = feature_tracker(camera, settings)
-        self._registrar = registrar(camera, reference_map, settings)
+        self._registrar = registrar(camera, reference_map, settings, readout)
 
     def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
         """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""

@@ -106,6 +106,9 @@ def random_matches(rng: np.random.Generator, count: int, registered: bool) -> La
         pose_covariance=random_covariance(rng),
         current_R_previous=random_pose(rng)[:3, :3],
         rotation_inliers=7,
+        shifts=rng.normal(size=(count, 2)).astype(np.float32) if registered else None,
+        readout_time=0.0123,
+        readout_sigma=0.0004,
     )
 
 

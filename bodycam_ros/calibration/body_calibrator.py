@@ -7,10 +7,11 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
-from bodycam_ros.calibration.assessment import Findings, assess
+from bodycam_ros.calibration.assessment import assess
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+from bodycam_ros.calibration.findings import Findings
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence

@@ -22,8 +22,8 @@ class Overlay:
 
     Attributes:
         limbs: (segment, (K, 2) pixels of a bone); NaN outside the lens.
-        pixels: (N, 2) where the named tracks are [px].
-        projected: (N, 2) where their landmarks fall [px]; NaN outside the lens.
+        pixels: (N, 2) where the named tracks are [px], as the image shows them.
+        projected: (N, 2) where their landmarks fall when their rows are exposed [px]; NaN outside the lens.
     """
 
     limbs: tuple[tuple[str, Array], ...]
@@ -52,7 +52,9 @@ class Overlay:
             return cls(tuple(lines), np.zeros((0, 2)), np.zeros((0, 2)))
         points_world = matches.points_world.astype(np.float64)
         projected, _ = model.project(transform_points(camera_T_world, points_world))
-        return cls(tuple(lines), matches.pixels.astype(np.float64), projected)
+        # The pose is that of the middle row; what other rows show was moved by their read-out.
+        shown = matches.shown.astype(np.float64)
+        return cls(tuple(lines), shown, projected + (shown - matches.pixels))
 
     @property
     def errors(self) -> Array:

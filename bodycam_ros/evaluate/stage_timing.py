@@ -113,7 +113,7 @@ def _time_camera(
         followed = tracks.pixels
         if matches.world_T_camera is not None:
             tracker.prune(matches.stamp_ns, matches.track_ids)
-            followed = matches.pixels
+            followed = matches.shown
         before = (grey, followed)
         timing.images += 1
         timing.keyframes += tracks.keyframe

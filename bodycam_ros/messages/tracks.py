@@ -65,11 +65,14 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
         track_ids=make.sequence(flat(matches.track_ids, np.uint32)),
         landmark_ids=make.sequence(flat(matches.landmark_ids, np.uint32)),
         pixels=make.sequence(flat(matches.pixels, np.float32)),
+        shifts=make.sequence(flat(np.zeros(0) if matches.shifts is None else matches.shifts, np.float32)),
         points=make.sequence(flat(matches.points_world, np.float32)),
         registered=registered,
         pose=pose_with_covariance_message(make, world_T_camera, matches.pose_covariance),
         current_r_previous=quaternion_message(make, matches.current_R_previous),
         rotation_inliers=int(matches.rotation_inliers),
+        readout_time=float(matches.readout_time),
+        readout_sigma=float(matches.readout_sigma),
     )
 
 
@@ -93,6 +96,9 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
         pose_covariance=covariance,
         current_R_previous=rotation_from_message(message.current_r_previous),
         rotation_inliers=int(message.rotation_inliers),
+        shifts=numbers(message.shifts, np.float32, count, 2) if len(message.shifts) else None,
+        readout_time=float(message.readout_time),
+        readout_sigma=float(message.readout_sigma),
     )
 
 

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.messages.timing import CameraTiming, camera_timing
 from bodycam_ros.recording.bag_file import BagFile
 
 logger = logging.getLogger(__name__)
@@ -22,6 +24,7 @@ _IMAGE_TOPICS = {
 """End of an image topic -> its type and its converter; where a camera has both, the first is read."""
 
 _INFO_TOPIC, _INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
+_TIMING_TOPIC, _TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 
 
 @contextmanager
@@ -91,6 +94,28 @@ class Recording:
         for _, _, message in self._bag.messages([topic]):
             return camera_model(message, camera)
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
+
+    def timing(self, camera: str) -> CameraTiming | None:
+        """What the recording says of the camera's clock and rows, on ``/<camera>/timing``; None if nothing.
+
+        Raises:
+            RecordingError: it says what cannot be.
+        """
+        self._topic_of(camera)
+        topic = f"/{camera}{_TIMING_TOPIC}"
+        if self._bag.topics.get(topic) != _TIMING_TYPE:
+            return None
+        for _, _, message in self._bag.messages([topic]):
+            try:
+                return camera_timing(message)
+            except ValueError as error:
+                raise RecordingError(f"camera {camera}: {topic} in {self.path} says {error}") from error
+        return None
+
+    def readout(self, camera: str) -> Readout | None:
+        """How long the camera's rows are read out, if the recording says so; raises as ``timing`` does."""
+        timing = self.timing(camera)
+        return None if timing is None else timing.readout
 
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.readout import Readout, readout_of
+
 
 @dataclass(frozen=True)
 class LandmarkMatches:
@@ -23,7 +25,7 @@ class LandmarkMatches:
         pose_covariance: (6, 6), rotation [rad] then translation [m], both in camera axes.
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
         rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
-        shifts: (N, 2) float32, how far the read-out of the rows moved them: the image shows them at pixels + shifts.
+        shifts: (N, 2) float32, how far the read-out of the rows moved them; None if it did not.
         readout_time: of the camera, as far as it is known by now [s].
         readout_sigma: its standard deviation [s]; 0 if it was given.
     """
@@ -42,3 +44,13 @@ class LandmarkMatches:
     shifts: NDArray[np.float32] | None = None
     readout_time: float = 0.0
     readout_sigma: float = math.nan
+
+    @property
+    def shown(self) -> NDArray[np.float32]:
+        """(N, 2) where the image itself shows them [px]."""
+        return self.pixels if self.shifts is None else self.pixels + self.shifts
+
+    @property
+    def readout(self) -> Readout | None:
+        """How long the camera's rows are read out, as far as it is known by now."""
+        return readout_of(self.readout_time, self.readout_sigma)

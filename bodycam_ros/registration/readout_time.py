@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.settings import setting
 
 
@@ -47,42 +48,44 @@ class ReadoutTime:
 
     Args:
         settings: what is believed before the first image.
-        given: the read-out time if it is known, which nothing changes [s].
+        start: what is known of this camera's before it; one that is given stays as it is.
     """
 
-    def __init__(self, settings: ShutterSettings, given: float | None = None) -> None:
+    def __init__(self, settings: ShutterSettings, start: Readout | None = None) -> None:
+        start = start or Readout(0.0, settings.readout_sigma)
         self._settings = settings
-        self.given = given
-        self._information = settings.readout_sigma**-2 if settings.readout_sigma > 0.0 else math.inf
-        self._mean = 0.0
+        self._mean = start.seconds
+        self._information = start.sigma**-2 if start.sigma > 0.0 else math.inf
 
     @property
     def seconds(self) -> float:
         """From the exposure of the first row to that of the last [s]."""
-        return self._mean if self.given is None else self.given
+        return self._mean
 
     @property
     def sigma(self) -> float:
         """Standard deviation [s]; 0 of one that was given."""
-        return 0.0 if self.given is not None else self._information**-0.5
+        return 1.0 / math.sqrt(self._information)
 
     @property
     def in_use(self) -> float:
         """What images are corrected by [s]: zero as long as it cannot be told from zero."""
-        if self.given is not None:
-            return self.given
-        return self._mean if abs(self._mean) > max(self._settings.least_readout, 2.0 * self.sigma) else 0.0
+        return self._mean if abs(self._mean) > max(self._least, 2.0 * self.sigma) else 0.0
 
     @property
     def is_known(self) -> bool:
         """Whether more images would not make it better."""
-        return self.sigma < self._settings.enough
+        return self.sigma < self._settings.enough or abs(self._mean) + 3.0 * self.sigma < self._settings.least_readout
 
     def add(self, readout_time: float, information: float) -> None:
         """What one image says [s], and its information [1/s^2]."""
-        if self.given is not None or not math.isfinite(self._information):
+        if math.isinf(self._information):
             return
         information /= self._settings.images_alike
         together = self._information + information
         self._mean += information / together * (readout_time - self._mean)
         self._information = together
+
+    @property
+    def _least(self) -> float:
+        return 0.0 if math.isinf(self._information) else self._settings.least_readout

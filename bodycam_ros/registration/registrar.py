@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -59,7 +60,7 @@ class Registrar:
         camera: its model.
         reference_map: the map; may be shared by the registrars of all cameras.
         settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
-        readout_time: of the camera's rows [s], if it is known; otherwise it is estimated.
+        readout: how long the camera's rows are read out, as far as it is known before the first image.
 
     Attributes:
         readout: the read-out time of the camera's rows.
@@ -74,7 +75,7 @@ class Registrar:
         absolute_pose: AbsolutePoseSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
         shutter: ShutterSettings | None = None,
-        readout_time: float | None = None,
+        readout: Readout | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
@@ -82,7 +83,7 @@ class Registrar:
         self._matching = matching or MatchingSettings()
         self._absolute_pose = absolute_pose or AbsolutePoseSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self.readout = ReadoutTime(shutter or ShutterSettings(), readout_time)
+        self.readout = ReadoutTime(shutter or ShutterSettings(), readout)
         self._path = RecentPath(shutter or ShutterSettings())
         self._carried_ids = np.zeros(0, np.uint32)
         self._carried_landmarks = np.zeros(0, np.int64)
@@ -266,7 +267,7 @@ class Registrar:
             pose_covariance=covariance,
             current_R_previous=frame.current_R_previous,
             rotation_inliers=frame.rotation_inliers,
-            shifts=shifts.astype(np.float32),
+            shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
         )

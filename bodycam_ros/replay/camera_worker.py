@@ -8,9 +8,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
@@ -106,6 +107,7 @@ class RegistrationTask:
         settings: of the pipeline.
         max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
         with_messages: make the messages that a bag keeps of each image.
+        readouts: camera -> how long its rows are read out, where something but the recording knows.
     """
 
     recording_path: Path
@@ -113,6 +115,7 @@ class RegistrationTask:
     settings: PipelineSettings
     max_rate: float = math.inf
     with_messages: bool = True
+    readouts: Mapping[str, Readout] = field(default_factory=dict)
 
 
 def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: "Queue[WorkerItem]") -> None:
@@ -156,7 +159,13 @@ def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterato
     reference_map = ReferenceMap.load(task.map_path)
     with open_recording(task.recording_path) as recording:
         pipelines = {
-            camera: CameraPipeline(recording.camera_model(camera), reference_map, task.settings) for camera in cameras
+            camera: CameraPipeline(
+                recording.camera_model(camera),
+                reference_map,
+                task.settings,
+                best_known(recording.readout(camera), task.readouts.get(camera)),
+            )
+            for camera in cameras
         }
         beat = Beat(task.max_rate)
         stamp_ns = 0

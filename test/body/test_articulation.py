@@ -11,8 +11,14 @@ def some_motion() -> ArticulatedMotion:
     body = known_body()
     motion = range_of_motion(body, duration_s=3.0, rate_hz=2.0)
     root = body.segment_index[body.root]
+    twists = np.random.default_rng(5).normal(size=(len(motion.stamps_ns), len(body.mounts), 6))
     return articulated(
-        body, tuple(body.mounts), motion.world_T_segment[:, root, :3, 3], motion.world_T_segment[..., :3, :3]
+        body,
+        tuple(body.mounts),
+        motion.world_T_segment[:, root, :3, 3],
+        motion.world_T_segment[..., :3, :3],
+        twists,
+        np.zeros(len(body.mounts), bool),
     )
 
 
@@ -62,3 +68,16 @@ def test_the_zero_is_the_average_of_the_rest() -> None:
     zeroed = motion.with_zero_at(resting, world_R_rest)
     np.testing.assert_allclose(zeroed.rotations[0], np.broadcast_to(world_R_rest, zeroed.rotations[0].shape), atol=1e-9)
     np.testing.assert_allclose(rigid(np.eye(3), zeroed.offsets), rigid(np.eye(3), motion.offsets), atol=1e-9)
+
+
+def test_a_camera_whose_clock_is_ahead_shows_where_it_was_before() -> None:
+    motion = some_motion()
+    delays = np.zeros(len(motion.cameras))
+    delays[2] = 0.004
+    late = motion.moved(
+        np.zeros((len(motion.rotations), motion.moving_count)),
+        np.concatenate([np.zeros(motion.delay_columns.start), delays]),
+    )
+    steps = log_se3(inverse(motion.world_T_camera()) @ late.world_T_camera())
+    np.testing.assert_allclose(steps[:, 2], -0.004 * motion.twists[:, 2], atol=1e-12)
+    assert np.abs(np.delete(steps, 2, axis=1)).max() < 1e-12

@@ -114,9 +114,9 @@ def test_refinement_brings_joints_nearer_to_the_truth(monkeypatch: pytest.Monkey
     refined = calibrated(body, matches).body
     import bodycam_ros.calibration.body_calibrator as module
 
-    def unrefined(motion, poses, images, trust, limbs, settings, on_progress):
+    def unrefined(motion, poses, images, trust, limbs, settings, clock, on_progress):
         settings = replace(settings, pose_iterations=1, image_iterations=0)
-        found = module_refine(motion, poses, images, trust, limbs, settings, on_progress)
+        found = module_refine(motion, poses, images, trust, limbs, settings, clock, on_progress)
         return replace(found, motion=motion)
 
     module_refine = module.refine

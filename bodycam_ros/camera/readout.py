@@ -1,0 +1,42 @@
+"""How long a camera takes to read its rows, as far as somebody knows it."""
+
+import math
+from dataclasses import dataclass
+
+LONGEST_READOUT_S = 0.1
+"""No camera reads its rows for longer [s]."""
+
+
+@dataclass(frozen=True)
+class Readout:
+    """A read-out time.
+
+    Attributes:
+        seconds: from the exposure of the first row to that of the last [s]; negative from the bottom up, 0 where all
+            rows are exposed together.
+        sigma: its standard deviation [s]; 0 of one that is given, which nothing changes.
+    """
+
+    seconds: float
+    sigma: float
+
+    @property
+    def is_given(self) -> bool:
+        """Whether somebody said it, and nobody measured it."""
+        return self.sigma == 0.0
+
+    def __str__(self) -> str:
+        if self.is_given:
+            return f"{1e3 * self.seconds:.2f} ms, given"
+        return f"{1e3 * self.seconds:.2f} +- {1e3 * self.sigma:.2f} ms"
+
+
+def readout_of(seconds: float, sigma: float) -> Readout | None:
+    """The read-out time that two numbers of a message say; None where either is NaN: it is unknown."""
+    return None if math.isnan(seconds) or math.isnan(sigma) else Readout(seconds, sigma)
+
+
+def best_known(*readouts: Readout | None) -> Readout | None:
+    """Of what several say of one camera the one to begin with: the first that is given, else the best known."""
+    known = [readout for readout in readouts if readout is not None]
+    return min(known, key=lambda readout: readout.sigma, default=None)

@@ -1,0 +1,71 @@
+"""How a camera's clock goes and how its rows are read out, as a message."""
+
+import math
+from dataclasses import dataclass
+
+from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, readout_of
+from bodycam_ros.messages.factory import Message, MessageFactory
+from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns
+
+
+@dataclass(frozen=True)
+class CameraTiming:
+    """What somebody knows of a camera's clock and rows; NaN where nobody does.
+
+    A time t of its stamps is the time ``t - offset - drift * (t - stamp)`` of the recording.
+
+    Attributes:
+        stamp_ns: since when it holds, in the camera's own stamps [ns].
+        source: who says so: claps, sound, motion, telemetry, given or body.
+        readout: how long its rows are read out; None if that is unknown.
+        offset: by which its stamps are ahead of the recording's time [s].
+        offset_sigma: its standard deviation [s].
+        drift: by which that grows [s/s].
+        drift_sigma: its standard deviation [s/s].
+    """
+
+    stamp_ns: int
+    source: str
+    readout: Readout | None = None
+    offset: float = 0.0
+    offset_sigma: float = math.nan
+    drift: float = 0.0
+    drift_sigma: float = math.nan
+
+
+def timing_message(make: MessageFactory, camera: str, timing: CameraTiming) -> Message:
+    """bodycam_msgs/CameraTiming of a camera."""
+    return make(
+        "bodycam_msgs/msg/CameraTiming",
+        header=header_message(make, timing.stamp_ns, optical_frame(camera)),
+        source=timing.source,
+        offset=timing.offset,
+        offset_sigma=timing.offset_sigma,
+        drift=timing.drift,
+        drift_sigma=timing.drift_sigma,
+        readout_time=math.nan if timing.readout is None else timing.readout.seconds,
+        readout_sigma=math.nan if timing.readout is None else timing.readout.sigma,
+    )
+
+
+def camera_timing(message: Message) -> CameraTiming:
+    """What a bodycam_msgs/CameraTiming says.
+
+    Raises:
+        ValueError: its read-out time is none that a camera has.
+    """
+    readout = readout_of(message.readout_time, message.readout_sigma)
+    if readout is not None and not (abs(readout.seconds) <= LONGEST_READOUT_S and 0.0 <= readout.sigma < math.inf):
+        raise ValueError(
+            f"a read-out time of {readout.seconds:g} s, give or take {readout.sigma:g} s; expected at most "
+            f"{LONGEST_READOUT_S:g} s, and a standard deviation of 0 (given) or more"
+        )
+    return CameraTiming(
+        stamp_ns=stamp_ns(message.header.stamp),
+        source=message.source,
+        readout=readout,
+        offset=message.offset,
+        offset_sigma=message.offset_sigma,
+        drift=message.drift,
+        drift_sigma=message.drift_sigma,
+    )
