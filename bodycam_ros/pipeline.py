@@ -22,6 +22,7 @@ from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
@@ -57,6 +58,7 @@ class PipelineSettings(SettingsGroups):
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
+    readout: ReadoutSettings = ReadoutSettings()
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_edit import n_pose
-from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import (
     exp_se3,
@@ -212,7 +212,7 @@ class ArticulatedMotion:
             for joint in self.body.joints
         )
         mounts = {
-            camera: CameraMount(self.body.mounts[camera].segment, self.mounts[c])
+            camera: replace(self.body.mounts[camera], segment_T_camera=self.mounts[c])
             for c, camera in enumerate(self.cameras)
         }
         return replace(self.body, joints=joints, mounts=mounts)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse, rigid
@@ -27,7 +27,7 @@ def move_mount(body: BodyModel, camera: str, segment_T_camera: Array) -> BodyMod
     """
     if camera not in body.mounts:
         raise BodyError(f"no camera {camera} on this body; there are {', '.join(body.mounts) or 'none'}")
-    moved = CameraMount(body.mounts[camera].segment, segment_T_camera.copy())
+    moved = replace(body.mounts[camera], segment_T_camera=segment_T_camera.copy())
     return replace(body, mounts={**body.mounts, camera: moved})
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.joint import Joint, check_within_reach
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 
@@ -23,10 +24,12 @@ class CameraMount:
     Attributes:
         segment: the segment that carries it.
         segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
+        readout: how long its rows are read out, as far as the range of motion told.
     """
 
     segment: str
     segment_T_camera: Array
+    readout: Readout | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,9 @@ sigmas                    6 numbers, rotation [rad] then translation [m], instea
                           rotations: about its axis first, then across
 ========================= ============================================================================================
 
-A camera's position [m] and quaternion are ``segment_T_camera``, of its optical frame (x right, y down, z forward).
+A camera's position [m] and quaternion are ``segment_T_camera``, of its optical frame (x right, y down, z forward). What
+the range of motion told of its rows may follow: ``readout_time``, from the first to the last [s], and
+``readout_sigma``, its standard deviation [s]; without one, or with 0, the read-out time is taken as it is.
 """
 
 import math
@@ -44,6 +46,7 @@ import yaml
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pose_of
 from bodycam_ros.body.joint import LONG_AXIS_Z, Joint, default_sigmas
+from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.shown import shown
@@ -57,6 +60,7 @@ _JOINT_KEYS = {"parent", "child", "type", "origin_in_parent"}
 _JOINT_PLACES = {"orientation_in_parent", "origin_in_child", "orientation_in_child"}
 _JOINT_OPTIONS = {"axis", "angle_axes", "limits", "sigmas", *_JOINT_PLACES}
 _CAMERA_KEYS = {"segment", "position", "quaternion_xyzw"}
+_READOUT_KEYS = {"readout_time", "readout_sigma"}
 
 
 def body_from_yaml(text: str) -> BodyModel:
@@ -130,10 +134,27 @@ def _joint(name: str, entry: Any) -> Joint:
 
 def _mount(name: str, entry: Any) -> CameraMount:
     where = f"camera {name}"
-    check_keys(entry, where, _CAMERA_KEYS, set())
+    check_keys(entry, where, _CAMERA_KEYS, _READOUT_KEYS)
     return CameraMount(
-        name_of(entry["segment"], f"{where}: segment"), pose_of(entry, "position", "quaternion_xyzw", where)
+        name_of(entry["segment"], f"{where}: segment"),
+        pose_of(entry, "position", "quaternion_xyzw", where),
+        _readout(entry, where),
     )
+
+
+def _readout(entry: dict[str, Any], where: str) -> Readout | None:
+    if "readout_time" not in entry:
+        if "readout_sigma" in entry:
+            raise BodyError(f"{where}: readout_sigma says how well readout_time is known, which is missing")
+        return None
+    seconds = float(numbers_of([entry["readout_time"]], 1, f"{where}: readout_time")[0])
+    sigma = float(numbers_of([entry.get("readout_sigma", 0.0)], 1, f"{where}: readout_sigma")[0])
+    if abs(seconds) > LONGEST_READOUT_S or sigma < 0.0:
+        raise BodyError(
+            f"{where}: rows that are read out in {seconds:g} s, give or take {sigma:g} s; expected at most "
+            f"{LONGEST_READOUT_S:g} s, and a sigma of 0 (exact) or more"
+        )
+    return Readout(seconds, sigma)
 
 
 def _limits(value: Any, where: str) -> tuple[tuple[float, float], ...]:
@@ -168,11 +189,14 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
 
 
 def _mount_entry(mount: CameraMount) -> dict[str, Any]:
-    return {
+    entry: dict[str, Any] = {
         "segment": mount.segment,
         "position": _rounded(mount.segment_T_camera[:3, 3]),
         "quaternion_xyzw": _rounded(quaternion_xyzw(mount.segment_T_camera[:3, :3])),
     }
+    if mount.readout is not None:
+        entry["readout_time"], entry["readout_sigma"] = _rounded(np.array([mount.readout.seconds, mount.readout.sigma]))
+    return entry
 
 
 def _rounded(values: Array) -> list[float]:

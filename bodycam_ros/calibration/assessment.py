@@ -197,6 +197,8 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
             warning = slip_warning(camera, slip, slipped_s, alone)
         elif share < settings.warn_registered:
             warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
+        else:
+            warning = findings.doubts.get(camera, "")
         told.append(
             CameraDiagnosis(
                 camera=camera,
@@ -208,6 +210,7 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
                 moved_m=slip.moved_m if slip else 0.0,
                 turned_rad=slip.turned_rad if slip else 0.0,
                 slipped_s=slipped_s,
+                readout=findings.readouts.get(camera),
                 warning=warning,
             )
         )

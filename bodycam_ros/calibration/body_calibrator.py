@@ -1,7 +1,7 @@
 """From registered cameras of a range of motion to a body (A 4.2 and appendix), refined and diagnosed."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,9 +22,12 @@ from bodycam_ros.calibration.refinement import refine
 from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation, zero_at_rest
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.readout_log import ReadoutLog
+from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
 
 
@@ -46,6 +49,7 @@ class BodyCalibrator:
         pose_fit, evidence: noise of landmarks and registrations, those of the solver.
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
+        readout: which cameras share a read-out time, and when it is known well enough.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -59,6 +63,7 @@ class BodyCalibrator:
         pose_fit: PoseFitSettings | None = None,
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
+        readout: ReadoutSettings | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -70,16 +75,19 @@ class BodyCalibrator:
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
+        self._readout = readout or ReadoutSettings()
         self.forget()
 
     def forget(self) -> None:
         """Drop what was collected: the range of motion begins anew."""
         self._logs = {camera: CameraLog(camera, self._settings.motion_log) for camera in self._rig.cameras}
+        self._readouts = ReadoutLog({camera: self._models[camera] for camera in self._rig.cameras}, self._readout)
 
     def add(self, matches: LandmarkMatches) -> None:
         """Collect one image's registration; of each camera in order of time, cameras in any order."""
         if matches.camera in self._logs:
             self._logs[matches.camera].add(matches)
+            self._readouts.add(matches)
 
     def solve(
         self, name: str = "subject", on_progress: Callable[[str, float], None] = lambda step, share: None
@@ -102,7 +110,7 @@ class BodyCalibrator:
             delays_s = findings.delays_s
             if np.abs(findings.refined.motion.delays).max() < clock.settled:
                 break
-        body = limited_body(findings.zeroed, self._settings.joint_limits)
+        body = _with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
         return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
 
     def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
@@ -154,6 +162,8 @@ class BodyCalibrator:
             straight_sigma=settings.refinement.straight_sigma,
             rest_s=(0.0, float(motion.seconds[rest.instants[-1]])),
             image_counts={camera: (log.images, log.registered) for camera, log in self._logs.items()},
+            readouts=self._readouts.readouts(),
+            doubts=self._readouts.doubts(),
         )
 
     def _rest_pose(self, motion: CameraMotion, found: FoundJoints) -> RestPose:
@@ -170,3 +180,9 @@ class BodyCalibrator:
         # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
         balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
         return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment), self._settings.rest_pose)
+
+
+def _with_readouts(body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
+    """The body with what is known of its cameras' rows."""
+    mounts = {camera: replace(mount, readout=readouts.get(camera)) for camera, mount in body.mounts.items()}
+    return replace(body, mounts=mounts)

@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.readout import Readout
+
 Freedom = Literal["ball", "hinge", "rigid"]
 """What the singular values say a joint did in the recording."""
 
@@ -88,6 +90,7 @@ class CameraDiagnosis:
         moved_m, turned_rad: largest lasting change of its place on the segment [m], [rad]; 0 when it held still, or
             when it is alone on its segment and so nothing tells.
         slipped_s: when that change came, seconds after the start; None when it held still.
+        readout: how long its rows are read out; None if nothing is known of it.
         warning: for the user; empty when nothing.
     """
 
@@ -100,6 +103,7 @@ class CameraDiagnosis:
     moved_m: float
     turned_rad: float
     slipped_s: float | None
+    readout: Readout | None = None
     warning: str = ""
 
 

@@ -14,6 +14,7 @@ from bodycam_ros.calibration.joint_search import FoundJoints
 from bodycam_ros.calibration.refinement import Refined
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.camera.readout import Readout
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ class Findings:
         straight_sigma: how straight a limb stands in the N-pose [m].
         rest_s: (from, to) [s] of the N-pose.
         image_counts: camera -> images seen, registered.
+        readouts: camera -> how long its rows are read out.
+        doubts: camera -> what is not known of that, and what it may cost, of those that are doubtful.
     """
 
     rig: Rig
@@ -49,6 +52,8 @@ class Findings:
     straight_sigma: float
     rest_s: tuple[float, float]
     image_counts: Mapping[str, tuple[int, int]]
+    readouts: Mapping[str, Readout]
+    doubts: Mapping[str, str]
 
     @property
     def delays_s(self) -> dict[str, float]:

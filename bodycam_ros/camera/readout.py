@@ -25,10 +25,13 @@ class Readout:
         """Whether somebody said it, and nobody measured it."""
         return self.sigma == 0.0
 
+    @property
+    def milliseconds(self) -> str:
+        """For a table in [ms]."""
+        return f"{1e3 * self.seconds:.1f} " + ("given" if self.is_given else f"+- {1e3 * self.sigma:.1f}")
+
     def __str__(self) -> str:
-        if self.is_given:
-            return f"{1e3 * self.seconds:.2f} ms, given"
-        return f"{1e3 * self.seconds:.2f} +- {1e3 * self.sigma:.2f} ms"
+        return f"{1e3 * self.seconds:.1f} ms, given" if self.is_given else f"{self.milliseconds} ms"
 
 
 def readout_of(seconds: float, sigma: float) -> Readout | None:

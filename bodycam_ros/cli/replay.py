@@ -66,12 +66,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(summary: ReplaySummary) -> Table:
-    table = Table("camera", "images", "registered", "skipped", "lost", caption="lost: the recording should hold them")
+    table = Table(
+        "camera",
+        "images",
+        "registered",
+        "skipped",
+        "lost",
+        "read-out [ms]",
+        caption="lost: the recording should hold them; read-out: of the rows, 0 where all are exposed together",
+    )
     styles = camera_styles(summary.verdict)
     for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
         skipped, lost = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
-        table.add_row(camera, str(images), registered, skipped, lost, style=styles.get(camera))
+        readout = summary.readouts[camera].milliseconds if camera in summary.readouts else ""
+        table.add_row(camera, str(images), registered, skipped, lost, readout, style=styles.get(camera))
     return table
 
 

@@ -1,12 +1,16 @@
 """What is said on /diagnostics of a run: how each camera fares lately, and the verdict on what is solved."""
 
+from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
+from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.solving.synchrony import Timing
 from bodycam_ros.verdict.verdict import Level, Verdict
 
@@ -28,6 +32,7 @@ class _Tally:
     registered: int = 0
     landmarks: int = 0
     sigma_mm: float = float("nan")
+    readout: Readout | None = None
 
 
 class RegistrationHealth:
@@ -35,25 +40,39 @@ class RegistrationHealth:
 
     Args:
         cameras: the cameras that should be heard; a silent one is reported too.
+        readout: when a read-out time is known well enough.
     """
 
-    def __init__(self, cameras: Iterable[str]) -> None:
+    def __init__(self, cameras: Iterable[str], readout: ReadoutSettings) -> None:
         self._tallies = {camera: _Tally() for camera in cameras}
+        self._speeds: defaultdict[str, TypicalSpeed] = defaultdict(TypicalSpeed)
+        self._doubtful_s = readout.doubtful
 
     def add(self, matches: LandmarkMatches) -> None:
         """Count one image's registration."""
         tally = self._tallies.setdefault(matches.camera, _Tally())
         tally.frames += 1
         tally.landmarks += len(matches.landmark_ids)
+        tally.readout = matches.readout
+        self._speeds[matches.camera].add(matches)
         if matches.world_T_camera is not None:
             tally.registered += 1
             tally.sigma_mm = 1e3 * float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
 
     def report(self) -> list[Health]:
         """The health of every camera since the last report, which starts the count anew."""
-        parts = [_health(camera, tally) for camera, tally in sorted(self._tallies.items())]
+        parts = [self._health(camera, tally) for camera, tally in sorted(self._tallies.items())]
         self._tallies = {camera: _Tally() for camera in self._tallies}
         return parts
+
+    def _health(self, camera: str, tally: _Tally) -> Health:
+        health = _health(camera, tally)
+        if tally.readout is None:
+            return health
+        values = {**health.values, "read-out time [ms]": tally.readout.milliseconds}
+        if tally.readout.sigma > self._doubtful_s:
+            values["read-out time"] = doubt(tally.readout, self._speeds[camera])
+        return replace(health, values=values)
 
 
 def _health(camera: str, tally: _Tally) -> Health:

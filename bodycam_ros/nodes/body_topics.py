@@ -8,8 +8,10 @@ from rclpy.duration import Duration
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.status import text_message
+from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
@@ -36,7 +38,9 @@ class BodyTopics:
     """
 
     def __init__(self, node: StageNode[Any]) -> None:
+        self._node = node
         self._make = node.make
+        self._timings: dict[str, Any] = {}
         self._description = node.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
@@ -49,6 +53,15 @@ class BodyTopics:
         """Publish the body itself; those that come later hear it too."""
         self._limits = SeenLimits(body)
         self._description.publish(text_message(self._make, urdf_text(body)))
+        for camera, mount in body.mounts.items():
+            if mount.readout is not None:
+                self._publish_timing(camera, mount.readout)
+
+    def _publish_timing(self, camera: str, readout: Readout) -> None:
+        """Tell those who register the camera how long its rows are read out."""
+        if camera not in self._timings:
+            self._timings[camera] = self._node.publisher("bodycam_msgs/msg/CameraTiming", f"{camera}/timing", latched())
+        self._timings[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant."""

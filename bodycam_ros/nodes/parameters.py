@@ -20,7 +20,7 @@ P = TypeVar("P")
 _SOURCE = "parameters"
 
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation")
-REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit")
+REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit", "shutter")
 SOLVER_GROUPS: Final = (
     *(group for group in PipelineSettings.groups() if group not in TRACKER_GROUPS + REGISTRATION_GROUPS),
     "pose_fit",

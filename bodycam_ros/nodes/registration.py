@@ -6,10 +6,12 @@ from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.status import Health, HealthLevel, few
+from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -21,6 +23,9 @@ from bodycam_ros.pipeline import registrar
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+_TIMINGS = 10
+"""Those of all who speak of one camera."""
 
 
 class Registration(StageNode[RegistrationParameters]):
@@ -43,7 +48,7 @@ class Registration(StageNode[RegistrationParameters]):
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
-        self._registration_health = RegistrationHealth(cameras)
+        self._registration_health = RegistrationHealth(cameras, self.settings.readout)
         self._missed = MissedFrames()
         self._frames, self._work_s = 0, 0.0
         self._landmarks = {
@@ -63,8 +68,12 @@ class Registration(StageNode[RegistrationParameters]):
             points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
             now_ns = self.get_clock().now().nanoseconds
             points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+        self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._cameras = CameraModels(self, cameras, self._on_camera)
         for camera in cameras:
+            self.subscription(
+                "bodycam_msgs/msg/CameraTiming", f"{camera}/timing", partial(self._on_timing, camera), latched(_TIMINGS)
+            )
             self.subscription(
                 "bodycam_msgs/msg/FeatureTracks",
                 f"{camera}/tracks",
@@ -82,8 +91,22 @@ class Registration(StageNode[RegistrationParameters]):
 
     def _begin(self, camera: str) -> None:
         """Nothing is known of the camera's tracks."""
-        self._registrars[camera] = registrar(self._cameras.models[camera], self.map, self.settings)
+        known = best_known(*self._readouts[camera].values())
+        self._registrars[camera] = registrar(self._cameras.models[camera], self.map, self.settings, known)
         self._described.discard(camera)
+
+    def _on_timing(self, camera: str, message: Message) -> None:
+        """Camera and body may both say how long the rows are read out; the better known counts."""
+        try:
+            timing = camera_timing(message)
+        except ValueError as error:
+            self.skipped.add("timing messages skipped", f"{camera}/timing: {error}")
+            return
+        if timing.readout is None:
+            return
+        self._readouts[camera][timing.source] = timing.readout
+        if camera in self._registrars:
+            self._registrars[camera].learn(timing.readout)
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:

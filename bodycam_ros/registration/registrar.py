@@ -83,8 +83,9 @@ class Registrar:
         self._matching = matching or MatchingSettings()
         self._absolute_pose = absolute_pose or AbsolutePoseSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self.readout = ReadoutTime(shutter or ShutterSettings(), readout)
-        self._path = RecentPath(shutter or ShutterSettings())
+        self._shutter = shutter or ShutterSettings()
+        self.readout = ReadoutTime(self._shutter, readout)
+        self._path = RecentPath(self._shutter)
         self._carried_ids = np.zeros(0, np.uint32)
         self._carried_landmarks = np.zeros(0, np.int64)
         self._strikes = np.zeros(0, np.int64)
@@ -92,6 +93,12 @@ class Registrar:
         self._previous_T_camera = np.eye(4)
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
+        self._until_rows = 0
+
+    def learn(self, readout: Readout) -> None:
+        """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
+        if readout.sigma <= self.readout.sigma:
+            self.readout = ReadoutTime(self._shutter, readout)
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
@@ -203,12 +210,14 @@ class Registrar:
 
     def _time_rows(self) -> None:
         """Learn the read-out time from the image before, whose motion is known from both sides."""
-        if self.readout.is_known or (between := self._path.between(self.readout)) is None:
+        self._until_rows -= 1
+        if self._until_rows > 0 or self.readout.is_known or (between := self._path.between(self.readout)) is None:
             return
+        self._until_rows = self._shutter.every
         view, motion = between
         fit = fit_pose(self.camera, view.points_world, view.pixels, view.world_T_camera, self._pose_fit, motion)
         if fit.inliers.sum() >= self.settings.min_inliers:
-            self.readout.add(fit.readout_time, fit.readout_information)
+            self.readout.add(fit.readout_time, self._shutter.every * fit.readout_information)
 
     def _strike_out(
         self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,15 +12,18 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
+from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.replay.camera_clock import CameraClocks
 from bodycam_ros.replay.camera_worker import (
@@ -59,7 +62,8 @@ class ReplaySummary:
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
         lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
-        remarks: what a person should know of a camera's stamps and images, a line each.
+        readouts: camera -> how long its rows are read out, as far as is known in the end.
+        remarks: what a person should know of a camera's stamps, rows and images, a line each.
         verdict: whether the result may be used.
     """
 
@@ -76,6 +80,7 @@ class ReplaySummary:
     registered: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
+    readouts: Mapping[str, Readout] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
 
@@ -122,10 +127,13 @@ def replay(
     skeleton = SkeletonPipeline(body, cameras, settings)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     with write_recording(output_path, force) as writer:
-        out = _Output(writer, body, RegistrationHealth(cameras), summary, log)
+        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log)
+        rows = ReadoutLog(cameras, settings.readout)
+        known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
+        task = RegistrationTask(recording_path, map_path, settings, readouts=known)
         clocks = CameraClocks(cameras)
         start_ns = None
-        for item in register_recording(RegistrationTask(recording_path, map_path, settings), list(cameras), jobs):
+        for item in register_recording(task, list(cameras), jobs):
             if not isinstance(item, RegisteredImage):
                 _count_skipped(summary, item)
                 continue
@@ -134,6 +142,7 @@ def replay(
                 out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
             clocks.add(item.camera, item.stamp_ns)
+            rows.add(item.matches)
             out.write_registration(item)
             out.write_states(skeleton.add(item.matches))
             on_progress(1e-9 * (item.stamp_ns - start_ns))
@@ -144,6 +153,8 @@ def replay(
                 "is it the map of another place, or are the images too dark or blurred?"
             )
         out.write_robot()
+        summary.readouts = rows.readouts()
+        out.write_timings(summary.readouts)
         summary.verdict = judge(log.agreement(), body, settings.verdict)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
@@ -155,7 +166,7 @@ def replay(
                 "longer than assembler.max_wait?",
                 summary.late,
             )
-    summary.remarks = clocks.remarks()
+    summary.remarks = (*clocks.remarks(), *rows.doubts().values())
     summary.elapsed_s = time.monotonic() - started
     return summary
 
@@ -192,6 +203,12 @@ class _Output:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
         text = text_message(self._make, urdf_text(self._limits.body))
         self._writer.write("/robot_description", self._begun_ns, text)
+
+    def write_timings(self, readouts: Mapping[str, Readout]) -> None:
+        """How long the rows of the cameras are read out, as known in the end."""
+        for camera, readout in sorted(readouts.items()):
+            timing = timing_message(self._make, camera, CameraTiming(self._begun_ns, "motion", readout))
+            self._writer.write(f"/{camera}/timing", self._begun_ns, timing)
 
     def write_registration(self, image: RegisteredImage) -> None:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""

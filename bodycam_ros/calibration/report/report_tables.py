@@ -49,6 +49,7 @@ def report_tables(diagnosis: CalibrationDiagnosis) -> list[ReportTable]:
         _joint_places(diagnosis.joints),
         _bones(diagnosis.bones),
         _cameras(diagnosis.cameras),
+        _rows(diagnosis.cameras),
     ]
     return tables if diagnosis.refinement is None else [*tables, _refinement(diagnosis.refinement)]
 
@@ -174,6 +175,20 @@ def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
         frozenset({0, 1}),
         tuple(rows),
         _flagged(camera.warning for camera in cameras),
+    )
+
+
+def _rows(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
+    known = [(camera.camera, camera.readout) for camera in cameras if camera.readout is not None]
+    return ReportTable(
+        "cameras: rows",
+        "read-out: from the exposure of the first row to that of the last, 0 where all are exposed together",
+        ("camera", "read-out [ms]", "sigma [ms]"),
+        frozenset({0}),
+        tuple(
+            (camera, _number(1e3 * of.seconds, 2), "given" if of.is_given else _number(1e3 * of.sigma, 2))
+            for camera, of in known
+        ),
     )
 
 
