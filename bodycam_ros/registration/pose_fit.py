@@ -103,7 +103,7 @@ def fit_pose(
         scale = max(0.5 * equations.scale_px, settings.inlier_px)
     else:
         equations = problem.linearise(at, settings.inlier_px)
-    readout_time, readout_information = problem.readout(at, equations)
+    readout_time, readout_information = problem.readout(equations)
     return PoseFit(
         at.world_T_camera,
         equations.pose_hessian() / settings.pixel_sigma**2,
@@ -151,11 +151,12 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Equations:
-    """The fit linearised: the pose (6) and, where rows are read out one by one, bend (6) and read-out time (1) [px^2].
+    """The fit linearised at a point: pose (6) and, where rows are read out one by one, bend (6) and read-out time (1).
 
     ``jacobian`` (2V, K), ``weights`` (2V,) and ``residuals`` (2V,) are those of the V landmarks in view.
     """
 
+    at: _Point
     hessian: NDArray[np.float64]
     gradient: NDArray[np.float64]
     errors_px: NDArray[np.float64]
@@ -235,14 +236,15 @@ class _Problem:
         if motion is not None:
             hessian[range(6, 13), range(6, 13)] += self._stiffness
             gradient[6:] += self._stiffness * np.append(at.bend, at.readout_time - motion.readout_time)
-        return _Equations(hessian, gradient, errors, scale_px, shifts, jacobian, weights, residuals.ravel())
+        return _Equations(at, hessian, gradient, errors, scale_px, shifts, jacobian, weights, residuals.ravel())
 
-    def readout(self, at: _Point, equations: _Equations) -> tuple[float, float]:
+    def readout(self, equations: _Equations) -> tuple[float, float]:
         """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""
         motion = self._motion
         if motion is None or motion.readout_sigma == 0.0 or not len(equations.residuals):
             return 0.0, 0.0
         hessian, gradient = equations.hessian.copy(), equations.gradient.copy()
+        at = equations.at
         hessian[12, 12] -= self._stiffness[6]
         gradient[12] -= self._stiffness[6] * (at.readout_time - motion.readout_time)
         try:

@@ -1,0 +1,84 @@
+"""The registrar learns how long a moving camera's rows are read out, and registers as well as if they were not."""
+
+import numpy as np
+import pytest
+from rolling_camera import START_NS, landmarks_ahead, map_of, swinging, track_frames, wide_camera
+
+from bodycam_ros.camera.readout import Readout
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.readout_time import ShutterSettings
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
+
+CAMERA = wide_camera()
+IMAGES = 90
+
+
+@pytest.fixture(scope="module")
+def around() -> ReferenceMap:
+    random = np.random.default_rng(3)
+    return map_of(landmarks_ahead(260, random), random)
+
+
+def registered(
+    around: ReferenceMap, true_s: float, known: Readout | None = None, shutter: ShutterSettings | None = None
+) -> tuple[Registrar, list[LandmarkMatches]]:
+    # Every image has errors of its own here, so that each counts in full.
+    registrar = Registrar(CAMERA, around, shutter=shutter or ShutterSettings(images_alike=1.0), readout=known)
+    frames = track_frames(CAMERA, around, np.random.default_rng(4), true_s, IMAGES)
+    return registrar, [registrar.register(frame) for frame in frames]
+
+
+def error_m(matches: list[LandmarkMatches]) -> float:
+    """Of the position, rms over the second half."""
+    errors = []
+    for one in matches[len(matches) // 2 :]:
+        assert one.world_T_camera is not None
+        truth = swinging(np.array(1e-9 * (one.stamp_ns - START_NS)))
+        errors.append(np.linalg.norm(log_se3(inverse(truth) @ one.world_T_camera)[3:]))
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+@pytest.mark.parametrize("true_s", [0.012, -0.012, 0.0])
+def test_the_readout_time_is_found(around: ReferenceMap, true_s: float) -> None:
+    registrar, matches = registered(around, true_s)
+    assert registrar.readout.seconds == pytest.approx(true_s, abs=3e-4)
+    assert abs(registrar.readout.seconds - true_s) < 4.0 * registrar.readout.sigma
+    assert matches[-1].readout == Readout(registrar.readout.seconds, registrar.readout.sigma)
+    ideal = error_m(registered(around, 0.0, Readout(0.0, 0.0))[1])
+    assert error_m(matches) < 1.5 * ideal + 2e-4
+    if true_s == 0.0:
+        assert matches[-1].shifts is None
+    else:
+        ignored = error_m(registered(around, true_s, Readout(0.0, 0.0))[1])
+        assert ignored > 2.0 * error_m(matches)
+
+
+def test_what_is_given_is_used_from_the_first_image_and_never_changed(around: ReferenceMap) -> None:
+    registrar, matches = registered(around, 0.012, Readout(0.0115, 0.0))
+    assert registrar.readout.seconds == 0.0115
+    assert {(one.readout_time, one.readout_sigma) for one in matches} == {(0.0115, 0.0)}
+    assert matches[2].shifts is not None and np.abs(matches[2].shifts).max() > 0.3
+
+
+def test_what_is_known_roughly_is_made_better(around: ReferenceMap) -> None:
+    registrar, _ = registered(around, 0.012, Readout(0.010, 0.001))
+    assert registrar.readout.seconds == pytest.approx(0.012, abs=3e-4)
+
+
+def test_who_knows_better_is_believed_and_who_knows_less_is_not(around: ReferenceMap) -> None:
+    registrar = Registrar(CAMERA, around)
+    registrar.learn(Readout(0.012, 0.0005))
+    assert registrar.readout.in_use == 0.012
+    registrar.learn(Readout(0.020, 0.002))
+    assert registrar.readout.in_use == 0.012
+
+
+def test_the_image_shows_landmarks_at_their_pixels_and_shifts(around: ReferenceMap) -> None:
+    frames = list(track_frames(CAMERA, around, np.random.default_rng(4), 0.012, 12))
+    registrar = Registrar(CAMERA, around, readout=Readout(0.012, 0.0))
+    for frame in frames:
+        matches = registrar.register(frame)
+        rows = np.searchsorted(frame.track_ids, matches.track_ids)
+        np.testing.assert_allclose(matches.shown, frame.pixels[rows], atol=1e-3)
