@@ -17,6 +17,9 @@ _UNKNOWN = 4.0
 _BOTH_SIDES = 0.2
 """Times narrower sigmas where the images before and after tell the motion."""
 
+_UNEVEN = 0.4
+"""Of the change from step to step: so much of it may come at once."""
+
 
 @dataclass(frozen=True)
 class RegisteredView:
@@ -85,8 +88,10 @@ class RecentPath:
         before, view, after = self._views
         first_s, second_s = 1e-9 * (view.stamp_ns - before.stamp_ns), 1e-9 * (after.stamp_ns - view.stamp_ns)
         # The parabola through all three; the view's own error cancels where the steps are equally long.
-        twist = (second_s * _mean_twist(before, view) + first_s * _mean_twist(view, after)) / (first_s + second_s)
-        sigmas = _BOTH_SIDES * self._sigmas
+        first, second = _mean_twist(before, view), _mean_twist(view, after)
+        twist = (second_s * first + first_s * second) / (first_s + second_s)
+        # What changes fast does not change evenly: a foot that lands stops between two images.
+        sigmas = _BOTH_SIDES * self._sigmas + _UNEVEN * np.abs(second - first)
         return view, ImageMotion(readout.seconds, readout.sigma, np.eye(4), 0.0, twist, sigmas, twist[:3])
 
 
