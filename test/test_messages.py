@@ -1,5 +1,6 @@
 """Converters, each with messages of both libraries: rosbags, and rclpy where it is installed."""
 
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.body import (
     joint_rotations_message,
     joint_state_message,
@@ -22,6 +24,7 @@ from bodycam_ros.messages.images import camera_model, compressed_image, raw_imag
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message, text_message
+from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import (
     camera_pose_message,
     landmark_matches,
@@ -141,6 +144,24 @@ def test_landmarks_survive_the_wire(
     make, send = library
     sent = random_matches(rng, count, registered)
     assert_same(landmark_matches(send(landmarks_message(make, sent)), "head"), sent)
+
+
+@pytest.mark.parametrize("readout", [Readout(0.012, 0.0), Readout(-0.0123, 0.0004), None])
+def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send], readout: Readout | None) -> None:
+    make, send = library
+    sent = CameraTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
+    message = send(timing_message(make, "head", sent))
+    assert message.header.frame_id == "head_optical_frame"
+    assert camera_timing(message) == sent
+    unknown = camera_timing(send(timing_message(make, "head", CameraTiming(STAMP_NS, "body", readout))))
+    assert unknown.readout == readout and math.isnan(unknown.offset_sigma)
+
+
+@pytest.mark.parametrize("readout", [Readout(0.5, 0.0), Readout(math.inf, 0.0), Readout(0.01, -1.0)])
+def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
+    make = recorded_messages()
+    with pytest.raises(ValueError, match="a read-out time of .* expected at most 0.1 s"):
+        camera_timing(timing_message(make, "head", CameraTiming(STAMP_NS, "given", readout)))
 
 
 def test_arrays_that_are_no_contiguous_rows_are_written_row_by_row(library: tuple[MessageFactory, Send]) -> None:

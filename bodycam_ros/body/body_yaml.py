@@ -147,8 +147,8 @@ def _readout(entry: dict[str, Any], where: str) -> Readout | None:
         if "readout_sigma" in entry:
             raise BodyError(f"{where}: readout_sigma says how well readout_time is known, which is missing")
         return None
-    seconds = float(numbers_of([entry["readout_time"]], 1, f"{where}: readout_time")[0])
-    sigma = float(numbers_of([entry.get("readout_sigma", 0.0)], 1, f"{where}: readout_sigma")[0])
+    pair = [entry["readout_time"], entry.get("readout_sigma", 0.0)]
+    seconds, sigma = numbers_of(pair, 2, f"{where}: readout_time and readout_sigma, together,").tolist()
     if abs(seconds) > LONGEST_READOUT_S or sigma < 0.0:
         raise BodyError(
             f"{where}: rows that are read out in {seconds:g} s, give or take {sigma:g} s; expected at most "

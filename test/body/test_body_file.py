@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError, OutputError
 
 STOOL = """
@@ -57,6 +59,16 @@ def test_written_and_read_again_is_the_same_body(body: BodyModel, tmp_path: Path
     assert {file.name for file in tmp_path.iterdir()} == {"rider.yaml", "again.yaml"}
 
 
+def test_how_long_a_cameras_rows_are_read_out_is_kept(body: BodyModel, tmp_path: Path) -> None:
+    path = tmp_path / "rider.yaml"
+    known = Readout(0.01203, 0.00014)
+    write_body(replace(body, mounts={c: replace(mount, readout=known) for c, mount in body.mounts.items()}), path)
+    assert {mount.readout for mount in read_body(path).mounts.values()} == {known}
+    assert read(tmp_path, STOOL).mounts["under"].readout is None
+    given = read(tmp_path, STOOL.replace("1.0005]", "1], readout_time: 12e-3"))
+    assert given.mounts["under"].readout == Readout(0.012, 0.0)
+
+
 def test_own_sigmas_and_limits_of_a_ball_survive(tmp_path: Path) -> None:
     ball = STOOL.replace("type: hinge", "type: ball").replace("axis: [0, 0, 2], limits: [-1.5, 1.5]", "{}")
     ball = ball.replace("{}", "sigmas: [1, 1, 1e-2, 1, 1, 1], limits: [[-1, 1], [-2, 2], [-3, 3]]")
@@ -83,6 +95,13 @@ def test_own_sigmas_and_limits_of_a_ball_survive(tmp_path: Path) -> None:
         ("[0, 0, 5e-1]", f"[0, 0, {10**400}]", "line 6: a number of 401 characters"),
         ("[0, 0, 5e-1]", "012", "joint post: origin_in_parent must be a list of 3 finite numbers"),
         ("[0, 0, 0, 1.0005]", "[0, 0, 0, 1.1]", "camera under: quaternion_xyzw must be a unit quaternion.*1.1"),
+        ("1.0005]", "1], readout_time: 12", "camera under: rows that are read out in 12 s"),
+        ("1.0005]", "1], readout_time: .nan", "camera under: readout_time and readout_sigma.* finite numbers"),
+        (
+            "1.0005]",
+            "1], readout_sigma: 0.001",
+            "camera under: readout_sigma says how well readout_time is known, which is",
+        ),
         ("limits: [-1.5, 1.5]", "limits: [1.5, -1.5]", "joint post: each of the limits"),
         ("segment: seat", "segment: sea", "camera under: segment sea is not among the segments"),
         ("cameras:\n", "cameras: []\nreport:\n", "cameras must be a table"),

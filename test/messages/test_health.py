@@ -1,9 +1,13 @@
 """What diagnostics say of a camera that does not go with the others."""
 
+import numpy as np
 import pytest
 
-from bodycam_ros.messages.health import timing_health
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.messages.health import RegistrationHealth, timing_health
 from bodycam_ros.messages.status import HealthLevel, few
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.solving.synchrony import Timing
 
 NAN = float("nan")
@@ -29,6 +33,32 @@ def test_a_camera_that_is_off_is_named(
     assert (health.name, health.level) == ("camera head", level)
     assert told in health.text
     assert health.values["late registrations"] == 3
+
+
+def moving_at(twist: np.ndarray, readout_sigma: float) -> RegistrationHealth:
+    """Thirty images of a camera of a constant twist."""
+    health = RegistrationHealth(["head"], ReadoutSettings())
+    none = np.zeros(0, np.uint32)
+    for number in range(30):
+        health.add(LandmarkMatches(
+            "head", (number + 1) * 40_000_000, number * 40_000_000, none, none, np.zeros((0, 2), np.float32),
+            np.zeros((0, 3), np.float32), exp_se3(0.04 * number * twist), np.eye(6), np.eye(3), 0, None, 0.012,
+            readout_sigma,
+        ))  # fmt: skip
+    return health
+
+
+def test_a_readout_time_is_said_and_what_a_doubtful_one_may_cost() -> None:
+    twist = np.array([0.0, 2.0, 0.0, 1.5, 0.0, 0.0])
+    (told,) = moving_at(twist, 0.0004).report()
+    assert told.values["read-out time [ms]"] == "12.0 +- 0.4"
+    assert "read-out time" not in told.values
+    (told,) = moving_at(twist, 0.004).report()
+    # Four milliseconds at 1.5 m/s and 2 rad/s.
+    assert "may leave 6.0 mm and 0.46 deg" in told.values["read-out time"]
+    assert "Give readout_time in its lens YAML" in told.values["read-out time"]
+    (given,) = moving_at(twist, 0.0).report()
+    assert given.values["read-out time [ms]"] == "12.0 given"
 
 
 def test_a_line_stays_a_line() -> None:

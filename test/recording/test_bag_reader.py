@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ from mcap.writer import Writer as McapWriter
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.status import text_message
+from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
@@ -41,6 +44,36 @@ def test_one_camera_alone(tiny_bag: Path) -> None:
         assert [i.stamp_ns for i in recording.images(["right"])] == [START_NS + k * FRAME_NS for k in range(4)]
         with pytest.raises(RecordingError, match="no camera 'knee'; there are left, right"):
             list(recording.images(["knee"]))
+
+
+def write_timing(*readouts: Readout | None) -> Callable[[RecordingWriter], None]:
+    """What appends the timing of the left camera."""
+
+    def write(writer: RecordingWriter) -> None:
+        for readout in readouts:
+            message = timing_message(recorded_messages(), "left", CameraTiming(START_NS, "given", readout))
+            writer.write("/left/timing", START_NS, message)
+
+    return write
+
+
+def test_timing_is_read_where_it_is(tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "timed", alter=write_timing(Readout(0.012, 0.0)))
+    with open_recording(bag) as recording:
+        assert recording.cameras == ("left", "right")
+        timing = recording.timing("left")
+        assert timing is not None and (timing.source, timing.stamp_ns) == ("given", START_NS)
+        assert recording.readout("left") == Readout(0.012, 0.0)
+        assert recording.timing("right") is None and recording.readout("right") is None
+
+
+def test_a_readout_time_that_cannot_be_is_named(tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "timed", alter=write_timing(Readout(12.0, 0.0)))
+    with (
+        open_recording(bag) as recording,
+        pytest.raises(RecordingError, match=r"camera left: /left/timing .* read-out time of 12 s"),
+    ):
+        recording.readout("left")
 
 
 def test_intrinsics_come_from_the_first_camera_info(tiny_bag: Path) -> None:

@@ -1,0 +1,57 @@
+"""Cameras that run freely, with clocks that are off: the calibration finds by how much, and the body all the same."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from range_of_motion import joints_in_cameras, known_body, known_rig, range_of_motion, registrations, wide_cameras
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator
+from bodycam_ros.calibration.findings import Findings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+RATE_HZ = 24.0
+AHEAD_S = {"shin_left": 0.02, "forearm_left": -0.013, "thigh_right": 0.006}
+
+
+def free_running(body: BodyModel, ahead_s: Mapping[str, float], pixel_noise: float = 0.0) -> list[LandmarkMatches]:
+    """A range of motion by cameras of which each takes its images at times of its own."""
+    phases_s = np.random.default_rng(8).uniform(0.0, 1.0 / RATE_HZ, len(body.mounts))
+    images = []
+    for camera, phase_s in zip(body.mounts, phases_s, strict=True):
+        motion = range_of_motion(body, duration_s=8.0, rate_hz=RATE_HZ, delay_s=float(phase_s))
+        shift_ns = round(1e9 * ahead_s.get(camera, 0.0))
+        images += [
+            replace(one, stamp_ns=one.stamp_ns + shift_ns) for one in registrations(motion, pixel_noise, only=[camera])
+        ]
+    return sorted(images, key=lambda one: one.stamp_ns)
+
+
+def found(body: BodyModel, matches: list[LandmarkMatches]) -> Findings:
+    """What the calibration knows once its clocks have settled, as ``solve`` goes about it."""
+    calibrator = BodyCalibrator(known_rig(body), wide_cameras(body.mounts))
+    for one in matches:
+        calibrator.add(one)
+    delays_s: Mapping[str, float] = dict.fromkeys(body.mounts, 0.0)
+    for _ in range(2):
+        findings = calibrator._found("known", delays_s, lambda step, share: None)
+        delays_s = findings.delays_s
+    return findings
+
+
+def joint_errors(found_body: BodyModel, body: BodyModel) -> np.ndarray:
+    truth = joints_in_cameras(body)
+    return np.array([np.linalg.norm(p - truth[key]) for key, p in joints_in_cameras(found_body).items()])
+
+
+@pytest.mark.parametrize(("pixel_noise", "clock_s", "joint_m"), [(0.0, 3e-4, 3e-4), (0.3, 2.5e-3, 4e-3)])
+def test_clocks_of_free_running_cameras_are_found(pixel_noise: float, clock_s: float, joint_m: float) -> None:
+    """Eight seconds of slow motion by few joints: the leg tells its time to a millisecond."""
+    body = known_body()
+    findings = found(body, free_running(body, AHEAD_S, pixel_noise))
+    assert not findings.motion.triggered[1:].any()
+    for camera, delay_s in findings.delays_s.items():
+        assert delay_s == pytest.approx(AHEAD_S.get(camera, 0.0), abs=clock_s), camera
+    assert joint_errors(findings.body, body).max() < joint_m
