@@ -1,6 +1,6 @@
 """The read-out times that a recording teaches, and what those that it does not may cost."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,9 +50,14 @@ class ReadoutLog:
     Args:
         cameras: their models, by name.
         settings: which cameras share a read-out time, and when it is known well enough.
+        known: cameras whose read-out time was known beforehand. Others have told them already, and to ask them again
+            would count the same images twice.
     """
 
-    def __init__(self, cameras: Mapping[str, CameraModel], settings: ReadoutSettings) -> None:
+    def __init__(
+        self, cameras: Mapping[str, CameraModel], settings: ReadoutSettings, known: Collection[str] = ()
+    ) -> None:
+        self._known = known
         self._sizes = {camera: (model.width, model.height) for camera, model in cameras.items()}
         self._settings = settings
         self._latest: dict[str, Readout] = {}
@@ -66,7 +71,8 @@ class ReadoutLog:
 
     def readouts(self) -> dict[str, Readout]:
         """Camera -> its read-out time, with the help of those of its make."""
-        return pooled(self._latest, self._sizes, self._settings)
+        alone = {camera: readout for camera, readout in self._latest.items() if camera not in self._known}
+        return self._latest | pooled(alone, self._sizes, self._settings)
 
     def doubts(self) -> dict[str, str]:
         """Camera -> what is not known of its read-out time, and what that may cost, of those that are doubtful."""

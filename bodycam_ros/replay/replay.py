@@ -128,8 +128,8 @@ def replay(
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     with write_recording(output_path, force) as writer:
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log)
-        rows = ReadoutLog(cameras, settings.readout)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
+        rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(recording_path, map_path, settings, readouts=known)
         clocks = CameraClocks(cameras)
         start_ns = None
