@@ -25,6 +25,7 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.timing.clock_settings import ClockSettings
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class BodyCalibrator:
         pose_fit, evidence: noise of landmarks and registrations, those of the solver.
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
+        clock: how far the cameras' clocks may be off.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -58,6 +60,7 @@ class BodyCalibrator:
         pose_fit: PoseFitSettings | None = None,
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
+        clock: ClockSettings | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -69,6 +72,7 @@ class BodyCalibrator:
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
+        self._clock = clock or ClockSettings()
         self.forget()
 
     def forget(self) -> None:
@@ -95,11 +99,10 @@ class BodyCalibrator:
         """
         delays_s = dict.fromkeys(self._logs, 0.0)
         # Joint centres and trust were found with clocks that were off; once those are known, all is asked anew.
-        clock = self._settings.clock
-        for _ in range(clock.turns):
+        for _ in range(self._clock.turns):
             findings = self._found(name, delays_s, on_progress)
             delays_s = findings.delays_s
-            if np.abs(findings.refined.motion.delays).max() < clock.settled:
+            if np.abs(findings.refined.motion.delays).max() < self._clock.settled:
                 break
         body = limited_body(findings.zeroed, self._settings.joint_limits)
         return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
@@ -133,7 +136,7 @@ class BodyCalibrator:
             found.trust[rows],
             straight_limbs(first, hinges),
             settings.refinement,
-            settings.clock,
+            self._clock,
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)

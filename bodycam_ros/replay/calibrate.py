@@ -63,7 +63,7 @@ def calibrate(
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
         duration_s = recording.duration_s
-    calibrator = BodyCalibrator(rig, models, settings, pipeline.pose_fit, pipeline.evidence, facing_rad)
+    calibrator = BodyCalibrator(rig, models, settings, pipeline.pose_fit, pipeline.evidence, facing_rad, pipeline.clock)
     task = RegistrationTask(
         recording_path,
         map_path,
