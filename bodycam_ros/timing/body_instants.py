@@ -75,8 +75,7 @@ class BodyInstants:
 
     @property
     def _sharing(self) -> frozenset[str]:
-        beat = self.watch.beat
-        return frozenset() if beat is None or self._settings.rate > 0.0 else beat.together
+        return frozenset() if self._settings.rate > 0.0 else self.watch.sharing
 
     def _at_instants(self, corrected: Iterable[LandmarkMatches]) -> list[LandmarkMatches]:
         said = []

@@ -1,7 +1,5 @@
 """Offset and drift of every camera's clock: a Kalman filter over windows of evidence."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,27 +10,42 @@ Array = NDArray[np.float64]
 _HELD_S = 1e-9
 """Sigma of the reference: all clocks together may be off by anything, and nobody would know."""
 
+_TRIGGERED_DRIFT = 1e-3
+"""Times less than a clock of its own does one drift that triggers with the others."""
+
 
 class ClockFilter:
-    """Clocks of C cameras; the first is the reference.
+    """Clocks of C cameras; the first is the reference, as long as it does not jump.
 
     Args:
-        triggered: (C) whether a camera shares its stamps with the reference's group.
         settings: what is believed at the start.
 
     Attributes:
         offsets: (C) by how much the clocks are ahead at the time of the filter [s].
         drifts: (C) by which that grows per second.
+        reference: row of the camera whose clock is the body's.
     """
 
-    def __init__(self, triggered: Sequence[bool], settings: ClockSettings) -> None:
+    def __init__(self, settings: ClockSettings) -> None:
         self._settings = settings
-        count = len(triggered)
-        self.offsets, self.drifts = np.zeros(count), np.zeros(count)
-        sigmas = np.where(triggered, settings.trigger_sigma, settings.sigma)
-        drift_sigmas = np.where(triggered, 1e-3 * settings.drift_sigma, settings.drift_sigma)
-        sigmas[0], drift_sigmas[0] = _HELD_S, 0.0
-        self._covariance = np.diag(np.concatenate([sigmas, drift_sigmas]) ** 2)
+        self.offsets, self.drifts = np.zeros(0), np.zeros(0)
+        self._covariance = np.zeros((0, 0))
+        self.reference = 0
+
+    def grow(self, triggered: bool) -> None:
+        """One more camera, which shares its stamps with the reference's group or does not."""
+        count = len(self.offsets)
+        sigmas = [self._settings.sigma, self._settings.drift_sigma]
+        if triggered:
+            sigmas = [self._settings.trigger_sigma, _TRIGGERED_DRIFT * self._settings.drift_sigma]
+        if not count:
+            sigmas = [_HELD_S, 0.0]
+        covariance = np.zeros((2 * count + 2, 2 * count + 2))
+        old = [*range(count), *range(count + 1, 2 * count + 1)]
+        covariance[np.ix_(old, old)] = self._covariance
+        covariance[count, count], covariance[-1, -1] = np.square(sigmas)
+        self._covariance = covariance
+        self.offsets, self.drifts = np.append(self.offsets, 0.0), np.append(self.drifts, 0.0)
 
     @property
     def offset_sigmas(self) -> Array:
@@ -60,23 +73,36 @@ class ClockFilter:
 
     def free(self, camera: int) -> None:
         """Forget what is known of one clock: it jumped, or its camera is not triggered after all."""
+        if camera == self.reference:
+            others = self.offset_sigmas
+            others[camera] = np.inf
+            self._hold(int(np.argmin(others)))
         for row, sigma in ((camera, self._settings.sigma), (len(self.offsets) + camera, self._settings.drift_sigma)):
             self._covariance[row] = self._covariance[:, row] = 0.0
             self._covariance[row, row] = sigma**2
 
-    def surprises(self, delays: Array, information: Array) -> Array:
-        """(C) sigmas between what a window says of each clock by itself and what is believed [s] [1/s^2].
+    def _hold(self, camera: int) -> None:
+        """Make another clock the reference: the one that is known."""
+        for row in (camera, len(self.offsets) + camera):
+            column = self._covariance[:, row]
+            if column[row] > 0.0:
+                self._covariance = self._covariance - np.outer(column, column) / column[row]
+        self.reference = camera
+        self._covariance[camera, camera] = _HELD_S**2
+
+    def surprises(self, delays: Array, information: Array) -> tuple[Array, Array]:
+        """What a window alone says of each clock beyond what was believed (C) [s], and how many sigmas off (C) that is.
 
         Args:
-            delays: (C) that the window saw beyond what was believed, the prior included.
-            information: (C, C) of the window without the prior.
+            delays: (C) that the clocks are ahead of what was believed, the prior included [s].
+            information: (C, C) of the window without the prior [1/s^2].
         """
-        count = len(delays)
-        prior = self._covariance[:count, :count] + _HELD_S**2 * np.eye(count)
-        posterior = np.linalg.inv(np.linalg.inv(prior) + information)
-        # The posterior moved by delays; that it should move so far has this variance.
-        spread = np.sqrt(np.maximum(np.diag(prior) - np.diag(posterior), _HELD_S**2))
-        return np.asarray(np.abs(delays) / spread)
+        prior, posterior = self._learned(information)
+        before, after = np.diag(prior), np.diag(posterior)
+        told = np.maximum(before - after, 1e-6 * before)
+        # One measurement of variance v turns the variance b into a = b v / (b + v), and moves by b / (b + v) of itself.
+        alone = delays * before / told
+        return np.asarray(alone), np.asarray(np.abs(alone) / np.sqrt(before * after / told + before))
 
     def learn(self, delays: Array, information: Array) -> None:
         """Add a window's evidence.
@@ -86,10 +112,15 @@ class ClockFilter:
             information: (C, C) of the window without the prior [1/s^2].
         """
         count = len(delays)
-        prior = self._covariance[:count, :count] + _HELD_S**2 * np.eye(count)
-        posterior = np.linalg.inv(np.linalg.inv(prior) + information)
+        prior, posterior = self._learned(information)
         gain = self._covariance[:, :count] @ np.linalg.inv(prior)
         self.offsets = self.offsets + (gain @ delays)[:count]
         self.drifts = self.drifts + (gain @ delays)[count:]
         covariance = self._covariance + gain @ (posterior - prior) @ gain.T
         self._covariance = 0.5 * (covariance + covariance.T)
+
+    def _learned(self, information: Array) -> tuple[Array, Array]:
+        """Covariances (C, C) of the offsets before and after a window [s^2]."""
+        count = len(self.offsets)
+        prior = self._covariance[:count, :count] + _HELD_S**2 * np.eye(count)
+        return prior, np.asarray(np.linalg.inv(np.linalg.inv(prior) + information), np.float64)

@@ -29,13 +29,13 @@ class ClockSettings:
         2e-5, limits=(0.0, 0.01), reason="seconds per second; quartz is good to 20 ppm, and to 50 when it is cold"
     )
     window: float = setting(
-        2.0,
+        4.0,
         unit="s",
         limits=(0.5, 60.0),
-        reason="clocks are asked once in this time: long enough for limbs to swing, short enough to notice a jump",
+        reason="clocks are asked once in this time: of 2 s they are learned half as well, and a jump shows in any case",
     )
     lookahead: float = setting(
-        6.0,
+        8.0,
         unit="s",
         limits=(0.0, 600.0),
         reason="offline, how far ahead of the body clocks are learned; some seconds of motion make them good to 1 ms",

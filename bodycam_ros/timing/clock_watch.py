@@ -4,7 +4,7 @@ Offline it looks some seconds ahead of the body; live it lets everything pass at
 """
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,68 +12,29 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.clock_filter import ClockFilter
+from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
-from bodycam_ros.timing.shared_beat import SharedBeat, shared_beat
+from bodycam_ros.timing.clock_state import ClockJump, ClockState
+from bodycam_ros.timing.intervals import Intervals
+from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
 
 _LISTEN_NS = 1_000_000_000
 """Before anything is said of the beat, cameras are listened to for so long."""
 
-_MARGIN_NS = 300_000_000
-"""Images beyond the ends of a window, for the paths at its ends and for clocks that are off."""
-
-_SURPRISE = 5.0
-_BREAK_NS = 4_000_000
-"""An interval between images that is no multiple of the usual one by so much: a clock was set."""
-
-_STEADY_SHARE = 0.9
-"""Of a camera's intervals that must be multiples, or its rate varies and a gap says nothing."""
-
-
-@dataclass(frozen=True)
-class ClockState:
-    """One camera's clock, from one stamp on.
-
-    Attributes:
-        since_ns: first stamp that it holds for, by the camera's own clock [ns].
-        at_ns: stamp at which the offset holds [ns].
-        offset: by how much the camera's stamps are ahead [s].
-        drift: by which that grows per second.
-        offset_sigma: [s].
-        drift_sigma: [s/s].
-    """
-
-    since_ns: int
-    at_ns: int
-    offset: float
-    drift: float
-    offset_sigma: float
-    drift_sigma: float
-
-    def offset_ns(self, stamp_ns: int) -> int:
-        """By how much the clock is ahead at a stamp [ns]."""
-        return round(1e9 * (self.offset + self.drift * 1e-9 * (stamp_ns - self.at_ns)))
-
-
-@dataclass(frozen=True)
-class ClockJump:
-    """A clock that jumped: which, when by its own stamps [ns], and by how much [s]."""
-
-    camera: str
-    stamp_ns: int
-    by_s: float
-
 
 @dataclass
 class _Heard:
+    """One camera: what is held, what may still be learned from, its clocks since the beginning, its intervals."""
+
     held: deque[LandmarkMatches] = field(default_factory=deque)
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
-    breaks: deque[int] = field(default_factory=deque)
-    intervals: deque[int] = field(default_factory=lambda: deque(maxlen=150))
+    intervals: Intervals = field(default_factory=Intervals)
     latest_ns: int = -1
+
+    def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
+        """Stamps (N) of the latest images [ns]."""
+        return np.array([image.stamp_ns for image in self.images if image.stamp_ns >= from_ns], np.int64)
 
 
 class ClockWatch:
@@ -87,7 +48,7 @@ class ClockWatch:
         live: whether to let everything pass at once.
 
     Attributes:
-        beat: what the stamps say, once they were listened to.
+        beat: what the stamps said, once they were listened to.
         jumps: clocks that jumped so far.
     """
 
@@ -99,28 +60,29 @@ class ClockWatch:
         floor: NDArray[np.float64],
         live: bool,
     ) -> None:
-        self._body = body
-        self._settings = settings
-        self._floor = floor
+        self._body, self._settings, self._floor = body, settings, floor
         self._lookahead_ns = 0 if live else round(1e9 * settings.lookahead)
         self._window_ns = round(1e9 * settings.window)
         self._heard = {camera: _Heard() for camera in cameras}
+        self._learner: ClockLearner | None = None
+        self._first_ns = self._latest_ns = self._window_from_ns = -1
         self.jumps: list[ClockJump] = []
         self.beat: SharedBeat | None = None
-        self._order: tuple[str, ...] = ()
-        self._begin()
 
-    def _begin(self) -> None:
-        self._filter: ClockFilter | None = None
-        self._first_ns = self._latest_ns = -1
-        self._window_from_ns = self._filter_ns = -1
-
+    @property
     def clocks(self) -> dict[str, ClockState]:
         """Camera -> its clock as it is believed to be now."""
         return {camera: heard.clocks[-1] for camera, heard in self._heard.items() if heard.clocks}
 
+    @property
+    def sharing(self) -> frozenset[str]:
+        """Cameras that share their stamps with most others, and always did."""
+        if self.beat is None or self._learner is None:
+            return frozenset()
+        return self.beat.together - self._learner.strayed
+
     def join(self, camera: str) -> None:
-        """One more camera; it is listened to from the next window on."""
+        """Listen to one more camera."""
         self._heard.setdefault(camera, _Heard())
 
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
@@ -128,214 +90,138 @@ class ClockWatch:
         heard = self._heard.get(matches.camera)
         if heard is None:
             return []
-        passed = []
-        if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS:
-            # Time begins anew, as when a bag is played again: what is known of clocks stays.
-            passed = self._release(None)
-            for other in self._heard.values():
-                other.images.clear()
-                other.breaks.clear()
-                other.latest_ns = -1
-            self._first_ns = self._latest_ns = -1
-            self._window_from_ns = -1
-        self._note_interval(heard, matches)
+        passed = self._begin_anew() if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS else []
+        heard.intervals.add(matches.stamp_ns)
         heard.latest_ns = matches.stamp_ns
         heard.held.append(matches)
         heard.images.append(matches)
         self._latest_ns = max(self._latest_ns, matches.stamp_ns)
         if self._first_ns < 0:
-            self._first_ns = matches.stamp_ns
-        if self.beat is None:
+            self._first_ns = self._window_from_ns = matches.stamp_ns
+        if self._learner is None:
             if self._latest_ns - self._first_ns < _LISTEN_NS:
                 return passed
             self._listen()
-        if self._window_from_ns < 0:
-            self._window_from_ns = self._first_ns
-        while self._latest_ns > self._window_from_ns + self._window_ns + _MARGIN_NS:
-            self._ask(self._window_from_ns, self._window_from_ns + self._window_ns)
+        elif not heard.clocks and matches.stamp_ns - heard.images[0].stamp_ns >= _LISTEN_NS:
+            self._admit(matches.camera)
+        while self._latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS:
+            self._learn_until(self._window_from_ns + self._window_ns)
         return passed + self._release(self._window_from_ns - self._lookahead_ns if self._lookahead_ns else None)
 
     def flush(self) -> list[LandmarkMatches]:
         """All that is held; the recording is over."""
-        if self.beat is None and self._first_ns >= 0:
+        if self._learner is None and self._first_ns >= 0:
             self._listen()
-        if self._window_from_ns < 0:
-            self._window_from_ns = self._first_ns
-        if self._latest_ns - self._window_from_ns > self._window_ns // 4:
-            self._ask(self._window_from_ns, self._latest_ns + 1)
+        while self._latest_ns - self._window_from_ns > self._window_ns // 4:
+            self._learn_until(self._latest_ns + 1)
         return self._release(None)
 
+    def _begin_anew(self) -> list[LandmarkMatches]:
+        """Time goes back, as when a bag is played again: what is known of clocks stays; what was held goes on."""
+        passed = self._release(None)
+        for heard in self._heard.values():
+            heard.images.clear()
+            heard.intervals = Intervals()
+            heard.latest_ns = -1
+            heard.clocks = [replace(clock, since_ns=0) for clock in heard.clocks[-1:]]
+        self._first_ns = self._latest_ns = self._window_from_ns = -1
+        return passed
+
     def _listen(self) -> None:
-        """Find out who goes with whom, and begin to estimate."""
-        stamps = {camera: np.array([m.stamp_ns for m in h.images], np.int64) for camera, h in self._heard.items()}
-        self.beat = shared_beat(
-            {camera: s for camera, s in stamps.items() if len(s)}, self._body.cameras_on(self._body.root)
-        )
-        reference = self.beat.reference
-        self._order = (reference, *(camera for camera in self._heard if camera != reference))
-        self._filter = ClockFilter([camera in self.beat.together for camera in self._order], self._settings)
-        self._filter_ns = self._first_ns
-        for heard in self._heard.values():
-            heard.clocks = [ClockState(0, self._first_ns, 0.0, 0.0, self._settings.sigma, self._settings.drift_sigma)]
+        """Find out who goes with whom, and begin to learn."""
+        stamps = {camera: own for camera, heard in self._heard.items() if len(own := heard.stamps_ns())}
+        self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root))
+        self._learner = ClockLearner(self._body, self._settings, self._floor, self._first_ns)
+        for camera in sorted(stamps, key=lambda camera: (camera != self.beat.reference, camera)):  # type: ignore[union-attr]
+            self._enter(camera, camera in self.beat.together)
 
-    def _note_interval(self, heard: _Heard, matches: LandmarkMatches) -> None:
-        """Remember where a camera's clock may have been set: an interval that is no multiple of the usual one."""
-        if heard.latest_ns < 0:
-            return
-        interval = matches.stamp_ns - heard.latest_ns
-        if len(heard.intervals) > 20:
-            intervals = np.array(heard.intervals)
-            period = float(np.median(intervals))
-            if (
-                np.mean(_off_beat(intervals, period) < _BREAK_NS) > _STEADY_SHARE
-                and _off_beat(interval, period) > _BREAK_NS
-            ):
-                heard.breaks.append(matches.stamp_ns)
-                return
-        heard.intervals.append(interval)
+    def _admit(self, camera: str) -> None:
+        """A camera that came late: does it share its stamps with the others?"""
+        assert self.beat is not None
+        own = self._heard[camera].stamps_ns()
+        others = [self._heard[other].stamps_ns(int(own[0])) for other in self.sharing]
+        triggered = any(len(stamps) > 1 and go_together(own, stamps) for stamps in others)
+        if triggered:
+            self.beat = replace(self.beat, together=self.beat.together | {camera})
+        self._enter(camera, triggered)
 
-    def _ask(self, from_ns: int, to_ns: int) -> None:
-        """Learn from a window; it is cut where a clock may have been set."""
-        cut = min((stamp for h in self._heard.values() for stamp in h.breaks if from_ns < stamp < to_ns), default=None)
-        if cut is not None:
-            cut_from = {camera for camera, h in self._heard.items() if h.breaks and h.breaks[0] == cut}
-            self._ask_within(from_ns, cut)
-            for camera in cut_from:
-                self._heard[camera].breaks.popleft()
-                self._cut(camera, cut)
-            self._window_from_ns = cut
-            return
-        self._ask_within(from_ns, to_ns)
-        self._window_from_ns = to_ns
-        for heard in self._heard.values():
-            while heard.images and heard.images[0].stamp_ns < to_ns - 2 * _MARGIN_NS:
+    def _enter(self, camera: str, triggered: bool) -> None:
+        assert self._learner is not None
+        self._learner.admit(camera, triggered)
+        sigma = self._settings.trigger_sigma if triggered else self._settings.sigma
+        self._heard[camera].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, self._settings.drift_sigma)]
+
+    def _learn_until(self, to_ns: int) -> None:
+        """Learn from the window that begins where the last one ended; it ends early where a clock may have been set."""
+        assert self._learner is not None
+        from_ns = self._window_from_ns
+        breaks = {camera: heard.intervals.first_break(from_ns, to_ns) for camera, heard in self._heard.items()}
+        cut_ns = min((stamp for stamp in breaks.values() if stamp is not None), default=None)
+        until_ns = to_ns if cut_ns is None else cut_ns
+        if until_ns - from_ns >= self._window_ns // 8:
+            self._look_for_strays(from_ns, until_ns)
+            images = {camera: list(heard.images) for camera, heard in self._heard.items()}
+            for camera, clock in self._learner.learn(images, from_ns, until_ns).items():
+                self._set(camera, clock, from_ns, until_ns)
+        self._window_from_ns = until_ns
+        for camera, heard in self._heard.items():
+            if cut_ns is not None and breaks[camera] == cut_ns and heard.clocks:
+                # From here on its clock may be another.
+                self._learner.stray(camera)
+                heard.clocks.append(replace(heard.clocks[-1], since_ns=cut_ns, at_ns=cut_ns))
+                heard.images = deque(image for image in heard.images if image.stamp_ns >= cut_ns)
+            while heard.images and heard.images[0].stamp_ns < until_ns - 2 * MARGIN_NS:
                 heard.images.popleft()
-            while heard.breaks and heard.breaks[0] < to_ns:
-                heard.breaks.popleft()
 
-    def _cut(self, camera: str, stamp_ns: int) -> None:
-        """From a stamp on a camera's clock may be another."""
-        assert self._filter is not None
-        heard = self._heard[camera]
-        if camera != self._order[0]:
-            self._filter.free(self._order.index(camera))
-        heard.clocks.append(replace(heard.clocks[-1], since_ns=stamp_ns, at_ns=stamp_ns))
-        heard.images = deque(image for image in heard.images if image.stamp_ns >= stamp_ns)
-
-    def _ask_within(self, from_ns: int, to_ns: int) -> None:
-        if self._filter is None or to_ns - from_ns < self._window_ns // 8:
+    def _look_for_strays(self, from_ns: int, to_ns: int) -> None:
+        """Whose stamps wander away from those that they were the same as: a clock of its own drifts."""
+        assert self._learner is not None
+        stamps = {camera: self._heard[camera].stamps_ns(from_ns) for camera in self.sharing}
+        lively = {camera: own[own < to_ns] for camera, own in stamps.items() if np.sum(own < to_ns) > 1}
+        if len(lively) < 3:
             return
-        self._filter.advance(1e-9 * (to_ns - self._filter_ns))
-        self._filter_ns = to_ns
-        evidence = self._evidence(from_ns, to_ns)
-        if evidence is None:
-            return
-        told = evidence.information / self._settings.instants_alike
-        surprises = self._filter.surprises(evidence.delays, told)
-        off = [
-            int(row)
-            for row in np.flatnonzero((surprises > _SURPRISE) & (np.abs(evidence.delays) > self._settings.jump))
-            if row != 0
-        ]
-        if off:
-            for row in off:
-                self._filter.free(row)
-            evidence = self._evidence(from_ns, to_ns) or evidence
-            told = evidence.information / self._settings.instants_alike
-        self._filter.learn(evidence.delays, told)
-        for row, camera in enumerate(self._order):
-            self._set(camera, row, to_ns, from_ns if row in off else None)
+        together = shared_beat(lively).together
+        for camera in sorted(set(lively) - together) if together else []:
+            self._learner.stray(camera)
 
-    def _set(self, camera: str, row: int, at_ns: int, jumped_ns: int | None) -> None:
-        """Take over what the filter says of a clock; from a stamp on if it jumped there."""
-        assert self._filter is not None
+    def _set(self, camera: str, clock: Clock, from_ns: int, at_ns: int) -> None:
+        """Take over what was learned of a clock; from the window's first stamp on if it jumped there."""
         clocks = self._heard[camera].clocks
-        if not clocks:
-            return
-        offset, drift = float(self._filter.offsets[row]), float(self._filter.drifts[row])
-        sigmas = float(self._filter.offset_sigmas[row]), float(self._filter.drift_sigmas[row])
-        before = clocks[-1]
-        at_own_ns = at_ns + round(1e9 * offset)
-        since_ns = before.since_ns
-        if jumped_ns is not None and before.offset_sigma < self._settings.sigma / 2:
-            since_ns = jumped_ns
-            clocks.append(before)
-        clocks[-1] = ClockState(since_ns, at_own_ns, offset, drift, *sigmas)
-        if len(clocks) > 1 and clocks[-2].since_ns != clocks[-1].since_ns:
+        since_ns = clocks[-1].since_ns
+        if clock.jumped and from_ns > max(since_ns, self._first_ns):
+            since_ns = from_ns
+            clocks.append(clocks[-1])
+        clocks[-1] = ClockState(
+            since_ns,
+            at_ns + round(1e9 * clock.offset),
+            clock.offset,
+            clock.drift,
+            clock.offset_sigma,
+            clock.drift_sigma,
+        )
+        if len(clocks) > 1:
             self._note_jump(camera, clocks[-2], clocks[-1])
 
     def _note_jump(self, camera: str, before: ClockState, after: ClockState) -> None:
         by_s = 1e-9 * (after.offset_ns(after.since_ns) - before.offset_ns(after.since_ns))
         self.jumps = [jump for jump in self.jumps if (jump.camera, jump.stamp_ns) != (camera, after.since_ns)]
-        if abs(by_s) > self._settings.jump:
+        if abs(by_s) > max(self._settings.jump, 3.0 * after.offset_sigma):
             self.jumps.append(ClockJump(camera, after.since_ns, by_s))
-
-    def _evidence(self, from_ns: int, to_ns: int) -> ClockEvidence | None:
-        """What the images of a window say, given the filter's present."""
-        assert self._filter is not None
-        tracks: dict[str, CameraTrack] = {}
-        shifts = np.zeros(len(self._order))
-        evidence = None
-        for _ in range(2):
-            for row, camera in enumerate(self._order):
-                ahead_ns = round(1e9 * float(self._filter.offsets[row] + shifts[row]))
-                tracks[camera] = self._track(camera, ahead_ns, from_ns, to_ns)
-            step_ns = round(1e9 / self._settings.instants)
-            stamps = np.arange(from_ns, to_ns, step_ns, dtype=np.int64)
-            prior = self._filter.prior_information * self._settings.instants_alike
-            found = clock_evidence(self._body, tracks, stamps, self._settings.max_gap, prior, -shifts)
-            if found is None:
-                return None
-            evidence = replace(found, delays=found.delays + shifts)
-            if np.abs(found.delays).max() < self._settings.settled:
-                break
-            shifts = evidence.delays
-        return evidence
-
-    def _track(self, camera: str, ahead_ns: int, from_ns: int, to_ns: int) -> CameraTrack:
-        images = [
-            image
-            for image in self._heard[camera].images
-            if image.world_T_camera is not None
-            and from_ns - _MARGIN_NS <= image.stamp_ns - ahead_ns <= to_ns + _MARGIN_NS
-        ]
-        if not images:
-            return CameraTrack(CameraPath(np.zeros(0, np.int64), np.zeros((0, 4, 4))), np.zeros((0, 6, 6)))
-        path = CameraPath(
-            np.array([image.stamp_ns - ahead_ns for image in images], np.int64),
-            np.stack([image.world_T_camera for image in images if image.world_T_camera is not None]),
-        )
-        return CameraTrack(path, np.stack([image.pose_covariance for image in images]) + self._floor)
 
     def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
         """What is held of the time before a stamp (of all time), in order of corrected stamps."""
         passed = []
         for heard in self._heard.values():
             while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):
-                passed.append(self._corrected(heard, heard.held.popleft()))
+                passed.append(_corrected(heard.held.popleft(), heard.clocks))
         return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))
 
-    def _corrected(self, heard: _Heard, matches: LandmarkMatches) -> LandmarkMatches:
-        if not heard.clocks:
-            return matches
-        clock = next(clock for clock in reversed(heard.clocks) if clock.since_ns <= matches.stamp_ns)
-        ahead_ns = clock.offset_ns(matches.stamp_ns)
-        if ahead_ns == 0:
-            return matches
-        previous_ns = matches.previous_stamp_ns
-        return replace(
-            matches,
-            stamp_ns=matches.stamp_ns - ahead_ns,
-            previous_stamp_ns=previous_ns - ahead_ns if previous_ns else 0,
-        )
 
-
-def _off_beat(intervals: NDArray[np.int64] | int, period: float) -> NDArray[np.float64]:
-    """How far intervals are from multiples of a period, at least one [ns]."""
-    values = np.asarray(intervals, np.float64)
-    return np.asarray(np.abs(values - np.maximum(1.0, np.rint(values / period)) * period))
-
-
-def believed_offsets(clocks: Mapping[str, ClockState]) -> dict[str, float]:
-    """Camera -> by how much its clock is ahead [s]."""
-    return {camera: clock.offset for camera, clock in clocks.items()}
+def _corrected(matches: LandmarkMatches, clocks: list[ClockState]) -> LandmarkMatches:
+    """With stamps of the recording's time, by the clock that held then."""
+    clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
+    ahead_ns = clock.offset_ns(matches.stamp_ns) if clock else 0
+    if ahead_ns == 0:
+        return matches
+    previous_ns = matches.previous_stamp_ns - ahead_ns if matches.previous_stamp_ns else 0
+    return replace(matches, stamp_ns=matches.stamp_ns - ahead_ns, previous_stamp_ns=previous_ns)

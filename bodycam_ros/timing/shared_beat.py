@@ -38,7 +38,7 @@ def shared_beat(stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str
     if not heard:
         return SharedBeat(frozenset(stamps_ns), 0, next(iter(stamps_ns)))
     groups = [
-        frozenset(other for other in heard if _go_together(heard[other], heard[camera])) for camera in sorted(heard)
+        frozenset(other for other in heard if go_together(heard[other], heard[camera])) for camera in sorted(heard)
     ]
     largest = max(groups, key=len)
     together = largest if 2 * len(largest) > len(heard) else frozenset[str]()
@@ -47,7 +47,8 @@ def shared_beat(stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str
     return SharedBeat(together, round(float(np.median(periods))), candidates[0])
 
 
-def _go_together(own_ns: NDArray[np.int64], other_ns: NDArray[np.int64]) -> bool:
+def go_together(own_ns: NDArray[np.int64], other_ns: NDArray[np.int64]) -> bool:
+    """Whether most stamps (N) of a camera are those (M) of another, where both were heard [ns]."""
     inside = own_ns[(own_ns >= other_ns[0] - _TOGETHER_NS) & (own_ns <= other_ns[-1] + _TOGETHER_NS)]
     if not len(inside):
         return False

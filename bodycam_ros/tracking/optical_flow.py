@@ -23,7 +23,7 @@ class OpticalFlowSettings:
         3, limits=(0, 6), reason="3 reach 60 px from the prediction, more than a limb's surprise in 1/30 s"
     )
     forward_backward_px: float = setting(
-        0.5, unit="px", limits=(0.05, 5.0), reason="a point that does not come back to within this is lost"
+        0.8, unit="px", limits=(0.05, 5.0), reason="a point that does not come back to within this is lost"
     )
 
 
