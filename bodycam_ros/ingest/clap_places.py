@@ -19,6 +19,8 @@ from bodycam_ros.settings import setting
 Array = NDArray[np.float64]
 
 _LOUD_DB = 30.0  # rise of a clap at arm's length; louder is not worth more
+_FIRST_ONES = 6  # loudest cameras, of which two are laid upon each other first
+_AS_SURE = 0.7  # of the surest: these are laid in one round
 _EDGE_S = 120.0  # claps are within this of the beginning and the end
 
 
@@ -32,7 +34,11 @@ class ClapSettings:
     largest_drift: float = setting(
         200e-6, limits=(0.0, 0.01), reason="twice what a crystal in the cold differs from one in the sun"
     )
-    most_peaks: int = setting(150, limits=(4, 2000), reason="of a camera; the search takes the square of it")
+    most_peaks: int = setting(
+        90,
+        limits=(6, 2000),
+        reason="that take part: loudest at the beginning, at the end, of all; the search squares it",
+    )
     min_score: float = setting(
         0.35, limits=(0.0, 10.0), reason="a clap that both hear clearly is worth 0.7 to 1, a bump met by chance 0.1"
     )
@@ -83,7 +89,10 @@ class Place:
 def places_of(listeners: Mapping[str, Listener], settings: ClapSettings) -> dict[str, Place]:
     """Where cameras lie in the time of one of them, by growing from the two that agree best."""
     best: tuple[float, str, str] | None = None
-    for one, other in combinations(listeners, 2):
+    eager = sorted(listeners, key=lambda name: -listeners[name].times.weights.sum())[:_FIRST_ONES]
+    for one, other in [*combinations(eager, 2), *combinations(listeners, 2)]:
+        if best is not None and not {one, other} <= set(eager):
+            break
         ways = _ways([listeners[one]], [Place(0.0, 0.0, 1.0)], listeners[other], settings)
         if ways and _is_sure(ways, settings):
             rank = ways[0].score * _confidence(ways)
@@ -101,11 +110,12 @@ def places_of(listeners: Mapping[str, Listener], settings: ClapSettings) -> dict
         sure = {name: ways for name, ways in offers.items() if ways and _is_sure(ways, settings)}
         if not sure:
             break
-        name = max(sure, key=lambda name: sure[name][0].score * _confidence(sure[name]))
-        places[name] = Place(sure[name][0].shift, sure[name][0].drift, min(1.0, _confidence(sure[name])))
-        if len(places) == 2:
-            places[best[1]] = replace(places[best[1]], confidence=places[name].confidence)
-        waiting.remove(name)
+        ranks = {name: ways[0].score * _confidence(ways) for name, ways in sure.items()}
+        for name in [name for name in sure if ranks[name] >= _AS_SURE * max(ranks.values())]:
+            places[name] = Place(sure[name][0].shift, sure[name][0].drift, min(1.0, _confidence(sure[name])))
+            waiting.remove(name)
+        if best[1] in places and places[best[1]].confidence == 1.0 and best[2] in places:
+            places[best[1]] = replace(places[best[1]], confidence=places[best[2]].confidence)
     return places if len(places) > 1 else {}
 
 
@@ -135,7 +145,8 @@ def _ways(
         member = strongest[first]
         return likeness(bases[owners[member]].spectra[numbers[member]], candidate.spectra[second])[0]
 
-    ordered = np.argsort(at, kind="stable")
+    worthiest = np.argsort(-worth, kind="stable")[: settings.most_peaks]
+    ordered = worthiest[np.argsort(at[worthiest], kind="stable")]
     shared = np.array([len(group) > 1 for group in members])
     first = WeightedTimes(at[ordered], worth[ordered], spans, shared[ordered])
     return spacings(

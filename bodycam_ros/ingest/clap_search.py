@@ -95,15 +95,14 @@ def spacings(
     drifts = np.linspace(-largest_drift, largest_drift, count) if count > 1 else np.zeros(1)
 
     found: list[tuple[float, float, float]] = []
-    lowest = float(differences.min()) - largest_drift * span - tolerance
-    bins = int((float(differences.max()) + largest_drift * span + tolerance - lowest) / tolerance) + 2
     for drift in drifts:
         at = (differences - drift * (second.times - middle)).ravel()
-        cells = ((at - lowest) / tolerance).astype(np.int64)
-        votes = np.bincount(cells, worth, bins)
-        votes = votes[:-1] + votes[1:]  # a cluster may lie across an edge
-        for cell in np.argsort(votes)[-most:]:
-            found.append((float(votes[cell]), lowest + (cell + 1) * tolerance, float(drift)))
+        order = np.argsort(at)
+        at = at[order]
+        sums = np.concatenate((np.zeros(1), np.cumsum(worth[order])))
+        votes = sums[np.searchsorted(at, at + 2.0 * tolerance, side="right")] - sums[:-1]
+        for cell in np.argpartition(votes, -min(most, len(votes)))[-most:]:
+            found.append((float(votes[cell]), float(at[cell]) + tolerance, float(drift)))
     found.sort(reverse=True)
 
     results: list[Spacing] = []
