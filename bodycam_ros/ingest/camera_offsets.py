@@ -237,9 +237,8 @@ def _doubts(
 
 
 def _why_not(sound: CameraSound, placed: Sequence[str], others: Sequence[TimeSource]) -> str:
-    reason = (
-        _deaf(sound) or f"its sound has nothing in common with that of {placed[0] if placed else 'any other camera'}"
-    )
+    whose = f"that of {placed[0]}" if placed else "another camera's"
+    reason = _deaf(sound) or f"its sound has too little in common with {whose}, or fits at several times alike"
     asked = f"; {' and '.join(other.name for other in others)} cannot tell either" if others else ""
     return reason + asked
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bodycam_ros.ingest.arrival import LIKE, likeness, spectrum
 from bodycam_ros.ingest.clap_search import Spacing, WeightedTimes, spacings
 from bodycam_ros.ingest.sound_peaks import CameraSound, SoundPeak
-from bodycam_ros.settings import setting
+from bodycam_ros.ingest.sound_settings import ClapSettings
 
 Array = NDArray[np.float64]
 
@@ -22,36 +22,6 @@ _LOUD_DB = 30.0  # rise of a clap at arm's length; louder is not worth more
 _FIRST_ONES = 6  # loudest cameras, of which two are laid upon each other first
 _AS_SURE = 0.7  # of the surest: these are laid in one round
 _EDGE_S = 120.0  # claps are within this of the beginning and the end
-
-
-@dataclass(frozen=True)
-class ClapSettings:
-    """When sounds are the same, and when a camera may be trusted to them."""
-
-    tolerance: float = setting(
-        0.008, unit="s", limits=(0.001, 0.1), reason="travel over 2 m, and 2 ms by which AAC smears a beginning"
-    )
-    largest_drift: float = setting(
-        200e-6, limits=(0.0, 0.01), reason="twice what a crystal in the cold differs from one in the sun"
-    )
-    most_peaks: int = setting(
-        90,
-        limits=(6, 2000),
-        reason="that take part: loudest at the beginning, at the end, of all; the search squares it",
-    )
-    min_score: float = setting(
-        0.35, limits=(0.0, 10.0), reason="a clap that both hear clearly is worth 0.7 to 1, a bump met by chance 0.1"
-    )
-    min_confidence: float = setting(
-        0.25, limits=(0.0, 1.0), reason="lead over the second best spacing; below, claps alone do not decide"
-    )
-    most_sounds: int = setting(60, limits=(2, 500), reason="common sounds that clocks are fitted to, claps first")
-    min_share: float = setting(
-        0.5, limits=(0.0, 1.0), reason="of the cameras that ran, which must have heard a sound for it to be a clap"
-    )
-    min_loudness: float = setting(
-        0.4, limits=(0.0, 1.0), reason="of the worth of the loudest common sound; quieter ones help, but are no claps"
-    )
 
 
 class Listener:
@@ -95,7 +65,7 @@ def places_of(listeners: Mapping[str, Listener], settings: ClapSettings) -> dict
             break
         ways = _ways([listeners[one]], [Place(0.0, 0.0, 1.0)], listeners[other], settings)
         if ways and _is_sure(ways, settings):
-            rank = ways[0].score * _confidence(ways)
+            rank = ways[0].rank * _confidence(ways)
             if best is None or rank > best[0]:
                 best = (rank, one, other)
     if best is None:
@@ -110,7 +80,7 @@ def places_of(listeners: Mapping[str, Listener], settings: ClapSettings) -> dict
         sure = {name: ways for name, ways in offers.items() if ways and _is_sure(ways, settings)}
         if not sure:
             break
-        ranks = {name: ways[0].score * _confidence(ways) for name, ways in sure.items()}
+        ranks = {name: ways[0].rank * _confidence(ways) for name, ways in sure.items()}
         for name in [name for name in sure if ranks[name] >= _AS_SURE * max(ranks.values())]:
             places[name] = Place(sure[name][0].shift, sure[name][0].drift, min(1.0, _confidence(sure[name])))
             waiting.remove(name)
@@ -180,5 +150,5 @@ def _confidence(ways: Sequence[Spacing]) -> float:
     """Lead of the best over the second best, 0 to 1."""
     if ways[0].score <= 0.0:
         return 0.0
-    second = max(0.0, ways[1].score) if len(ways) > 1 else 0.0
-    return float(1.0 - second / ways[0].score)
+    second = max(0.0, ways[1].rank) if len(ways) > 1 else 0.0
+    return float(1.0 - second / ways[0].rank)

@@ -13,6 +13,8 @@ _APART_S = 0.05  # two hypotheses nearer than this are one
 _UNHEARD = 0.3  # of a sound's weight, off where several heard it and a camera that ran did not
 _ALONE = 0.05  # of the weight of a sound that one camera alone heard: straps and hands knock on cameras
 _BY_TIME_ALONE = 0.3  # worth of a match of waveforms that have nothing in common
+_BY_ENDS = 0.5  # of a clap: cameras are started one after the other, and stopped so
+_NEAR_ENDS_S = 3.0
 _COUNTS_FROM = 0.25  # weight from which a sound is loud enough that it would be missed
 
 
@@ -50,6 +52,7 @@ class Spacing:
         firsts: (K,) sounds of the first set that meet one.
         seconds: (K,) the sounds of the second that they meet.
         alike: how alike the waveforms of those are that are most alike, 0 to 1.
+        together: up to 0.5, more if somebody of both began or ended at the same time.
     """
 
     shift: float
@@ -58,6 +61,12 @@ class Spacing:
     firsts: NDArray[np.int64]
     seconds: NDArray[np.int64]
     alike: float
+    together: float
+
+    @property
+    def rank(self) -> float:
+        """The greater, the likelier; of one clap, which may be the first or the last, ``together`` decides."""
+        return self.score + self.together
 
 
 Alike = Callable[[int, int], float]
@@ -114,7 +123,7 @@ def spacings(
         results.append(_looked_at(first, second, (shift, drift, middle), tolerance, alike))
         if len(results) == most:
             break
-    return sorted(results, key=lambda spacing: -spacing.score)
+    return sorted(results, key=lambda spacing: -spacing.rank)
 
 
 def _looked_at(
@@ -140,8 +149,19 @@ def _looked_at(
     there = WeightedTimes(moved, second.weights, span, second.shared)
     missed = _missed(first, firsts, there, tolerance) + _missed(there, seconds, first, tolerance)
     return Spacing(
-        shift - drift * middle, drift, float(worth.sum()) - missed, firsts, seconds, float(likes.max(initial=0.0))
+        shift - drift * middle,
+        drift,
+        float(worth.sum()) - missed,
+        firsts,
+        seconds,
+        float(likes.max(initial=0.0)),
+        _together(first.spans, span),
     )
+
+
+def _together(first: Array, second: Array) -> float:
+    gaps = np.abs(first[:, None, :] - second[None, :, :])
+    return _BY_ENDS * float(np.exp(-gaps.min() / _NEAR_ENDS_S))
 
 
 def _meetings(first: Array, moved: Array, tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

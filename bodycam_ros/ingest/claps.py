@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.clap_places import ClapSettings, Listener, places_of
-from bodycam_ros.ingest.clock_fit import Clocks, ClockSettings, HeardSounds, fit_clocks
+from bodycam_ros.ingest.clap_places import Listener, places_of
+from bodycam_ros.ingest.clock_fit import Clocks, HeardSounds, fit_clocks
 from bodycam_ros.ingest.common_sounds import SoundGroup, common_sounds, heard_sounds, worthiest
 from bodycam_ros.ingest.sound_peaks import CameraSound, SoundPeak
+from bodycam_ros.ingest.sound_settings import ClapSettings, ClockSettings
 
 _LOOKS = 3  # places, then clocks, then exact arrivals: each look groups peaks by what the one before found
 
@@ -111,7 +112,7 @@ def _joined_to(reference: int, table: HeardSounds, cameras: int) -> NDArray[np.b
 def _sounds(
     groups: Sequence[SoundGroup], table: HeardSounds, clocks: Clocks, names: Sequence[str], settings: ClapSettings
 ) -> tuple[CommonSound, ...]:
-    loudest = max(group.weight for group in groups)
+    loudness = _loudness(groups)
     sounds = []
     for number, group in enumerate(groups):
         rows = np.flatnonzero(table.sound == number)
@@ -123,7 +124,19 @@ def _sounds(
                 dict(zip(cameras, clocks.residuals_s[rows].tolist(), strict=True)),
                 {names[camera]: peak for camera, peak in group.members.items()},
                 group.share,
-                group.share >= settings.min_share and group.weight >= settings.min_loudness * loudest,
+                group.share >= settings.min_share and loudness[number] >= settings.min_loudness * max(loudness),
             )
         )
     return tuple(sounds)
+
+
+def _loudness(groups: Sequence[SoundGroup]) -> list[float]:
+    """How loud each sound is, whatever the gain of those that heard it: the median of its share of their loudest."""
+    loudest: dict[int, float] = {}
+    for group in groups:
+        for camera, peak in group.members.items():
+            loudest[camera] = max(loudest.get(camera, 0.0), peak.amplitude)
+    return [
+        float(np.median([peak.amplitude / max(loudest[camera], 1e-9) for camera, peak in group.members.items()]))
+        for group in groups
+    ]

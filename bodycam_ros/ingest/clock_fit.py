@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.settings import setting
+from bodycam_ros.ingest.sound_settings import ClockSettings
 
 Array = NDArray[np.float64]
 
@@ -17,33 +17,6 @@ SOUND_SPEED = 343.0
 
 _ROUNDS = 30
 _CAUCHY = 2.4  # sigmas: the usual constant, 95 % efficient where nothing is wrong
-
-
-@dataclass(frozen=True)
-class ClockSettings:
-    """How clocks go, and how far a sound has to travel."""
-
-    reference: str = setting("", reason="camera whose time is the recording's; empty: the one that shares most sounds")
-    wearer_claps: bool = setting(
-        False, reason="the wearer's own hands clap, and not a board beside: nominal ways to the segments are taken off"
-    )
-    drift_sigma: float = setting(
-        100e-6,
-        limits=(1e-7, 1e-2),
-        reason="of two cameras: crystals are sold with 20 to 50 ppm, and get warm; claps a minute apart outweigh it",
-    )
-    distance_sigma: float = setting(
-        0.3,
-        unit="m",
-        limits=(0.0, 10.0),
-        reason="spread of the ways from a clap to the cameras of a body: 3 ms a metre",
-    )
-    moved_sigma: float = setting(
-        0.1, unit="m", limits=(0.0, 10.0), reason="by how much these ways differ between claps in much the same posture"
-    )
-    same_posture: float = setting(
-        2.0, unit="s", limits=(0.0, 60.0), reason="sounds nearer than this come by the same ways and count as one"
-    )
 
 
 @dataclass(frozen=True, eq=False)

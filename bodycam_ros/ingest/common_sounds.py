@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.ingest.arrival import arrivals
-from bodycam_ros.ingest.clap_places import ClapSettings, clusters, peak_weight
+from bodycam_ros.ingest.clap_places import clusters, peak_weight
 from bodycam_ros.ingest.clock_fit import HeardSounds
 from bodycam_ros.ingest.sound_peaks import CameraSound, SoundPeak
+from bodycam_ros.ingest.sound_settings import ClapSettings
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from scipy.signal import resample
 
 from bodycam_ros.ingest.sound_bands import FRAME_S, Array, BandEnergies
 from bodycam_ros.ingest.sound_block import SoundBlock
-from bodycam_ros.settings import setting
+from bodycam_ros.ingest.sound_settings import PeakSettings
 
 SNIPPET_S, BEFORE_S = 0.06, 0.015
 """How much of the waveform of a peak is kept, and how much of that lies before it."""
@@ -33,20 +33,6 @@ _RATE_TOLERANCE_S = 0.02
 _FOLLOWED = 0.01  # share of a block's deviation that the clock of a run takes over: stamps are rounded
 
 
-@dataclass(frozen=True)
-class PeakSettings:
-    """What counts as a sudden sound, and how many are kept."""
-
-    min_rise_db: float = setting(
-        9.0, unit="dB", limits=(3.0, 40.0), reason="rise over the milliseconds before; even noise rises by up to 7"
-    )
-    min_gap: float = setting(0.05, unit="s", limits=(0.01, 1.0), reason="of two nearer peaks the weaker is an echo")
-    window: float = setting(20.0, unit="s", limits=(1.0, 600.0), reason="sounds compete for a place within this long")
-    most_per_window: int = setting(
-        12, limits=(2, 200), reason="bounds memory: a dribbled ball, each bounce a peak, must not fill it"
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class SoundPeak:
     """A sudden sound.
@@ -55,6 +41,7 @@ class SoundPeak:
         media_s: when it begins, to a millisecond [s].
         rise_db: by how much it is louder than what was before, in the two bands that rise most [dB].
         sharpness: 1 if the whole rise takes no longer than a few milliseconds, 0 if it is slow.
+        amplitude: of its largest sample; full scale is 1.
         snippet: (1440,) float16 waveform of 60 ms from 15 ms before ``snippet_s`` on, its largest value 1.
         snippet_s: media time of the snippet's first sample [s].
     """
@@ -62,6 +49,7 @@ class SoundPeak:
     media_s: float
     rise_db: float
     sharpness: float
+    amplitude: float
     snippet: NDArray[np.float16]
     snippet_s: float
 
@@ -209,9 +197,14 @@ class _Run:
         around = self._energies[:, max(0, frame - 3) : frame + 6].sum(axis=0)
         middle = max(0, frame - 3) + int(np.argmax(np.diff(around, prepend=around[0])))
         sample = (self._first_frame + middle) * FRAME_S * self._rate_hz
-        snippet, first = self._snippet(sample)
+        snippet, amplitude, first = self._snippet(sample)
         peak = SoundPeak(
-            self._time_of(sample), strength, _sharpness(self._energies, middle), snippet, self._time_of(first)
+            self._time_of(sample),
+            strength,
+            _sharpness(self._energies, middle),
+            amplitude,
+            snippet,
+            self._time_of(first),
         )
         window = int(peak.media_s // self._settings.window)
         self._close_windows(window)
@@ -223,8 +216,8 @@ class _Run:
             self.peaks += strongest
             self._open_window = []
 
-    def _snippet(self, sample: float) -> tuple[NDArray[np.float16], int]:
-        """Waveform around a sample of the run, and the sample that it begins with."""
+    def _snippet(self, sample: float) -> tuple[NDArray[np.float16], float, int]:
+        """Waveform around a sample of the run, its largest value, and the sample that it begins with."""
         length = round(SNIPPET_S * self._rate_hz)
         first = round(sample - BEFORE_S * self._rate_hz)
         cut = np.zeros(length)
@@ -233,7 +226,7 @@ class _Run:
             cut[low - first : high - first] = self._samples[low - self._first_sample : high - self._first_sample]
         waveform = resample(cut, SNIPPET_SAMPLES)
         largest = float(np.abs(waveform).max())
-        return (waveform / largest if largest > 0.0 else waveform).astype(np.float16), first
+        return (waveform / largest if largest > 0.0 else waveform).astype(np.float16), largest, first
 
 
 def _mean_over(energies: Array, first: int, last: int) -> Array:

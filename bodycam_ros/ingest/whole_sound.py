@@ -8,37 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.clock_fit import SOUND_SPEED, ClockSettings
+from bodycam_ros.ingest.clock_fit import SOUND_SPEED
 from bodycam_ros.ingest.envelope_match import EnvelopeMatch, match_envelopes
 from bodycam_ros.ingest.sound_peaks import CameraSound
-from bodycam_ros.settings import setting
+from bodycam_ros.ingest.sound_settings import ClockSettings, WholeSoundSettings
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 40
 _CAUCHY = 2.4
-
-
-@dataclass(frozen=True)
-class WholeSoundSettings:
-    """When two sounds are taken for the same place and time."""
-
-    min_strength: float = setting(
-        8.0, limits=(4.0, 100.0), reason="sounds that have nothing in common reach 5 to 6 at some shift [sigmas]"
-    )
-    min_lead: float = setting(
-        0.25, limits=(0.0, 1.0), reason="over the second best shift; steps and bounces repeat, and so do shifts"
-    )
-    sigma: float = setting(
-        0.003, unit="s", limits=(1e-4, 0.1), reason="of a piece of 30 s, from steps of 2 ms of what rises for 4"
-    )
-    agreement: float = setting(
-        0.03,
-        unit="s",
-        limits=(0.001, 1.0),
-        reason="pairs that contradict the others round a cycle by more are left out",
-    )
-    largest_drift: float = setting(200e-6, limits=(0.0, 0.01), reason="as for claps")
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +125,15 @@ def _contradiction(pair: _Pair, starts: Mapping[str, float]) -> float:
 
 
 def _agreeing(pairs: list[_Pair], starts: Mapping[str, float], settings: WholeSoundSettings) -> dict[str, float]:
-    """Camera -> share of its pairs that agree with where all cameras are."""
+    """Camera -> share of its pairs that agree with where all cameras are; 0 where a lone pair closes no cycle."""
     counts: dict[str, list[bool]] = {}
     for pair in pairs:
         if pair.one in starts and pair.other in starts:
             agrees = abs(_contradiction(pair, starts)) <= settings.agreement
             counts.setdefault(pair.one, []).append(agrees)
             counts.setdefault(pair.other, []).append(agrees)
-    return {name: float(np.mean(agrees)) for name, agrees in counts.items()}
+    enough = 1 if len(starts) <= 2 else 2
+    return {name: float(np.mean(agrees)) if sum(agrees) >= enough else 0.0 for name, agrees in counts.items()}
 
 
 def _fit(

@@ -88,14 +88,9 @@ def test_cameras_that_miss_the_first_clap_or_the_last() -> None:
         "early": Recorder(0.8, 12.0, way_m=0.3),
     }
     offsets = camera_times(sources(recorders, CLAPS))
+    assert not offsets.unplaced
     for name in ("late", "early"):
-        if name in offsets.times:
-            assert abs(offsets.times[name].start_s - true_start(recorders, name, offsets.reference)) < 3e-3
-            assert any(remark.startswith(f"{name}: does not have the clap") for remark in offsets.remarks) or (
-                offsets.times[name].source != "claps"
-            )
-        else:
-            assert name in offsets.unplaced
+        assert any(remark.startswith(f"{name}: does not have the clap") for remark in offsets.remarks)
     assert worst_errors(recorders, offsets.reference, offsets.times)[0] < 3e-3
 
 
@@ -110,7 +105,7 @@ def test_without_claps_the_sound_as_a_whole_decides() -> None:
 
 
 def test_noise_alone_places_nobody() -> None:
-    with pytest.raises(RecordingError, match=r"waist: .*nothing in common.*Clap"):
+    with pytest.raises(RecordingError, match=r"waist: .*too little in common.*Clap"):
         camera_times(sources({name: replace(r, own=()) for name, r in RECORDERS.items()}, {}))
 
 

@@ -6,7 +6,8 @@ import pytest
 from clapped_sound import Recorder, sound_of, source
 
 from bodycam_ros.ingest.sound_block import SoundBlock
-from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, PeakSettings, scan_sound
+from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, scan_sound
+from bodycam_ros.ingest.sound_settings import PeakSettings
 
 SETTINGS = PeakSettings()
 
