@@ -5,9 +5,10 @@ cameras that nobody has placed yet, and for their opinion about those that someb
 """
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from threading import Event
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +18,7 @@ from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.claps import CommonSound, find_claps
 from bodycam_ros.ingest.clock_fit import SOUND_SPEED
 from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of
-from bodycam_ros.ingest.sound_block import SoundSource
+from bodycam_ros.ingest.sound_block import SoundBlock, SoundSource
 from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.ingest.sound_travel import OWN_CLAP_SIGMA_M, travel_s
@@ -97,8 +98,8 @@ def camera_times(
     if len(sounds) == 1:
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
-    heard = _scan(sounds, settings, on_progress)
-    remarks = [f"{name}: {fault}" for name, sound in heard.items() if (fault := _deaf(sound))]
+    heard, remarks = _scan(sounds, settings, on_progress)
+    remarks += [f"{name}: {fault}" for name, sound in heard.items() if (fault := _deaf(sound))]
     settings = _with_reference(settings, segments, heard)
 
     on_progress("looking for claps", 0, 1)
@@ -138,16 +139,35 @@ def camera_times(
     )
 
 
-def _scan(sounds: Mapping[str, SoundSource], settings: SoundSettings, on_progress: Progress) -> dict[str, CameraSound]:
-    """Listen to all cameras, as many at once as there are cores."""
-    heard = {}
+def _scan(
+    sounds: Mapping[str, SoundSource], settings: SoundSettings, on_progress: Progress
+) -> tuple[dict[str, CameraSound], list[str]]:
+    """Listen to all cameras, as many at once as there are cores; of a sound that breaks off, what was heard counts."""
+    heard: dict[str, CameraSound] = {}
+    faults: dict[str, str] = {}
+    ended = Event()
+
+    def blocks(name: str) -> Iterator[SoundBlock]:
+        try:
+            for block in sounds[name]():
+                if ended.is_set():
+                    return
+                yield block
+        except RecordingError as error:
+            faults[name] = str(error)
+
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        waiting = {name: pool.submit(lambda s: scan_sound(s(), settings.sound_peaks), s) for name, s in sounds.items()}
-        for done, (name, result) in enumerate(waiting.items()):
-            on_progress("listening", done, len(waiting))
-            heard[name] = result.result()
+        waiting = {name: pool.submit(lambda n: scan_sound(blocks(n), settings.sound_peaks), name) for name in sounds}
+        try:
+            for done, (name, result) in enumerate(waiting.items()):
+                on_progress("listening", done, len(waiting))
+                heard[name] = result.result()
+        except BaseException:
+            ended.set()  # Ctrl-C must not wait for two hours of sound
+            pool.shutdown(cancel_futures=True)
+            raise
         on_progress("listening", len(waiting), len(waiting))
-    return heard
+    return heard, [f"{name}: {faults[name]}" for name in sounds if name in faults]
 
 
 def _deaf(sound: CameraSound) -> str:

@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ from clapped_sound import Recorder, sources, true_start, worst_errors
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import camera_times
 from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.sound_block import SoundBlock
 from bodycam_ros.ingest.sound_settings import SoundSettings
 
 CLAPS = {3.5: 0.8, 14.2: 0.9}
@@ -153,3 +155,40 @@ def test_a_reference_that_is_not_there_is_named() -> None:
     offsets = camera_times(sources(RECORDERS, CLAPS), settings=settings(clocks={"reference": "shin"}))
     assert offsets.reference == "shin"
     assert offsets.times["shin"] == CameraTime("shin", 0.0, 0.0, 0.0, 0.0, "claps")
+
+
+def test_a_sound_that_breaks_off_is_named_and_what_was_heard_counts() -> None:
+    heard = sources(RECORDERS | {"late": Recorder(2.2, 16.0)}, CLAPS)
+    whole = heard["late"]
+
+    def broken() -> Iterator[SoundBlock]:
+        for block in whole():
+            if block.start_s > 13.0:
+                raise RecordingError("late.mp4: ends in the middle of a packet")
+            yield block
+
+    offsets = camera_times(heard | {"late": broken})
+    assert "late: late.mp4: ends in the middle of a packet" in offsets.remarks
+    assert (
+        abs(
+            offsets.times["late"].start_s
+            - true_start(RECORDERS | {"late": Recorder(2.2, 16.0)}, "late", offsets.reference)
+        )
+        < 3e-3
+    )
+
+
+def test_an_interruption_does_not_wait_for_the_rest_of_the_sound() -> None:
+    taken = []
+
+    def endless() -> Iterator[SoundBlock]:
+        for second in range(100_000):
+            taken.append(second)
+            yield SoundBlock(float(second), np.zeros(48000, np.float32), 48000.0)
+
+    def interrupt(what: str, done: int, of: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        camera_times({"one": endless, "two": endless}, on_progress=interrupt)
+    assert len(taken) < 10_000
