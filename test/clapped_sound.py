@@ -14,7 +14,10 @@ from bodycam_ros.ingest.sound_block import SoundBlock, SoundSource
 
 @dataclass(frozen=True)
 class Recorder:
-    """A camera: its media time is ``(true - start_s) / (1 + drift)``, and it runs until ``end_s`` of true time."""
+    """A camera: its media time is ``(true - start_s) / (1 + drift)``, and it runs until ``end_s`` of true time.
+
+    Echoes are (delay [s], share) of all that it hears; ``own`` are knocks that nobody else hears [s].
+    """
 
     start_s: float
     end_s: float
@@ -25,6 +28,7 @@ class Recorder:
     rate_hz: int = 48000
     muffled_hz: float = 0.0
     clip: float = np.inf
+    echoes: tuple[tuple[float, float], ...] = ()
     deaf_to: tuple[float, ...] = ()
     own: tuple[float, ...] = field(default=())
 
@@ -65,6 +69,10 @@ def sound_of(
             recorder.start_s + (1.0 + recorder.drift) * np.arange(count) / recorder.rate_hz - recorder.way_m / 343.0
         )
         samples += np.interp(true_s * 2000.0, np.arange(len(background)), background) * random.normal(size=count)
+    straight = samples.copy()
+    for delay_s, share in recorder.echoes:
+        late = int(delay_s * recorder.rate_hz)
+        samples[late:] += share * straight[:-late]
     if recorder.muffled_hz:
         samples = sosfilt(butter(4, recorder.muffled_hz, fs=recorder.rate_hz, output="sos"), samples)
     samples *= recorder.gain

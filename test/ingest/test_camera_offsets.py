@@ -64,6 +64,10 @@ def test_claps_by_the_wearer_are_freed_of_their_travel() -> None:
     [
         pytest.param({"waist": {"clip": 0.2}, "foot": {"clip": 0.25}}, id="clap clipped"),
         pytest.param({"head": {"muffled_hz": 900.0}}, id="a camera muffled"),
+        pytest.param(
+            {"head": {"echoes": ((0.0045, -0.9), (0.007, 0.5))}, "shin": {"echoes": ((0.003, 0.8), (0.0051, -0.7))}},
+            id="echoes from the floor",
+        ),
         pytest.param({"foot": {"deaf_to": (14.2,)}}, id="a clap not heard by one"),
         pytest.param(
             {"foot": {"own": (4.4, 6.0, 6.1, 9.0, 9.2, 12.0, 13.5)}, "head": {"own": (7.0, 13.9)}}, id="bumps"

