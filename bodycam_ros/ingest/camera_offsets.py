@@ -17,7 +17,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.claps import CommonSound, find_claps
 from bodycam_ros.ingest.clock_fit import SOUND_SPEED
-from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of
+from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of, relative_to
 from bodycam_ros.ingest.sound_block import SoundBlock, SoundSource
 from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
 from bodycam_ros.ingest.sound_settings import SoundSettings
@@ -128,11 +128,17 @@ def camera_times(
     unplaced = {name: _why_not(heard[name], placed, others) for name in sounds if name not in times}
     if len(placed) < 2:
         raise RecordingError(nobody_knows({name: _why_not(heard[name], (), others) for name in sounds}))
+    reference = next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0])
+    if settings.clocks.reference in placed:
+        reference = settings.clocks.reference
+    elif settings.clocks.reference:
+        remarks.append(f"{settings.clocks.reference}: cannot be the reference, it is not placed; {reference} is")
+    zero = times[reference]
     return Offsets(
-        next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0]),
-        {name: times[name] for name in placed},
+        reference,
+        relative_to(reference, {name: times[name] for name in placed}),
         {name: confidence[name] for name in placed},
-        claps.sounds,
+        tuple(sound.in_time_of(zero) for sound in claps.sounds),
         heard,
         unplaced,
         tuple(remarks + _doubts(placed, times, confidence, claps.sounds)),

@@ -84,9 +84,9 @@ def places_of(listeners: Mapping[str, Listener], settings: ClapSettings) -> dict
         for name in [name for name in sure if ranks[name] >= _AS_SURE * max(ranks.values())]:
             places[name] = Place(sure[name][0].shift, sure[name][0].drift, min(1.0, _confidence(sure[name])))
             waiting.remove(name)
-        if best[1] in places and places[best[1]].confidence == 1.0 and best[2] in places:
-            places[best[1]] = replace(places[best[1]], confidence=places[best[2]].confidence)
-    return places if len(places) > 1 else {}
+    if best[2] not in places:
+        return {}
+    return places | {best[1]: replace(places[best[1]], confidence=places[best[2]].confidence)}
 
 
 def _ways(

@@ -4,7 +4,7 @@ A sound that all cameras heard counts, be it a clap or the bounce of a ball; cla
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,10 @@ class CommonSound:
     peaks: Mapping[str, SoundPeak]
     share: float
     clap: bool
+
+    def in_time_of(self, camera: CameraTime) -> "CommonSound":
+        """The same sound in the time of another camera, of which the clock in the present time is given."""
+        return replace(self, recording_s=(self.recording_s - camera.start_s) / (1.0 + camera.drift))
 
 
 @dataclass(frozen=True, eq=False)

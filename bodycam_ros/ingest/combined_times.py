@@ -50,6 +50,28 @@ def in_time_of(times: Mapping[str, CameraTime], known: Mapping[str, CameraTime])
     return {name: replace(time, start_s=time.start_s + shift) for name, time in moved.items()}
 
 
+def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
+    """The same clocks in the time of another camera, which gets start 0, drift 0 and no uncertainty.
+
+    That of the others grows by the reference's own; what both have in common is counted twice.
+    """
+    zero = times[reference]
+    if zero.start_s == zero.drift == zero.start_sigma_s == zero.drift_sigma == 0.0:
+        return dict(times)
+    moved = {
+        name: CameraTime(
+            name,
+            (time.start_s - zero.start_s) / (1.0 + zero.drift),
+            (1.0 + time.drift) / (1.0 + zero.drift) - 1.0,
+            float(np.hypot(time.start_sigma_s, zero.start_sigma_s)),
+            float(np.hypot(time.drift_sigma, zero.drift_sigma)),
+            time.source,
+        )
+        for name, time in times.items()
+    }
+    return moved | {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, zero.source)}
+
+
 def _mean(one: float, one_sigma: float, other: float, other_sigma: float) -> tuple[float, float]:
     if min(one_sigma, other_sigma) <= 0.0:
         return (one, one_sigma) if one_sigma <= other_sigma else (other, other_sigma)

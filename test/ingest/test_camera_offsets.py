@@ -65,7 +65,7 @@ def test_claps_by_the_wearer_are_freed_of_their_travel() -> None:
         pytest.param({"waist": {"clip": 0.2}, "foot": {"clip": 0.25}}, id="clap clipped"),
         pytest.param({"head": {"muffled_hz": 900.0}}, id="a camera muffled"),
         pytest.param(
-            {"head": {"echoes": ((0.0045, -0.9), (0.007, 0.5))}, "shin": {"echoes": ((0.003, 0.8), (0.0051, -0.7))}},
+            {"head": {"echoes": ((0.0052, 1.4),)}, "shin": {"echoes": ((0.0064, -1.5),)}},
             id="echoes from the floor",
         ),
         pytest.param({"foot": {"deaf_to": (14.2,)}}, id="a clap not heard by one"),
@@ -196,3 +196,10 @@ def test_an_interruption_does_not_wait_for_the_rest_of_the_sound() -> None:
     with pytest.raises(KeyboardInterrupt):
         camera_times({"one": endless, "two": endless}, on_progress=interrupt)
     assert len(taken) < 10_000
+
+
+def test_the_reference_is_at_zero_even_if_no_sound_placed_anybody() -> None:
+    silent = {name: (lambda: iter(())) for name in ("one", "two", "three")}
+    offsets = camera_times(silent, others=[Known({"one": 5.0, "two": 6.5, "three": 4.0})])
+    assert offsets.times[offsets.reference].start_s == 0.0
+    assert offsets.times["two"].start_s - offsets.times["three"].start_s == pytest.approx(2.5)
