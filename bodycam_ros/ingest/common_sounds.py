@@ -14,7 +14,7 @@ from bodycam_ros.ingest.sound_settings import ClapSettings
 
 Array = NDArray[np.float64]
 
-_ONSET_SIGMA_S = 2e-3  # of a peak by its time alone
+_ROUGH_SIGMA_S = 2e-3  # of a peak by its time alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def heard_sounds(groups: Sequence[SoundGroup], exact: bool) -> HeardSounds:
     for number, group in enumerate(groups):
         peaks = list(group.members.values())
         times, sigmas = (
-            arrivals(peaks) if exact else (np.array([p.media_s for p in peaks]), np.full(len(peaks), _ONSET_SIGMA_S))
+            arrivals(peaks) if exact else (np.array([p.media_s for p in peaks]), np.full(len(peaks), _ROUGH_SIGMA_S))
         )
         sound += [number] * len(peaks)
         camera += list(group.members)
