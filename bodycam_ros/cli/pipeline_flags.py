@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.pipeline import PipelineSettings
 
 
@@ -36,7 +37,8 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
     """
     if arguments.config:
         # One file serves every command.
-        check_groups(arguments.config, PipelineSettings.groups().keys() | CalibrationSettings.groups().keys())
+        known = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
+        check_groups(arguments.config, set(known))
     return settings_from_flags(arguments, PipelineSettings, arguments.config)
 
 

@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
 
@@ -147,6 +148,10 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
         if dot:
             grouped[group][setting_name] = value
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
+    # One file serves all commands; no node listens to sound.
+    SoundSettings.from_mapping(
+        {group: grouped.pop(group) for group in SoundSettings.groups().keys() & grouped.keys()}, _SOURCE
+    )
     return PipelineSettings.from_mapping(grouped, _SOURCE), CalibrationSettings.from_mapping(calibration, _SOURCE)
 
 
