@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.video_packet import VideoPacket
 
 
 class Picture(Protocol):

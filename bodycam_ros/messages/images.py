@@ -5,11 +5,11 @@ import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message, numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.shown import shown
-from bodycam_ros.video.video_packet import VideoPacket
 
 _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
 _CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc"}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.images import (
     camera_model,
@@ -20,7 +21,6 @@ from bodycam_ros.messages.images import (
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.video.video_decoder import VideoDecoder, decode_last
-from bodycam_ros.video.video_packet import VideoPacket
 
 logger = logging.getLogger(__name__)
 

@@ -1,1 +1,1 @@
-"""Videos: files of cameras, and the frames of a video in a bag. The only place that imports PyAV."""
+"""Videos: files of cameras, and the decoder of videos in bags. The only place that imports PyAV."""

@@ -10,10 +10,10 @@ from av.error import FFmpegError
 from av.filter import Graph
 from av.video.codeccontext import VideoCodecContext
 
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.video.video_file import TimedPacket
 from bodycam_ros.video.video_frame import bgr_pixels
-from bodycam_ros.video.video_packet import VideoPacket
 
 _TURNS = {
     90: (("transpose", "cclock"),),

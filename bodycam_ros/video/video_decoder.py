@@ -9,9 +9,9 @@ from av.error import FFmpegError
 from av.video.codeccontext import VideoCodecContext
 
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.video.video_frame import DecodedFrame
-from bodycam_ros.video.video_packet import VideoPacket
 
 
 class VideoDecoder:

@@ -10,8 +10,8 @@ import av
 from av.container import InputContainer
 from av.error import FFmpegError
 
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.video_packet import VideoPacket
 
 SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
 """Of files that are taken for videos in a folder; a file that is named may have any."""

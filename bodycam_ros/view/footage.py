@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solved.topics import read_landmarks
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.video.video_decoder import decode_last
-from bodycam_ros.video.video_packet import VideoPacket
 from bodycam_ros.view.inbox import Inbox
 
 MOST_BYTES = 400_000_000
