@@ -18,12 +18,14 @@ _UNKNOWN_SIGMA_S = 60.0
 
 
 def clock_times(videos: Sequence[CameraVideo]) -> dict[str, CameraTime]:
-    """Camera -> its time, by the time of creation in its files; the first camera is the reference."""
-    reference = videos[0]
+    """Camera -> its time, by the time of creation in its files; the first that has one is the reference."""
     began = {video.camera: sane(video.created) for video in videos}
+    reference = next((video for video in videos if began[video.camera]), videos[0])
     start = began[reference.camera]
     times = {reference.camera: CameraTime(reference.camera, 0.0, 0.0, 0.0, 0.0, "given")}
-    for video in videos[1:]:
+    for video in videos:
+        if video is reference:
+            continue
         created = began[video.camera]
         if start is None or created is None:
             times[video.camera] = CameraTime(video.camera, 0.0, 0.0, _UNKNOWN_SIGMA_S, _DRIFT_SIGMA, "given")

@@ -185,7 +185,10 @@ def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
     for stream in container.streams.video:
         if stream.codec_context is not None and stream.codec_context.width:
             return stream
-    raise RecordingError(f"{path}: has no video that can be decoded; give the camera's own MP4 (H.264 or HEVC)")
+    raise RecordingError(
+        f"{path}: has no video that can be decoded: it is sound alone, or cut off or damaged; copy it again from the "
+        "camera"
+    )
 
 
 def _rotation(packet: "av.Packet[av.VideoStream]") -> int | None:
