@@ -25,7 +25,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     Path(rig).write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     cases = {
         ("tracker",): "the parameter 'camera' is missing",
-        ("tracker", "camera", "left", "transport", "pigeon"): "must be compressed or raw, not 'pigeon'",
+        ("tracker", "camera", "left", "transport", "pigeon"): "must be one of compressed, raw, video, not 'pigeon'",
+        ("tracker", "camera", "left", "transport", "video"): "needs the ROS package foxglove_msgs",
         ("tracker", "camera", "left", "camra", "left"): "there is no parameter 'camra'",
         ("tracker", "camera", "left", "tracker.keyframes", 3): "there is no setting 'keyframes'",
         ("tracker", "camera", "left", "traker.keyframe_interval", 3): "there is no group of settings 'traker'",
