@@ -8,7 +8,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Column, Table
 
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.ingest.clock_times import clock_times
+from bodycam_ros.ingest.clock_times import file_times
 from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary, find_cameras, ingest
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_writer import check_ingested
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         task = progress.add_task("ingest", total=1.0)
         summary = ingest(
             cameras,
-            clock_times,
+            file_times,
             arguments.output,
             as_jpeg=arguments.jpeg,
             jobs=max(1, arguments.jobs),

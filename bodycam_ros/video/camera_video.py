@@ -10,6 +10,7 @@ import av
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.video import video_file
 from bodycam_ros.video.sound import SoundBlock, sound_blocks
+from bodycam_ros.video.telemetry import satellite_times
 from bodycam_ros.video.video_file import FileFacts, TimedPacket, read_facts
 
 
@@ -105,6 +106,14 @@ class CameraVideo:
         for chapter in self.chapters:
             for block in sound_blocks(chapter.path):
                 yield block.later(chapter.start_s)
+
+    def satellite_times(self) -> list[tuple[float, float]]:
+        """Media time [s] and UTC [s since 1970] by the satellites that a GoPro heard; see ``telemetry``."""
+        return [
+            (media_s + chapter.start_s, utc_s)
+            for chapter in self.chapters
+            for media_s, utc_s in satellite_times(chapter.path)
+        ]
 
 
 def _form(facts: FileFacts) -> tuple[object, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 from av.container import InputContainer
 from av.error import FFmpegError
+from av.stream import Discard, Stream
 
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
@@ -168,8 +169,15 @@ def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]
                     yield float(frame.pts * (frame.time_base or 0)), frame
 
 
+def only(container: InputContainer, stream: Stream) -> None:
+    """Let a file give the packets of one stream alone: of two hours, sound is a hundredth of what there is to read."""
+    for other in container.streams:
+        other.discard = Discard.default if other is stream else Discard.all
+
+
 def _demuxed(container: InputContainer, stream: "av.VideoStream") -> "Iterator[av.Packet[av.VideoStream]]":
     """The packets of a stream up to its end, or to where the file breaks off; the last is empty."""
+    only(container, stream)
     source = container.demux(stream)
     while True:
         try:

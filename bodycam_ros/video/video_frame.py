@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from av import VideoFrame
 from av.error import FFmpegError
+from av.video.plane import VideoPlane
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
@@ -58,7 +59,7 @@ def grey_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
 
 
 def bgr_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
-    """Pixels (H, W, 3) of a frame in OpenCV's order; (H, W) of one that has no colours.
+    """Pixels (H, W, 3) of a frame in OpenCV's order; grey pixels (H, W) of one that has no colours.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
@@ -69,3 +70,7 @@ def bgr_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
         return np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
     except (FFmpegError, ValueError) as error:
         raise RecordingError(f"a video frame of the format {frame.format.name} cannot be converted: {error}") from error
+
+
+def _rows(plane: VideoPlane) -> NDArray[np.uint8]:
+    return np.frombuffer(memoryview(plane), dtype=np.uint8).reshape(-1, plane.line_size)[: plane.height, : plane.width]
