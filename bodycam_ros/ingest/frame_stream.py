@@ -1,5 +1,6 @@
 """The messages of one camera in order of time, as they go into the bag."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -17,6 +18,11 @@ from bodycam_ros.video.video_file import TimedPacket
 
 _INFO_EVERY_NS = 1_000_000_000
 """A reader that begins in the middle of a bag needs not wait for the lens."""
+
+_ASTRAY_S = 60.0
+"""A frame so far from the time of its file has a damaged time."""
+
+_LONGEST_S = 1e6
 
 _FORMATS = {"h264": "h264", "hevc": "h265"}
 
@@ -39,7 +45,7 @@ class StreamTally:
         frames: in the bag.
         first_ns, last_ns: their stamps [ns].
         without_key: that came before the first keyframe and cannot be decoded.
-        unordered: whose time is not after the one before.
+        unordered: whose time is not after the one before, or out of all reason.
         fault: why the camera ended early, if it did.
     """
 
@@ -89,7 +95,11 @@ class FrameStream:
     def _stamped_frames(self) -> Iterator[StampedMessage]:
         make, name = recorded_messages(), self.camera.name
         info_due_ns: int | None = None
+        latest_s = (self.camera.video.duration_s or math.inf) + _ASTRAY_S
         for media_s, topic, message in self._frames():
+            if not -_ASTRAY_S < media_s < min(latest_s, _LONGEST_S):
+                self.tally.unordered += 1
+                continue
             stamp_ns = self.base_ns + round(1e9 * float(self.time.recording_s(np.array([media_s]))[0]))
             if self.tally.frames and stamp_ns <= self.tally.last_ns:
                 self.tally.unordered += 1

@@ -185,7 +185,7 @@ def _remarks(stream: FrameStream) -> list[str]:
     if tally.without_key:
         remarks.append(f"camera {name}: {tally.without_key} frames before the first keyframe cannot be decoded")
     if tally.unordered:
-        remarks.append(f"camera {name}: {tally.unordered} frames left out, whose time is not after the one before")
+        remarks.append(f"camera {name}: {tally.unordered} frames left out: their time is out of order")
     return remarks
 
 

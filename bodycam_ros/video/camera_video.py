@@ -13,6 +13,11 @@ from bodycam_ros.video.sound import SoundBlock, sound_blocks
 from bodycam_ros.video.telemetry import satellite_times
 from bodycam_ros.video.video_file import FileFacts, TimedPacket, read_facts
 
+_CLOCK_S = 2.0
+"""Times of creation are whole seconds, taken now before the first frame, now after it."""
+
+_COMPARED = 65_536  # [bytes] of both ends, to know a copy
+
 
 @dataclass(frozen=True)
 class Chapter:
@@ -46,12 +51,17 @@ class CameraVideo:
         """Look at a camera's files, which follow each other.
 
         Raises:
-            RecordingError: one is no video, or they differ in size, codec or rotation.
+            RecordingError: one is no video, they differ in size, codec or rotation, or overlap in time.
         """
         chapters: list[Chapter] = []
         start_s = 0.0
         for path in paths:
             facts = read_facts(path)
+            if chapters and _overlap(chapters[-1], path, facts):
+                raise RecordingError(
+                    f"camera {camera}: {chapters[-1].path} and {path} overlap in time; chapters follow each other: "
+                    "give the files of one recording, each once"
+                )
             chapters.append(Chapter(path, facts, start_s))
             start_s += facts.duration_s
             first = chapters[0]
@@ -114,6 +124,24 @@ class CameraVideo:
             for chapter in self.chapters
             for media_s, utc_s in satellite_times(chapter.path)
         ]
+
+
+def _overlap(before: Chapter, path: Path, facts: FileFacts) -> bool:
+    """Whether a file is another's copy, or began by the camera's clock while that was still being recorded."""
+    if path.stat().st_size == before.path.stat().st_size and _ends(path) == _ends(before.path):
+        return True
+    if before.facts.created is None or facts.created is None:
+        return False
+    later_s = (facts.created - before.facts.created).total_seconds()
+    # Some cameras give all chapters the time at which the first began.
+    return _CLOCK_S < later_s < before.facts.duration_s - _CLOCK_S
+
+
+def _ends(path: Path) -> tuple[bytes, bytes]:
+    with path.open("rb") as file:
+        start = file.read(_COMPARED)
+        file.seek(max(0, path.stat().st_size - _COMPARED))
+        return start, file.read()
 
 
 def _form(facts: FileFacts) -> tuple[object, ...]:

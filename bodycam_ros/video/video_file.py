@@ -90,14 +90,13 @@ def read_facts(path: Path) -> FileFacts:
         width, height = context.width, context.height
         if rotation in (90, 270):
             width, height = height, width
-        time_base = float(stream.time_base or 0)
         return FileFacts(
             codec=context.name,
             width=width,
             height=height,
             rotation_deg=rotation,
             has_b_frames=any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)),
-            duration_s=((stream.duration or 0) + max(0, stream.start_time or 0)) * time_base,
+            duration_s=_duration_s(container, stream),
             frames=stream.frames,
             rate_hz=float(stream.average_rate or 0),
             has_sound=bool(container.streams.audio),
@@ -197,6 +196,13 @@ def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
         f"{path}: has no video that can be decoded: it is sound alone, or cut off or damaged; copy it again from the "
         "camera"
     )
+
+
+def _duration_s(container: InputContainer, stream: "av.VideoStream") -> float:
+    """From media time 0 to the end of the video; some files say it of all their streams together only."""
+    if stream.duration is None:
+        return (container.duration or 0) / av.time_base
+    return float((stream.duration + max(0, stream.start_time or 0)) * (stream.time_base or 0))
 
 
 def _rotation(packet: "av.Packet[av.VideoStream]") -> int | None:

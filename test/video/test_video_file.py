@@ -172,6 +172,27 @@ def test_chapters_are_one_recording(tmp_path: Path) -> None:
         CameraVideo.of_files("GH010001", [one, other])
 
 
+def test_chapters_that_overlap_are_named(tmp_path: Path) -> None:
+    options = {"frames": 300, "size": (64, 64), "preset": "ultrafast"}
+    one = make_video(tmp_path / "GH010001.MP4", created="2024-05-01T12:00:00Z", **options)
+    copy = tmp_path / "GH020001.MP4"
+    copy.write_bytes(one.read_bytes())
+    with pytest.raises(RecordingError, match=r"camera head: .*GH010001\.MP4 and .*GH020001\.MP4 overlap in time"):
+        CameraVideo.of_files("head", [one, copy])
+    for began, overlaps in (("12:00:05", True), ("12:00:10", False), ("12:00:00", False)):
+        other = make_video(tmp_path / "GH030001.MP4", first=7, created=f"2024-05-01T{began}Z", **options)
+        if overlaps:
+            with pytest.raises(RecordingError, match="overlap in time"):
+                CameraVideo.of_files("head", [one, other])
+        else:
+            assert CameraVideo.of_files("head", [one, other]).duration_s == pytest.approx(20.0, abs=1e-3)
+
+
+def test_ten_bits_become_grey(tmp_path: Path) -> None:
+    frame = av.VideoFrame.from_ndarray(picture(3), format="gray").reformat(format="yuv420p10le", dst_color_range=1)
+    assert np.abs(grey_pixels(frame).astype(int) - picture(3)).max() <= 2
+
+
 def test_sound_comes_in_blocks_with_their_times(tmp_path: Path) -> None:
     click_s = 1.2345
     path = make_video(
