@@ -109,7 +109,9 @@ def check_replaceable(force: bool, path: Path) -> None:
     if not any(path.iterdir()):
         return
     types = _topic_types(_information(path / METADATA))
-    if not _SOLVED_TOPICS <= set(types) or any("Image" in str(kind) for kind in types.values()):
+    if not _SOLVED_TOPICS <= set(types) or any(
+        word in str(kind) for kind in types.values() for word in ("Image", "Video")
+    ):
         raise OutputError(
             f"{path}: is no bag that 'bodycam replay' wrote, so --force does not replace it; choose another name"
         )
