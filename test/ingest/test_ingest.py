@@ -160,7 +160,14 @@ def test_a_camera_of_the_rig_without_a_video_is_named(videos: Path, capsys: pyte
 
 
 def test_ctrl_c_leaves_nothing(videos: Path) -> None:
-    make_video(videos / "head.mp4", frames=600, b_frames=2, size=(640, 480), preset="ultrafast")
+    make_video(
+        videos / "head.mp4",
+        frames=600,
+        b_frames=2,
+        size=(640, 480),
+        preset="ultrafast",
+        created="2024-05-01T12:00:00Z",
+    )
     for name in ("shin", "thigh"):
         (videos / f"{name}.mp4").write_bytes((videos / "head.mp4").read_bytes())
     for name in ("head", "shin", "thigh"):
