@@ -23,11 +23,11 @@ KEPT_INFOS = "camera_infos"
 for a driver that spoke once, or speaks every ten seconds."""
 
 _INFO = "sensor_msgs/msg/CameraInfo"
-VIDEO = "video"
 TRANSPORTS = {
     "compressed": ("image_raw/compressed", "sensor_msgs/msg/CompressedImage"),
     "raw": ("image_raw", "sensor_msgs/msg/Image"),
-    VIDEO: ("image_raw/compressed_video", COMPRESSED_VIDEO),
+    "video": ("image_raw/compressed_video", COMPRESSED_VIDEO),
+    "foxglove": ("image_raw/foxglove", COMPRESSED_VIDEO),
 }
 """How images may be published: topic of a camera, and type."""
 
@@ -63,7 +63,9 @@ class ImageSource:
             known = ", ".join(TRANSPORTS)
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         if not is_installed(TRANSPORTS[transport][1]):
-            raise SettingsError("the transport 'video' needs the ROS package foxglove_msgs, which is not installed")
+            raise SettingsError(
+                f"the transport '{transport}' needs the ROS package foxglove_msgs, which is not installed"
+            )
         self._node = node
         self._camera = camera
         self._depth = depth

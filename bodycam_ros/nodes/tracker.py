@@ -11,7 +11,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
-from bodycam_ros.nodes.camera_topics import VIDEO, CameraModels, ImageSource
+from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered, OrderOfTime
 from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
@@ -92,7 +92,7 @@ class Tracker(StageNode[TrackerParameters]):
         now_s = time.monotonic()
         if stamp <= 0:
             self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
-        elif transport != VIDEO:
+        elif transport in _CONVERTERS:
             self._wait(self._order.add(stamp, _Arrival(message, transport, now_s)))
         else:
             # Every frame is decoded, those that are dropped later included: the next one is made of it.

@@ -225,8 +225,11 @@ def _created(metadata: dict[str, str]) -> datetime | None:
 
 def _fault(path: Path, error: Exception) -> str:
     """What is wrong with a file that FFmpeg does not open."""
-    with path.open("rb") as file:
-        start = file.read(64)
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as unreadable:
+        return f"cannot be read: {unreadable.strerror or unreadable}"
     if not start:
         return "is empty"
     if start[4:8] in (b"ftyp", b"moov", b"mdat", b"free", b"wide"):
