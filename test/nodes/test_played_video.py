@@ -26,7 +26,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two cameras' videos of forty frames."""
     videos, place = tmp_path_factory.mktemp("videos"), tmp_path_factory.mktemp("place") / "bag"
     for camera in ("left", "right"):
-        make_video(videos / f"{camera}.mp4")
+        make_video(videos / f"{camera}.mp4", created="2024-05-01T12:00:00Z")
         write_lens(videos / f"{camera}.yaml")
     assert main(["ingest", str(videos), "-o", str(place)]) == 0
     return place
