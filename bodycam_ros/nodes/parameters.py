@@ -39,7 +39,10 @@ class TrackerParameters:
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
     transport: str = setting(
-        "compressed", reason="'compressed' reads <camera>/image_raw/compressed, 'raw' reads <camera>/image_raw"
+        "compressed",
+        reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
+        "'foxglove' <camera>/image_raw/compressed_video or foxglove, which need foxglove_msgs; another one is taken if "
+        "it alone is published",
     )
     image_queue: int = setting(
         60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
