@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_se3, hat
+from bodycam_ros.registration.residual_scale import residual_scale
 from bodycam_ros.settings import setting
 
 _CONVERGED = 1e-4
@@ -86,7 +87,9 @@ def fit_pose(
         scale = max(0.5 * scale, settings.inlier_px)
     else:
         hessian, _, errors_px, _ = _normal_equations(camera, points_world, pixels, pose, settings.inlier_px, settings)
-    return PoseFit(pose, hessian / settings.pixel_sigma**2, errors_px, errors_px < settings.inlier_px)
+    inliers = errors_px < settings.inlier_px
+    sigma_px = settings.pixel_sigma * residual_scale(errors_px, inliers, settings.pixel_sigma)
+    return PoseFit(pose, hessian / sigma_px**2, errors_px, inliers)
 
 
 def reprojection_errors(
