@@ -34,7 +34,8 @@ def blurred(
     flow_of = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     grey = [cv2.cvtColor(i, cv2.COLOR_BGR2GRAY) for i in (before, image, after)]
     flow = 0.5 * (flow_of.calc(grey[1], grey[2], None) - flow_of.calc(grey[1], grey[0], None))
-    columns, rows = np.meshgrid(np.arange(image.shape[1], dtype=np.float32), np.arange(image.shape[0], dtype=np.float32))
+    height, width = image.shape[:2]
+    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     total = np.zeros(image.shape, np.float32)
     for time in np.linspace(-0.5, 0.5, _EXPOSURES) * share:
         shift = np.float32(time) * flow
