@@ -4,7 +4,7 @@ Cameras of one segment turn alike, so their clocks agree to a fraction of a fram
 somewhat as the one that it hangs on: that tells which second, and hundredths of it (``motion_correlation``).
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -17,7 +17,7 @@ from bodycam_ros.ingest.clock_adjustment import adjust_clocks
 from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, OffsetCurve, chance_curve, even_motion, offset_curve
 from bodycam_ros.ingest.motion_sync_settings import MotionSyncSettings
 from bodycam_ros.ingest.offset_agreement import AgreedOffset, Pair, agreed_offsets
-from bodycam_ros.ingest.pair_lags import rigid_lags, summit_lag
+from bodycam_ros.ingest.pair_lags import linked_lags, rigid_lags
 
 _LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
 _SEARCH_WINDOW_S = 0.1  # the search is right to some hundredths of a second
@@ -60,8 +60,8 @@ def motion_times(
     settings = settings or MotionSyncSettings()
     lively = {camera: speed for camera, speed in speeds.items() if _lively(speed)}
     remarks = [
-        f"camera {camera}: its images do not tell how it turned (too dark, covered or without texture); its clock "
-        "cannot be aligned by motion"
+        f"camera {camera}: its images do not tell how it turned (too dark, covered or without texture), so its clock "
+        f"{'cannot be aligned by motion' if start is None else 'stays as the sound has it'}"
         for camera in speeds
         if camera not in lively
     ]
@@ -75,7 +75,12 @@ def motion_times(
     curves, chance = _curves(lively, rig, begin, settings)
     agreed = agreed_offsets(reference, curves, chance, apart=round(0.25 * SEARCH_RATE))
     for camera in lively:
-        if camera not in agreed:
+        if rig is not None and camera not in rig.cameras:
+            remarks.append(
+                f"camera {camera}: the rig does not say which segment carries it, so its clock cannot be aligned by "
+                "motion; add it to the cameras of the rig"
+            )
+        elif camera not in agreed:
             remarks.append(
                 f"camera {camera}: its motion has less than {settings.min_overlap:g} s in common with any camera on "
                 f"its own or a neighbouring segment; its clock cannot be aligned with that of {reference} by motion"
@@ -161,18 +166,18 @@ def _searched(
     rig: Rig | None,
     reference: str,
     agreed: Mapping[str, AgreedOffset],
-    curves: Mapping[Pair, OffsetCurve],
+    pairs: Collection[Pair],
     searched_s: float,
     settings: MotionSyncSettings,
 ) -> dict[str, CameraTime]:
-    """Clocks of what the search found, refined by rigid pairs, and by the curves' own summits between segments."""
+    """Clocks of what the search found, refined by rigid pairs, and by the pairs' own best lags between segments."""
     believed = {
         camera: CameraTime(camera, offset.samples / SEARCH_RATE, 0.0, np.inf, settings.drift_sigma, "motion")
         for camera, offset in agreed.items()
     }
     lags = []
     rigid_pairs = set(_pairs(speeds, rig, same_segment=True))
-    for pair, curve in curves.items():
+    for pair in pairs:
         if pair[0] not in agreed or pair[1] not in agreed:
             continue
         rigid = (
@@ -180,7 +185,7 @@ def _searched(
             if pair in rigid_pairs
             else []
         )
-        lags += rigid or [summit_lag(speeds, believed, pair, curve)]
+        lags += rigid or linked_lags(speeds, believed, pair, searched_s, settings)
     return _with_floor(adjust_clocks(reference, believed, lags, "motion"), reference, settings.rigid_floor)
 
 

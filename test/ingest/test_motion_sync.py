@@ -9,6 +9,7 @@ from turning_body import RIG, Clock, camera_speed, turning_body
 from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.motion_sync import motion_times
+from bodycam_ros.ingest.motion_sync_settings import MotionSyncSettings
 
 CLOCKS = {
     "waist": Clock(1.0),
@@ -80,6 +81,17 @@ def test_drift_over_five_minutes() -> None:
     assert found["chest"].drift - found["back"].drift == pytest.approx(65e-6, abs=5e-6)
 
 
+def test_drift_between_segments_is_seen_over_several_stretches() -> None:
+    """A clock of 400 millionths: 60 ms at either end, if the middle alone were compared."""
+    omega = turning_body(190.0, seed=4)
+    clocks = {"waist": Clock(1.0), "thigh": Clock(2.0, 400e-6)}
+    speeds = {name: camera_speed(name, omega[RIG.cameras[name]], clock, 180.0) for name, clock in clocks.items()}
+    settings = MotionSyncSettings(searched=30.0, drift_sigma=4e-4)
+    clock = motion_times(speeds, RIG, None, settings).times["thigh"]
+    assert clock.drift == pytest.approx(400e-6, abs=120e-6)
+    assert clock.drift_sigma < 250e-6  # 566 if nothing were known
+
+
 def test_a_camera_that_saw_nothing_is_named(speeds: dict[str, AngularSpeed]) -> None:
     dark = replace(speeds["shin"], omega=np.full_like(speeds["shin"].omega, np.nan))
     found = motion_times({**speeds, "shin": dark}, RIG)
@@ -99,3 +111,9 @@ def test_cameras_with_nothing_in_common_are_named(speeds: dict[str, AngularSpeed
     found = motion_times({**speeds, "shin": brief}, RIG)
     assert set(found.times) == set(CLOCKS) - {"shin"}
     assert any("camera shin" in remark and "in common" in remark for remark in found.remarks)
+
+
+def test_a_camera_that_the_rig_does_not_know_is_named(speeds: dict[str, AngularSpeed]) -> None:
+    found = motion_times({**speeds, "spare": replace(speeds["shin"], camera="spare")}, RIG)
+    assert set(found.times) == set(CLOCKS)
+    assert any("camera spare: the rig does not say" in remark for remark in found.remarks)
