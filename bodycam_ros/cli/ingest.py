@@ -8,8 +8,13 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Column, Table
 
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.ingest.clock_times import file_times
+from bodycam_ros.cli.pipeline_flags import known_groups
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary, find_cameras, ingest
+from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.ingest.timing_picture import PICTURE_NAME, draw_timing
+from bodycam_ros.ingest.timing_report import timing_table, write_timing
+from bodycam_ros.ingest.video_clocks import video_clocks
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_writer import check_ingested
 from bodycam_ros.terminal import Terminal
@@ -34,16 +39,23 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="DIR",
         help="folder with the lens YAML of each camera (default: beside its video)",
     )
-    parser.add_argument("--rig", type=Path, help="rig YAML: says which cameras there should be")
+    parser.add_argument(
+        "--rig", type=Path, help="rig YAML: says which cameras there should be, and whose motions are alike"
+    )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    add_settings_flags(parser, SoundSettings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    check_output(arguments.output, (*arguments.videos, arguments.cameras, arguments.rig))
+    check_output(arguments.output, (*arguments.videos, arguments.cameras, arguments.rig, arguments.config))
+    if arguments.config is not None:
+        check_groups(arguments.config, known_groups())
+    settings = settings_from_flags(arguments, SoundSettings, arguments.config)
     if arguments.output.exists():
         check_ingested(arguments.force, arguments.output)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
@@ -53,19 +65,34 @@ def run(arguments: argparse.Namespace) -> int:
         faults += [f"camera {camera}: is in {arguments.rig}, but has no video" for camera in set(rig.cameras) - there]
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
-        task = progress.add_task("ingest", total=1.0)
+        task = progress.add_task("clocks", total=1.0)
+        offsets = video_clocks(
+            cameras,
+            rig,
+            settings,
+            lambda what, done, of: progress.update(task, description=what, completed=done / max(of, 1)),
+        )
+        progress.update(task, description="writing", completed=0.0)
         summary = ingest(
             cameras,
-            file_times,
+            lambda videos: offsets.times,
             arguments.output,
             as_jpeg=arguments.jpeg,
             jobs=max(1, arguments.jobs),
             force=arguments.force,
             on_progress=lambda share: progress.update(task, completed=share),
         )
+        write_timing(offsets, arguments.output)
+        draw_timing(offsets, arguments.output / PICTURE_NAME)
     console = Terminal()
+    console.print(timing_table(offsets))
     console.print(_table(summary))
-    remarks = [*faults, *summary.faults, *(remark for camera in summary.cameras for remark in camera.remarks)]
+    remarks = [
+        *faults,
+        *offsets.remarks,
+        *summary.faults,
+        *(remark for camera in summary.cameras for remark in camera.remarks),
+    ]
     for remark in remarks:
         console.print(remark, style="red", soft_wrap=True)
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)

@@ -36,10 +36,13 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
         SettingsError: a value that is unknown or out of range.
     """
     if arguments.config:
-        # One file serves every command.
-        known = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
-        check_groups(arguments.config, set(known))
+        check_groups(arguments.config, known_groups())
     return settings_from_flags(arguments, PipelineSettings, arguments.config)
+
+
+def known_groups() -> set[str]:
+    """Groups of settings that a file may have: one serves every command that works on a recording."""
+    return {*PipelineSettings.groups(), *CalibrationSettings.groups(), *SoundSettings.groups()}
 
 
 def _positive(text: str) -> int:

@@ -18,11 +18,11 @@ from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.claps import CommonSound, find_claps
 from bodycam_ros.ingest.clock_fit import SOUND_SPEED
 from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of, relative_to
-from bodycam_ros.ingest.sound_block import SoundBlock, SoundSource
 from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.ingest.sound_travel import OWN_CLAP_SIGMA_M, travel_s
 from bodycam_ros.ingest.whole_sound import compare_sounds
+from bodycam_ros.video.sound import SoundBlock, SoundSource
 
 _MOST_NAMED = 4
 

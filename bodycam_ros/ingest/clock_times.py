@@ -24,7 +24,7 @@ _DRIFT_SIGMA = 5e-5  # of a quartz clock
 _UNKNOWN_SIGMA_S = 60.0
 
 
-@dataclass(frozen=True)
+@dataclass
 class FileClock:
     """A source of camera times: what each file says of the time of day at its media time 0.
 

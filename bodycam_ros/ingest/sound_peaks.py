@@ -12,8 +12,8 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import resample
 
 from bodycam_ros.ingest.sound_bands import FRAME_S, Array, BandEnergies
-from bodycam_ros.ingest.sound_block import SoundBlock
 from bodycam_ros.ingest.sound_settings import PeakSettings
+from bodycam_ros.video.sound import SoundBlock
 
 SNIPPET_S, BEFORE_S = 0.06, 0.015
 """How much of the waveform of a peak is kept, and how much of that lies before it."""

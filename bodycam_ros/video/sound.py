@@ -1,6 +1,6 @@
 """The sound of a file, block by block: two hours of it never are in memory together."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,6 +33,10 @@ class SoundBlock:
     def later(self, seconds: float) -> "SoundBlock":
         """The same sound at a later time."""
         return replace(self, start_s=self.start_s + seconds)
+
+
+SoundSource = Callable[[], Iterator[SoundBlock]]
+"""Opens a camera's sound from its beginning; blocks come in order of time, and none if the camera has no sound."""
 
 
 def sound_blocks(path: Path) -> Iterator[SoundBlock]:

@@ -8,10 +8,10 @@ import pytest
 import yaml
 
 from bodycam_ros.ingest.camera_offsets import camera_times
-from bodycam_ros.ingest.sound_block import SoundBlock, SoundSource
 from bodycam_ros.ingest.sound_peaks import scan_sound
 from bodycam_ros.ingest.sound_settings import ClockSettings, PeakSettings, SoundSettings, WholeSoundSettings
 from bodycam_ros.ingest.whole_sound import compare_sounds
+from bodycam_ros.video.sound import SoundBlock, SoundSource
 
 RECORDINGS = Path(__file__).parents[3] / "shared/recordings"
 NAMES = ("dev_gopro_rom", "dev_gopro_walk")

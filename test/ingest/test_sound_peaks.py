@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from clapped_sound import Recorder, sound_of, source
 
-from bodycam_ros.ingest.sound_block import SoundBlock
 from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, scan_sound
 from bodycam_ros.ingest.sound_settings import PeakSettings
+from bodycam_ros.video.sound import SoundBlock
 
 SETTINGS = PeakSettings()
 
