@@ -82,8 +82,8 @@ def motion_times(
             )
         elif camera not in agreed:
             remarks.append(
-                f"camera {camera}: its motion has less than {settings.min_overlap:g} s in common with any camera on "
-                f"its own or a neighbouring segment; its clock cannot be aligned with that of {reference} by motion"
+                f"camera {camera}: no camera on its own or a neighbouring segment that is aligned with {reference} has "
+                f"{settings.min_overlap:g} s of motion in common with it; its clock cannot be aligned by motion"
             )
         elif agreed[camera].confidence < settings.min_confidence:
             remarks.append(
