@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn, write_lens
 
 from bodycam_ros.camera.camera_image import decode_grey
@@ -183,3 +185,33 @@ def test_ctrl_c_leaves_nothing(videos: Path) -> None:
     assert process.returncode == 130
     assert b"Traceback" not in errors
     assert sorted(path.name for path in videos.parent.iterdir()) == ["videos"]
+
+
+def test_claps_bring_cameras_that_were_started_by_hand_to_one_time(
+    videos: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    began_s = {"head": 0.0, "shin": 0.437, "thigh": 1.1}
+    claps_s = (1.6, 2.35, 3.9)
+    decay = np.random.default_rng(4).normal(0.0, 1.0, 480)
+
+    def sound_of(start_s: float) -> Callable[[np.ndarray], np.ndarray]:
+        def sound(times_s: np.ndarray) -> np.ndarray:
+            heard = 1e-3 * np.random.default_rng(round(1e3 * start_s)).normal(0.0, 1.0, len(times_s))
+            for clap_s in claps_s:
+                first = int(np.searchsorted(times_s, clap_s - start_s))
+                heard[first : first + 480] += 0.3 * decay * np.exp(-np.arange(480) / 80.0)
+            return heard
+
+        return sound
+
+    for camera, start_s in began_s.items():
+        make_video(videos / f"{camera}.mp4", times_s=np.arange(150) / RATE_HZ, sound=sound_of(start_s))
+    code, bag = ingest(videos)
+    assert code == 0 and "claps" in said(capsys)
+    with open_recording(bag) as recording:
+        first_ns = {camera: next(recording.images([camera])).stamp_ns for camera in recording.cameras}
+    for camera, start_s in began_s.items():
+        assert 1e-9 * (first_ns[camera] - first_ns["head"]) == pytest.approx(start_s, abs=3e-3)
+    report = bag.with_name("bag_timing")
+    assert yaml.safe_load((report / "timing.yaml").read_text())["cameras"].keys() == began_s.keys()
+    assert (report / "timing.png").read_bytes().startswith(b"\x89PNG")
