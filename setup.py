@@ -86,7 +86,7 @@ setup(
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=[
-        "av>=12",
+        "av>=17.1",
         "gtsam>=4.3",
         "matplotlib>=3.6",
         "numpy>=1.26",

@@ -7,7 +7,7 @@ registrations. The live graph runs the two halves of ``CameraPipeline`` in diffe
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +31,14 @@ from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
-from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
 from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.timing.body_instants import BodyInstants
+from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
@@ -59,6 +61,7 @@ class PipelineSettings(SettingsGroups):
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
     readout: ReadoutSettings = ReadoutSettings()
+    clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()
@@ -120,6 +123,11 @@ class SkeletonPipeline:
         cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
+        on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+
+    Attributes:
+        instants: brings the cameras to common instants.
+        assembler: puts together what they say of one.
 
     Raises:
         BodyError: the body carries none of the cameras.
@@ -131,12 +139,15 @@ class SkeletonPipeline:
         cameras: Mapping[str, CameraModel],
         settings: PipelineSettings,
         live: bool = False,
+        on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
         self._settings = settings
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
+        floor = evidence_floor(settings.evidence)
+        self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
         self._begin()
 
@@ -177,12 +188,13 @@ class SkeletonPipeline:
         """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
         if camera in self.body.mounts:
+            self.instants.join(camera, model)
             self.assembler.join(camera)
             self._smoother.join(camera, model)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
-        return self._solve(self.assembler.add(matches))
+        return self._assemble(self.instants.add(matches))
 
     def look(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
@@ -190,8 +202,11 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        outputs = self._solve(self.assembler.flush())
+        outputs = self._assemble(self.instants.flush()) + self._solve(self.assembler.flush())
         return outputs + self._outputs(self._smoother.flush())
+
+    def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
+        return [output for matches in said for output in self._solve(self.assembler.add(matches))]
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []

@@ -29,6 +29,7 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.timing.clock_settings import ClockSettings
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ class BodyCalibrator:
         pose_fit, evidence: noise of landmarks and registrations, those of the solver.
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
+        clock: how far the cameras' clocks may be off.
         readout: which cameras share a read-out time, and when it is known well enough.
 
     Raises:
@@ -63,6 +65,7 @@ class BodyCalibrator:
         pose_fit: PoseFitSettings | None = None,
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
+        clock: ClockSettings | None = None,
         readout: ReadoutSettings | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
@@ -75,6 +78,7 @@ class BodyCalibrator:
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
+        self._clock = clock or ClockSettings()
         self._readout = readout or ReadoutSettings()
         self.forget()
 
@@ -104,11 +108,10 @@ class BodyCalibrator:
         """
         delays_s = dict.fromkeys(self._logs, 0.0)
         # Joint centres and trust were found with clocks that were off; once those are known, all is asked anew.
-        clock = self._settings.clock
-        for _ in range(clock.turns):
+        for _ in range(self._clock.turns):
             findings = self._found(name, delays_s, on_progress)
             delays_s = findings.delays_s
-            if np.abs(findings.refined.motion.delays).max() < clock.settled:
+            if np.abs(findings.refined.motion.delays).max() < self._clock.settled:
                 break
         body = _with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
         return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
@@ -142,7 +145,7 @@ class BodyCalibrator:
             found.trust[rows],
             straight_limbs(first, hinges),
             settings.refinement,
-            settings.clock,
+            self._clock,
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)

@@ -12,7 +12,6 @@ from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.strap_slip import StrapSlipSettings
 from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings
 from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.timing.clock_settings import ClockSettings
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,6 @@ class CalibrationSettings(SettingsGroups):
     joint_centre: JointCentreSettings = JointCentreSettings()
     rest_pose: RestPoseSettings = RestPoseSettings()
     refinement: RefinementSettings = RefinementSettings()
-    clock: ClockSettings = ClockSettings()
     joint_limits: JointLimitSettings = JointLimitSettings()
     assessment: AssessmentSettings = AssessmentSettings()
     anthropometry: AnthropometrySettings = AnthropometrySettings()

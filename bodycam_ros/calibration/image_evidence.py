@@ -10,14 +10,9 @@ from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import adjoint, hat, inverse, log_se3
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 
 Array = NDArray[np.float64]
-
-
-def evidence_floor(settings: EvidenceSettings) -> Array:
-    """Covariance (6, 6) that the solver adds to each registration: map, lens and strap err together."""
-    return np.diag(np.repeat([settings.mount_rotation_sigma, settings.mount_translation_sigma], 3) ** 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ _MODELS: dict[str, type[CameraModel]] = {
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
 _K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+_LONGEST_READOUT_S = 0.1
 _LARGEST = 1e6  # of k [px] and d; their powers must be finite
 
 
@@ -79,6 +80,26 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
         )
     except LensError as error:
         raise LensError(f"{path}: {error}") from error
+
+
+def readout_time_from_yaml(path: Path) -> float | None:
+    """``readout_time`` of a camera_info YAML: from the middle of the exposure of the first row to that of the last [s].
+
+    Our own addition to the file; None if it is not there.
+
+    Raises:
+        LensError: the file cannot be read, or the time is none that a camera has.
+    """
+    document = read_yaml(path, "camera_info YAML", LensError)
+    given = document.get("readout_time") if isinstance(document, Mapping) else None
+    if given is None:
+        return None
+    if isinstance(given, bool) or not isinstance(given, (int, float)) or not 0.0 <= given <= _LONGEST_READOUT_S:
+        raise LensError(
+            f"{path}: readout_time must be from 0 to {_LONGEST_READOUT_S:g} s, the time from the first row to the "
+            f"last, not {shown(given)}"
+        )
+    return float(given)
 
 
 def _intrinsics(name: str, k: tuple[float, ...]) -> tuple[float, float, float, float]:

@@ -1,7 +1,7 @@
 """bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
 
-_NARROWEST = 110
+_NARROWEST = 128
 """Columns of a table that is written to a file or pipe, whose width nobody knows."""
 
 
@@ -88,13 +88,19 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
 
 def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Table:
     with_pixels = any("reprojection_px" in camera for camera in cameras.values())
-    caption = "lost: the longest time without a pose; gap: from the registered to the solved pose, median"
+    with_light = any("brightness" in camera for camera in cameras.values())
+    caption = (
+        "lost: the longest time without a pose; motion: of the picture from image to image, 95th percentile; "
+        "gap: from the registered to the solved pose, median"
+    )
     if with_pixels:
         caption += "; error: of landmarks in the solved pose, median"
+    if with_light:
+        caption += "; light: the brightest over the darkest"
     table = Table(title="cameras", caption=caption)
     table.add_column("camera", no_wrap=True)
-    columns = ("images", "registered", "lost [s]", "tracks", "landmarks", "gap [mm]", "gap [deg]")
-    for column in (*columns, *(("error [px]",) if with_pixels else ())):
+    columns = ("images", "registered", "lost [s]", "tracks", "landmarks", "motion [px]", "gap [mm]", "gap [deg]")
+    for column in (*columns, *(("error [px]",) if with_pixels else ()), *(("light",) if with_light else ())):
         table.add_column(column, justify="right")
     for name, camera in cameras.items():
         lost_s = camera["longest_lost_s"]
@@ -104,11 +110,14 @@ def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Tabl
             f"{lost_s:.2f}" if lost_s else "",
             _number(camera["tracks"], 0),
             _number(camera["landmarks"], 0),
+            _number(camera["image_motion_px"]["p95"], 1),
             _number(camera["position_gap_mm"]["median"], 1),
             _number(camera["rotation_gap_deg"]["median"], 2),
         ]
         if with_pixels:
             row.append(_number(camera.get("reprojection_px", {}).get("median"), 2))
+        if with_light:
+            row.append(_number(camera.get("brightness", {}).get("range"), 2))
         table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
     return table
 
@@ -162,11 +171,19 @@ def _number(value: float | None, decimals: int) -> str:
     return "" if value is None else f"{value:.{decimals}f}"
 
 
+def _by_motion(classes: Sequence[Mapping[str, Any]]) -> str:
+    """The registered share of each class of image motion; an end that is unknown has no end."""
+    spans = [f"{c['low_px']:g}" + ("+" if c["high_px"] is None else f" to {c['high_px']:g}") for c in classes]
+    return ", ".join(f"{span}: {c['registered']:.1%}" for span, c in zip(spans, classes, strict=True))
+
+
 def _remarks(figures: Mapping[str, Any]) -> list[str]:
     remarks = [
         f"{figures['instants']} instants in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the "
         f"images covered; {figures['instants_without_camera']} instants without any camera"
     ]
+    if figures["blur"]:
+        remarks.append(f"registered at a motion of {_by_motion(figures['blur'])} px per image")
     remarks += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
     if "truth" in figures:
         truth = figures["truth"]

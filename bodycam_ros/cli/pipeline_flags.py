@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.pipeline import PipelineSettings
 
 
@@ -35,9 +36,13 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
         SettingsError: a value that is unknown or out of range.
     """
     if arguments.config:
-        # One file serves every command.
-        check_groups(arguments.config, PipelineSettings.groups().keys() | CalibrationSettings.groups().keys())
+        check_groups(arguments.config, known_groups())
     return settings_from_flags(arguments, PipelineSettings, arguments.config)
+
+
+def known_groups() -> set[str]:
+    """Groups of settings that a file may have: one serves every command that works on a recording."""
+    return {*PipelineSettings.groups(), *CalibrationSettings.groups(), *SoundSettings.groups()}
 
 
 def _positive(text: str) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import yaml
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import describe
 
@@ -32,7 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
 def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
     lines = ["/**:", "  ros__parameters:"]
-    for group, settings_type in (PipelineSettings.groups() | CalibrationSettings.groups()).items():
+    groups = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
+    for group, settings_type in groups.items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):
             lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]

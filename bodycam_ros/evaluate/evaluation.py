@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import health
+from bodycam_ros.evaluate.brightness import Brightness, brightness
 from bodycam_ros.evaluate.comparison import Comparison, compare
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
@@ -31,6 +32,7 @@ class Evaluation:
         rotation_sigma: (T,) of the root [rad].
         angle_ranges: joint -> least and greatest angle [rad].
         jitter: (T, S) [m].
+        brightness: camera -> its brightness over time; empty unless the recording was given.
         verdict: whether the result may be used, as far as the bag says.
         comparison: with the truth, if that was given.
     """
@@ -44,6 +46,7 @@ class Evaluation:
     rotation_sigma: Array
     angle_ranges: Mapping[str, tuple[float, float]]
     jitter: Array
+    brightness: Mapping[str, Brightness]
     verdict: Verdict
     comparison: Comparison | None
 
@@ -54,7 +57,8 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     Args:
         solved_path: the bag.
         truth_path: folder of the recording, or of its truth, to score against.
-        recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses.
+        recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses,
+            and which shows how bright it was.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -78,6 +82,7 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         rotation_sigma=rotation_sigma,
         angle_ranges=health.angle_ranges(solved),
         jitter=health.jitter(solved),
+        brightness={} if recording_path is None else brightness(solved, recording_path),
         verdict=solved_verdict(solved, models, VerdictSettings()),
         comparison=None if truth is None else compare(solved, truth),
     )

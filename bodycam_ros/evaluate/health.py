@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.drawing.overlay import Overlay
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.blur import image_motion
 from bodycam_ros.evaluate.measures import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.recording.bag_reader import open_recording
@@ -96,6 +97,7 @@ class CameraHealth:
         longest_lost_s: the longest time without a pose [s].
         tracks: mean of feature tracks per image; NaN where the bag does not say.
         landmarks: mean of tracks with a landmark per image.
+        image_motion: of the picture from image to image, which blurs it [px].
         position_gap: distance of the registered from the solved position of the camera [m].
         rotation_gap: angle between the two orientations [rad].
         reprojection: of landmarks in the solved pose [px]; None unless the recording's intrinsics were given.
@@ -107,6 +109,7 @@ class CameraHealth:
     longest_lost_s: float
     tracks: float
     landmarks: float
+    image_motion: Distribution
     position_gap: Distribution
     rotation_gap: Distribution
     reprojection: Distribution | None = None
@@ -197,6 +200,7 @@ def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
         longest_lost_s=longest_lost(record.stamps_ns, record.registered, solved.frame_ns),
         tracks=float(known.mean()) if len(known) else float("nan"),
         landmarks=float(record.landmarks.mean()),
+        image_motion=Distribution.of(image_motion(record)),
         position_gap=Distribution.of(distances),
         rotation_gap=Distribution.of(angles),
     )

@@ -127,10 +127,8 @@ def _draw_view(axes: Axes, view: OverlayView) -> None:
 
 def _image_at(images: Recording, camera: str, at_ns: int, frame_ns: int) -> CameraImage | None:
     """The camera's image within half a frame of a time, if there is one."""
-    for image in images.images([camera]):
-        if image.stamp_ns >= at_ns - frame_ns // 2:
-            return image if image.stamp_ns <= at_ns + frame_ns // 2 else None
-    return None
+    image = images.first_image(camera, at_ns - frame_ns // 2)
+    return image if image is not None and image.stamp_ns <= at_ns + frame_ns // 2 else None
 
 
 def _view(

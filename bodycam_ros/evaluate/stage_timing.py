@@ -96,8 +96,11 @@ def _time_camera(
     camera_registrar = registrar(camera, reference_map, settings)
     bare = _BareOpenCv(settings)
     before: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None
-    for image in images:
+    while True:
         with _add_to(timing.seconds, "decode"):
+            # A video is decoded as it is read.
+            if (image := next(images, None)) is None:
+                break
             grey = decode_grey(image)
         spent = {"track": 0.0, "flow": 0.0, "keypoints": 0.0}
         with _add_to(spent, "track"):

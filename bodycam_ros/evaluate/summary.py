@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.evaluate.blur import blur_classes
+from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
@@ -34,7 +36,10 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),
         "jitter_mm": _spread(MM_PER_M * evaluation.jitter),
         "joint_ranges_deg": {name: np.degrees(limits).tolist() for name, limits in evaluation.angle_ranges.items()},
-        "cameras": {health.camera: _camera(health) for health in evaluation.cameras},
+        "blur": [asdict(blur) for blur in blur_classes(solved.cameras)],
+        "cameras": {
+            health.camera: _camera(health, evaluation.brightness.get(health.camera)) for health in evaluation.cameras
+        },
     }
     if evaluation.comparison is not None:
         figures["truth"] = truth_figures(evaluation.comparison)
@@ -72,18 +77,25 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     return {"level": verdict.level.word, "text": verdict.text, "findings": findings}
 
 
-def _camera(health: CameraHealth) -> dict[str, Any]:
+def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
     figures = {
         "images": health.images,
         "registered": health.registered,
         "longest_lost_s": health.longest_lost_s,
         "tracks": health.tracks,
         "landmarks": health.landmarks,
+        "image_motion_px": asdict(health.image_motion),
         "position_gap_mm": _scaled(health.position_gap, MM_PER_M),
         "rotation_gap_deg": _scaled(health.rotation_gap, math.degrees(1.0)),
     }
     if health.reprojection is not None:
         figures["reprojection_px"] = asdict(health.reprojection)
+    if light is not None:
+        figures["brightness"] = {
+            "median": float(np.median(light.level)),
+            "range": light.range,
+            "saturated": float(light.saturated.mean()),
+        }
     return figures
 
 

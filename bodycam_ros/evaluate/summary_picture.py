@@ -7,9 +7,10 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from bodycam_ros.drawing.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
+from bodycam_ros.evaluate.blur_panels import draw_blur, draw_brightness
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
@@ -23,6 +24,7 @@ _MOST_LETTERS = 150
 """Of the line below the name; the terminal and summary.json have the rest."""
 
 _SIZE_INCHES = (16.0, 11.6)
+_BLUR_INCHES = 2.6
 _DOTS_PER_INCH = 110
 
 
@@ -33,8 +35,10 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         OSError: the file cannot be written.
     """
     with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
-        FigureCanvasAgg(figure)
+        width, height = _SIZE_INCHES
+        whole = Figure(figsize=(width, height + _BLUR_INCHES), facecolor="white")
+        FigureCanvasAgg(whole)
+        figure, strip = whole.subfigures(2, 1, height_ratios=(height, _BLUR_INCHES), squeeze=False)[:, 0]
         _draw_headline(figure, evaluation, top=0.975)
         draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
         left, right = (0.095, 0.405), (0.6, 0.365)
@@ -42,11 +46,13 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         draw_registrations(registrations, evaluation)
         draw_errors(_stacked(figure, left, (0.045, 0.182), ERROR_PANELS, registrations), evaluation)
         draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
+        draw_blur(strip.add_axes((left[0], 0.2, left[1], 0.6)), evaluation)
+        draw_brightness(strip.add_axes((right[0], 0.2, right[1], 0.6), sharex=registrations), evaluation)
         figure.align_ylabels()
-        figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
+        whole.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
-def _draw_headline(figure: Figure, evaluation: Evaluation, top: float) -> None:
+def _draw_headline(figure: SubFigure, evaluation: Evaluation, top: float) -> None:
     """Name, duration and key figures, below a height of the figure (0 to 1)."""
     solved = evaluation.solved
     duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
@@ -101,7 +107,7 @@ def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def _stacked(
-    figure: Figure, across: tuple[float, float], span: tuple[float, float], count: int, shared: Axes
+    figure: SubFigure, across: tuple[float, float], span: tuple[float, float], count: int, shared: Axes
 ) -> list[Axes]:
     """Panels one upon the other that share their time axis; the lowest shows its ticks."""
     gap = 0.018

@@ -5,17 +5,39 @@ import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message, numbers
 from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.shown import shown
 
 _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
+_CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc"}
 _TO_GREY = {"bgr8": cv2.COLOR_BGR2GRAY, "rgb8": cv2.COLOR_RGB2GRAY}
+
+
+def image_stamp_ns(message: Message) -> int:
+    """Stamp of an image of any of the types below [ns]."""
+    return stamp_ns(message.header.stamp if hasattr(message, "header") else message.timestamp)
 
 
 def compressed_image(message: Message, camera: str) -> CameraImage:
     """Camera image of a sensor_msgs/CompressedImage, still encoded."""
     return CameraImage(camera, stamp_ns(message.header.stamp), bytes(message.data))
+
+
+def compressed_video(message: Message, camera: str) -> CameraImage:
+    """Camera image of a foxglove_msgs/CompressedVideo, a packet that its camera's ``VideoDecoder`` takes.
+
+    Raises:
+        RecordingError: a format other than H.264 and H.265.
+    """
+    codec = _CODECS.get(str(message.format).lower())
+    if codec is None:
+        raise RecordingError(
+            f"camera {camera}: video of the format {shown(message.format)} is not supported; expected h264 or h265"
+        )
+    return CameraImage(camera, stamp_ns(message.timestamp), VideoPacket(codec, bytes(message.data)))
 
 
 def raw_image(message: Message, camera: str) -> CameraImage:

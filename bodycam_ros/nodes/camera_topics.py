@@ -1,5 +1,6 @@
 """What a camera's driver publishes, images and camera_info, read in whatever way the driver offers it."""
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -8,24 +9,33 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import LensError
+from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import optical_frame
 from bodycam_ros.messages.images import camera_model
+from bodycam_ros.nodes.message_classes import is_installed
 from bodycam_ros.nodes.qos import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 
 KEPT_INFOS = "camera_infos"
 """Latched copies of the camera_info of all cameras, told apart by ``frame_id``: a node that starts again must not wait
 for a driver that spoke once, or speaks every ten seconds."""
 
 _INFO = "sensor_msgs/msg/CameraInfo"
-_TRANSPORTS = {
+TRANSPORTS = {
     "compressed": ("image_raw/compressed", "sensor_msgs/msg/CompressedImage"),
     "raw": ("image_raw", "sensor_msgs/msg/Image"),
+    "video": ("image_raw/compressed_video", COMPRESSED_VIDEO),
+    "foxglove": ("image_raw/foxglove", COMPRESSED_VIDEO),
 }
+"""How images may be published: topic of a camera, and type."""
+
 _INFO_DEPTH, _KEPT_DEPTH = 10, 200
 _LOOK_S = 0.5
+_PATIENCE_S = 2.0
+"""Who publishes the transport that is asked for may take a while to be discovered."""
+
 _QUIET_S = 1.5
 """Who is heard no more, or not yet, may be published in another way."""
 
@@ -38,24 +48,33 @@ class ImageSource:
     Args:
         node: reads the images.
         camera: its name.
-        transport: "compressed" or "raw".
+        transport: of ``TRANSPORTS``; another one is taken where it alone is published.
         depth: images that may wait in the subscription.
-        on_image: called with each message.
+        on_image: called with each message, and its transport.
+
+    Raises:
+        SettingsError: there is no such transport here.
     """
 
     def __init__(
-        self, node: StageNode[Any], camera: str, transport: str, depth: int, on_image: Callable[[Message], None]
+        self, node: StageNode[Any], camera: str, transport: str, depth: int, on_image: Callable[[Message, str], None]
     ) -> None:
+        if transport not in TRANSPORTS:
+            known = ", ".join(TRANSPORTS)
+            raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
+        if not is_installed(TRANSPORTS[transport][1]):
+            raise SettingsError(
+                f"the transport '{transport}' needs the ROS package foxglove_msgs, which is not installed"
+            )
         self._node = node
         self._camera = camera
         self._depth = depth
         self._on_image = on_image
         self._transport = transport
-        self._topic = f"{camera}/{_TRANSPORTS[transport][0]}"
         self._is_reliable = True
         self._subscription = self._subscribe(reliable(depth))
         self._heard_s = -_QUIET_S
-        self._said = False
+        self._looked_since_s = time.monotonic()
         node.every(_LOOK_S, self._look)
 
     @property
@@ -69,12 +88,16 @@ class ImageSource:
             return f"no image on {self._topic}, though it is published"
         return f"no image: nobody publishes {self._topic}"
 
+    @property
+    def _topic(self) -> str:
+        return f"{self._camera}/{TRANSPORTS[self._transport][0]}"
+
     def _subscribe(self, quality: QoSProfile) -> Subscription:
-        return self._node.subscription(_TRANSPORTS[self._transport][1], self._topic, self._receive, quality)
+        return self._node.subscription(TRANSPORTS[self._transport][1], self._topic, self._receive, quality)
 
     def _receive(self, message: Message) -> None:
         self._heard_s = time.monotonic()
-        self._on_image(message)
+        self._on_image(message, self._transport)
 
     def _look(self) -> None:
         if self.quiet_s < _QUIET_S:
@@ -84,8 +107,8 @@ class ImageSource:
             wants_reliable = all(offer.reliability != ReliabilityPolicy.BEST_EFFORT for offer in offers)
             if wants_reliable != self._is_reliable:
                 self._change(wants_reliable)
-        elif not self._said:
-            self._look_at_other_transport()
+        elif time.monotonic() - self._looked_since_s > _PATIENCE_S:
+            self._take_other_transport()
 
     def _change(self, wants_reliable: bool) -> None:
         self._is_reliable = wants_reliable
@@ -96,14 +119,21 @@ class ImageSource:
         self._node.destroy_subscription(self._subscription)
         self._subscription = self._subscribe(reliable(self._depth) if wants_reliable else best_effort(self._depth))
 
-    def _look_at_other_transport(self) -> None:
-        other = next(name for name in _TRANSPORTS if name != self._transport)
-        topic = f"{self._camera}/{_TRANSPORTS[other][0]}"
-        if _offers(self._node, topic):
-            self._said = True
-            self._node.get_logger().warning(
-                f"nobody publishes {self._topic}, but {topic} is there; to read it start with -p transport:={other}"
-            )
+    def _take_other_transport(self) -> None:
+        """Read what is published where the transport asked for is not: a bag of videos plays as raw images."""
+        for other, (ending, kind) in TRANSPORTS.items():
+            if other == self._transport or not _offers(self._node, f"{self._camera}/{ending}"):
+                continue
+            if not is_installed(kind):
+                self._node.get_logger().warning(
+                    f"{self._camera}/{ending} is published, but not to be read without the ROS package foxglove_msgs"
+                )
+                self._looked_since_s = math.inf
+                continue
+            self._node.get_logger().info(f"nobody publishes {self._topic}; reads {self._camera}/{ending}")
+            self._transport = other
+            self._change(wants_reliable=True)
+            return
 
 
 class CameraModels:

@@ -93,6 +93,7 @@ class LiveCalibration:
             settings.pose_fit,
             settings.evidence,
             None if math.isnan(facing_deg) else math.radians(facing_deg),
+            settings.clock,
             settings.readout,
         )
 

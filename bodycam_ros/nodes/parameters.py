@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
 
@@ -38,7 +39,10 @@ class TrackerParameters:
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
     transport: str = setting(
-        "compressed", reason="'compressed' reads <camera>/image_raw/compressed, 'raw' reads <camera>/image_raw"
+        "compressed",
+        reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
+        "'foxglove' <camera>/image_raw/compressed_video or foxglove, which need foxglove_msgs; another one is taken if "
+        "it alone is published",
     )
     image_queue: int = setting(
         60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
@@ -147,6 +151,10 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
         if dot:
             grouped[group][setting_name] = value
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
+    # One file serves all commands; no node listens to sound.
+    SoundSettings.from_mapping(
+        {group: grouped.pop(group) for group in SoundSettings.groups().keys() & grouped.keys()}, _SOURCE
+    )
     return PipelineSettings.from_mapping(grouped, _SOURCE), CalibrationSettings.from_mapping(calibration, _SOURCE)
 
 

@@ -9,7 +9,8 @@ from rclpy.duration import Duration
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 
-INFO, IMAGES = "/camera_info", ("/image_raw/compressed", "/image_raw")
+INFO, TIMING = "/camera_info", "/timing"
+IMAGES = ("/image_raw/compressed", "/image_raw", "/image_raw/compressed_video", "/image_raw/foxglove")
 
 _REPEAT_S = 1.0
 """A reader that comes late and does not ask for latched messages waits no longer for a camera_info."""
@@ -17,7 +18,7 @@ _REPEAT_S = 1.0
 
 def camera_of(topic: str) -> str:
     """Name of the camera that a topic belongs to; empty if it belongs to none."""
-    for ending in (INFO, *IMAGES):
+    for ending in (INFO, TIMING, *IMAGES):
         if topic.endswith(ending):
             return topic.removesuffix(ending).removeprefix("/")
     return ""
@@ -30,9 +31,9 @@ def few(parts: Sequence[str]) -> str:
 
 
 class PlayedTopics:
-    """Publishers of cameras' images and camera_info.
+    """Publishers of cameras' images, camera_info and timing.
 
-    camera_info is latched, and repeated for readers that come late and do not know that.
+    camera_info and timing are latched, camera_info repeated for readers that come late and do not know that.
 
     Args:
         node: publishes.
@@ -46,7 +47,7 @@ class PlayedTopics:
         self._node = node
         self.types = types
         self._publishers = {
-            topic: node.publisher(kind, topic, latched() if topic.endswith(INFO) else reliable(STAGE_DEPTH))
+            topic: node.publisher(kind, topic, latched() if topic.endswith((INFO, TIMING)) else reliable(STAGE_DEPTH))
             for topic, kind in types.items()
         }
         self._infos: dict[str, tuple[bytes, float]] = {}

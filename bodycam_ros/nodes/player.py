@@ -13,10 +13,10 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.nodes.parameters import PlayerParameters
 from bodycam_ros.nodes.played_topics import IMAGES, PlayedTopics, camera_of, few
+from bodycam_ros.nodes.played_video import PlayedVideo
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.typestore import recording_typestore
 
 _SLICE_S = 0.1
 """So soon it hears that it is to stop, whatever it waits for."""
@@ -40,10 +40,11 @@ class Player(StageNode[PlayerParameters]):
     def work(self, stopped: Callable[[], bool]) -> None:
         """Wait for readers, play the bag, and wait until the readers have everything."""
         with BagFile(self._path) as bag:
-            topics = PlayedTopics(self, self._chosen(bag))
+            video = PlayedVideo(self._chosen(bag), lambda reason: self.skipped.add("frames skipped", reason))
+            topics = PlayedTopics(self, video.played)
             self._wait_for_readers(topics, stopped)
             while not stopped():
-                self._play(bag, topics, stopped)
+                self._play(bag, video, topics, stopped)
                 if not self.parameters.loop or not self._played:
                     break
         deadline_s = time.monotonic() + _LAST_WORDS_S
@@ -87,16 +88,21 @@ class Player(StageNode[PlayerParameters]):
             time.sleep(_SLICE_S)
         self._pause_until(time.monotonic() + self.parameters.settle, topics, stopped)
 
-    def _play(self, bag: BagFile, topics: PlayedTopics, stopped: Callable[[], bool]) -> None:
+    def _play(self, bag: BagFile, video: PlayedVideo, topics: PlayedTopics, stopped: Callable[[], bool]) -> None:
         started_s = time.monotonic()
         self._played, self._behind_s = 0, 0.0
-        for topic, recorded_ns, message in bag.messages(topics.types):
+        video.begin()
+        for topic, recorded_ns, message in bag.messages(video.sources):
             due_s = started_s + 1e-9 * (recorded_ns - bag.start_ns) / self.parameters.rate
             self._behind_s = max(self._behind_s, time.monotonic() - due_s)
             self._pause_until(due_s, topics, stopped)
             if stopped():
                 return
-            topics.publish(topic, bytes(recording_typestore().serialize_cdr(message, topics.types[topic])))
+            for played, serialized in video.serialized(topic, message):
+                topics.publish(played, serialized)
+                self._played += 1
+        for played, serialized in video.rest():
+            topics.publish(played, serialized)
             self._played += 1
         elapsed_s = time.monotonic() - started_s
         self.get_logger().info(
@@ -138,6 +144,7 @@ class Player(StageNode[PlayerParameters]):
             "messages played": self._played,
             "behind at most [s]": round(self._behind_s, 2),
             "readers lacking": few(lacking) or "none",
+            **self.skipped.counts,
         }
         level = HealthLevel.WARN if lacking else HealthLevel.OK
         # Real time: with use_sim_time the node's own clock may stand still.

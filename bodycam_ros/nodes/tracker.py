@@ -5,11 +5,10 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.errors import RecordingError, SettingsError
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.images import compressed_image, raw_image
+from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
@@ -20,6 +19,7 @@ from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.video.video_decoder import VideoDecoder
 
 _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _LOOK_S = 0.25
@@ -28,9 +28,10 @@ _PATIENCE_S = 2.0
 
 
 class _Arrival(NamedTuple):
-    """An image and when it came, on the steady clock."""
+    """An image, as a message or decoded, and when it came, on the steady clock."""
 
-    message: Message
+    image: Message
+    transport: str
     seconds: float
 
 
@@ -56,11 +57,8 @@ class Tracker(StageNode[TrackerParameters]):
     def __init__(self) -> None:
         super().__init__("tracker", TrackerParameters, TRACKER_GROUPS)
         self.camera = self.required("camera")
-        transport = self.parameters.transport
-        if transport not in _CONVERTERS:
-            raise SettingsError(f"the parameter 'transport' must be {' or '.join(_CONVERTERS)}, not '{transport}'")
-        self._convert = _CONVERTERS[transport]
         self._tracker: FeatureTracker | None = None
+        self._decoder = VideoDecoder()
         self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[_Arrival]] = deque()
         self._answers = AnsweredFrames(self.parameters.most_ahead)
@@ -73,7 +71,9 @@ class Tracker(StageNode[TrackerParameters]):
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
-        self._source = ImageSource(self, self.camera, transport, self.parameters.image_queue, self._on_image)
+        self._source = ImageSource(
+            self, self.camera, self.parameters.transport, self.parameters.image_queue, self._on_image
+        )
         # A reader of the tracks may come when no further image does.
         self.every(_LOOK_S, self._look)
 
@@ -86,13 +86,25 @@ class Tracker(StageNode[TrackerParameters]):
         self._tracker = feature_tracker(self._models.models[self.camera], self.settings)
         self._answers.forget()
 
-    def _on_image(self, message: Message) -> None:
+    def _on_image(self, message: Message, transport: str) -> None:
         self._tally.arrived += 1
-        stamp = stamp_ns(message.header.stamp)
+        stamp = image_stamp_ns(message)
+        now_s = time.monotonic()
         if stamp <= 0:
             self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
-            return
-        self._wait(self._order.add(stamp, _Arrival(message, time.monotonic())))
+        elif transport in _CONVERTERS:
+            self._wait(self._order.add(stamp, _Arrival(message, transport, now_s)))
+        else:
+            # Every frame is decoded, those that are dropped later included: the next one is made of it.
+            for image in self._decoded(message):
+                self._wait(self._order.add(image.stamp_ns, _Arrival(image, transport, now_s)))
+
+    def _decoded(self, message: Message) -> list[CameraImage]:
+        try:
+            packet = compressed_video(message, self.camera)
+        except RecordingError as error:
+            packet = CameraImage(self.camera, image_stamp_ns(message), error)
+        return self._decoder.feed(packet)
 
     def _on_stray(self, reason: str) -> None:
         self.skipped.add("images out of time", f"camera {self.camera}: {reason}")
@@ -143,7 +155,8 @@ class Tracker(StageNode[TrackerParameters]):
 
     def _track(self, tracker: FeatureTracker, arrival: _Arrival) -> None:
         try:
-            image = self._convert(arrival.message, self.camera)
+            convert = _CONVERTERS.get(arrival.transport)
+            image = convert(arrival.image, self.camera) if convert else arrival.image
             frame = tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))

@@ -2,24 +2,35 @@
 
 import logging
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.messages.images import (
+    camera_model,
+    compressed_image,
+    compressed_video,
+    image_stamp_ns,
+    raw_image,
+)
 from bodycam_ros.messages.timing import CameraTiming, camera_timing
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
+from bodycam_ros.video.video_decoder import VideoDecoder, decode_last
 
 logger = logging.getLogger(__name__)
 
 _IMAGE_TOPICS = {
     "/image_raw/compressed": ("sensor_msgs/msg/CompressedImage", compressed_image),
     "/image_raw": ("sensor_msgs/msg/Image", raw_image),
+    "/image_raw/compressed_video": (COMPRESSED_VIDEO, compressed_video),
+    "/image_raw/foxglove": (COMPRESSED_VIDEO, compressed_video),  # as foxglove_compressed_video_transport names it
 }
 """End of an image topic -> its type and its converter; where a camera has both, the first is read."""
 
@@ -43,8 +54,8 @@ def open_recording(path: Path) -> Iterator["Recording"]:
 class Recording:
     """Images and intrinsics by camera.
 
-    A camera is a pair of topics ``/<camera>/image_raw/compressed`` (or ``/<camera>/image_raw``) and
-    ``/<camera>/camera_info``.
+    A camera is a pair of topics ``/<camera>/image_raw/compressed`` (or ``/<camera>/image_raw``, or a video on
+    ``/<camera>/image_raw/compressed_video``) and ``/<camera>/camera_info``.
 
     Attributes:
         path: where the recording is.
@@ -63,8 +74,8 @@ class Recording:
         if not self.cameras:
             there = ", ".join(f"{topic} ({kind})" for topic, kind in bag.topics.items()) or "none at all"
             raise RecordingError(
-                f"{bag.path}: no camera; expected topics /<camera>/image_raw/compressed or /<camera>/image_raw, "
-                f"there are: {there}"
+                f"{bag.path}: no camera; expected topics /<camera>/image_raw/compressed, /<camera>/image_raw or "
+                f"/<camera>/image_raw/compressed_video, there are: {there}"
             )
 
     @property
@@ -122,13 +133,39 @@ class Recording:
 
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
         the first of them warned about, and so is one of before 1970. Once all are read, ``lost`` says what is missing.
+        Of a video every frame is decoded, wanted or not: the next one is made of it.
         """
+        wanted = self._begun(cameras)
+        decoders = {camera: VideoDecoder() for camera in wanted}
+        decoded = (ready for image in self._messages(wanted) for ready in decoders[image.camera].feed(image))
+        last = (image for decoder in decoders.values() for image in decoder.flush())
+        yield from self._increasing(chain(decoded, last))
+
+    def encoded_images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
+        """As ``images``, but frames of a video stay packets, which ``decode_last`` takes from a keyframe on."""
+        yield from self._increasing(self._messages(self._begun(cameras)))
+
+    def first_image(self, camera: str, from_ns: int) -> CameraImage | None:
+        """A camera's first image that is not before a time; of a video no more is decoded than it takes."""
+        since_key: list[CameraImage] = []
+        for image in self.encoded_images([camera]):
+            if not isinstance(image.content, VideoPacket) or image.content.is_key:
+                since_key.clear()
+            since_key.append(image)
+            if image.stamp_ns >= from_ns:
+                return decode_last(since_key)
+        return None
+
+    def _begun(self, cameras: Collection[str] | None) -> Collection[str]:
         wanted = self.cameras if cameras is None else cameras
-        source = {self._topic_of(camera): camera for camera in wanted}
-        latest: dict[str, int] = {}
-        found: Counter[str] = Counter()
         for camera in wanted:
             self.dropped[camera] = self.lost[camera] = 0
+        return wanted
+
+    def _messages(self, cameras: Collection[str]) -> Iterator[CameraImage]:
+        """The images of some cameras as they are in the bag."""
+        source = {self._topic_of(camera): camera for camera in cameras}
+        found: Counter[str] = Counter()
         for topic, _, message in self._bag.messages(source):
             camera = source[topic]
             found[camera] += 1
@@ -137,14 +174,20 @@ class Recording:
                 image = convert(message, camera)
             except RecordingError as error:
                 # One bad image must not cost the others: it is refused where it is decoded.
-                image = CameraImage(camera, stamp_ns(message.header.stamp), error)
-            if image.stamp_ns <= latest.get(camera, -1):
-                self._drop(image, latest.get(camera, 0))
-                continue
-            latest[camera] = image.stamp_ns
+                image = CameraImage(camera, image_stamp_ns(message), error)
             yield image
-        for camera in wanted:
+        for camera in cameras:
             self.lost[camera] = max(0, self.image_count(camera) - found[camera])
+
+    def _increasing(self, images: Iterable[CameraImage]) -> Iterator[CameraImage]:
+        latest: dict[str, int] = {}
+        for image in images:
+            latest_ns = latest.get(image.camera, -1)
+            if image.stamp_ns <= latest_ns:
+                self._drop(image, max(0, latest_ns))
+                continue
+            latest[image.camera] = image.stamp_ns
+            yield image
 
     def _drop(self, image: CameraImage, latest_ns: int) -> None:
         self.dropped[image.camera] += 1

@@ -1,10 +1,11 @@
 """Writes a recording as a ros2 bag folder that appears whole or not at all."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rosbags.interfaces import (
     Connection,
@@ -28,10 +29,17 @@ from bodycam_ros.yaml_file import read_yaml
 LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
+_LATCHED_ENDINGS = ("/camera_info", "/timing")
+"""And those of every camera."""
+
+INGEST = "bodycam ingest"
+_WRITTEN_BY = "written_by"
+
 _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
 
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
+_INGESTED_PARTS = re.compile(rf"{_PARTS.pattern}|timing\.(yaml|png)")
 _SOLVED_TOPICS = frozenset({"/robot_description", "/joint_states"})
 
 
@@ -63,18 +71,24 @@ class RecordingWriter:
 
 
 @contextmanager
-def write_recording(path: Path, force: bool = False) -> Iterator[RecordingWriter]:
+def write_recording(
+    path: Path, force: bool = False, check: Callable[[bool, Path], None] | None = None, written_by: str = ""
+) -> Iterator[RecordingWriter]:
     """Write a ros2 bag folder (MCAP). It takes its name once complete; an error or Ctrl-C leaves nothing behind.
 
     Args:
         path: the folder to be.
-        force: replace a solved bag that is there already.
+        force: replace a bag of the same kind that is there already.
+        check: refuses to replace what is of another kind; ``check_replaceable`` by default.
+        written_by: the command, for the bag's metadata.
 
     Raises:
-        OutputError: it cannot be written, or ``check_replaceable`` refuses to replace what is there.
+        OutputError: it cannot be written, or ``check`` refuses to replace what is there.
     """
-    with whole_folder(path, partial(check_replaceable, force)) as unfinished:
+    with whole_folder(path, partial(check or check_replaceable, force)) as unfinished:
         writer = Writer(unfinished, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        if written_by:
+            writer.set_custom_data(_WRITTEN_BY, written_by)
         with failure_named(path):
             writer.open()
         try:
@@ -95,25 +109,50 @@ def check_replaceable(force: bool, path: Path) -> None:
     check_folder(path, force, METADATA, _PARTS, "solved bag")
     if not any(path.iterdir()):
         return
-    types = _topic_types(path / METADATA)
-    if not _SOLVED_TOPICS <= set(types) or any("Image" in str(kind) for kind in types.values()):
+    types = _topic_types(_information(path / METADATA))
+    if not _SOLVED_TOPICS <= set(types) or any(
+        word in str(kind) for kind in types.values() for word in ("Image", "Video")
+    ):
         raise OutputError(
             f"{path}: is no bag that 'bodycam replay' wrote, so --force does not replace it; choose another name"
         )
 
 
-def _topic_types(metadata: Path) -> dict[str, str]:
-    """Topic -> type, as far as a bag's metadata can be read."""
+def check_ingested(force: bool, path: Path) -> None:
+    """Refuse to replace what is no bag that was made of videos, which are there to make it again.
+
+    Raises:
+        OutputError: something is at ``path``, and ``force`` is off or it is no bag that 'bodycam ingest' wrote.
+    """
+    check_folder(path, force, METADATA, _INGESTED_PARTS, "bag of videos")
+    if not any(path.iterdir()):
+        return
+    custom = _information(path / METADATA).get("custom_data")
+    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != INGEST:
+        raise OutputError(
+            f"{path}: is no bag that '{INGEST}' wrote, so --force does not replace it; choose another name"
+        )
+
+
+def _information(metadata: Path) -> dict[str, Any]:
+    """What a bag's metadata say, as far as they can be read."""
     with suppress(OutputError, KeyError, TypeError):
-        document = read_yaml(metadata, "bag's metadata", OutputError)
-        listed = document["rosbag2_bagfile_information"]["topics_with_message_count"]
+        information = read_yaml(metadata, "bag's metadata", OutputError)["rosbag2_bagfile_information"]
+        return information if isinstance(information, dict) else {}
+    return {}
+
+
+def _topic_types(information: dict[str, Any]) -> dict[str, str]:
+    """Topic -> type, as far as a bag's metadata have them."""
+    with suppress(KeyError, TypeError):
+        listed = information["topics_with_message_count"]
         return {str(entry["topic_metadata"]["name"]): str(entry["topic_metadata"]["type"]) for entry in listed}
     return {}
 
 
 def _quality(topic: str) -> Qos:
     """What the publisher of a topic offers."""
-    latched = topic in LATCHED_TOPICS
+    latched = topic in LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if latched else _PLAIN_DEPTH,

@@ -15,14 +15,24 @@ from bodycam_ros.messages.factory import Message, MessageFactory
 _IDENTITY_W = ("geometry_msgs/msg/Quaternion", "w", 1.0)
 """The one default value in the standard messages that is not zero; rosbags' definitions have lost it."""
 
+COMPRESSED_VIDEO = "foxglove_msgs/msg/CompressedVideo"
+_COMPRESSED_VIDEO_FIELDS = """\
+# A frame of a video: h264 or h265 in the form of Annex B, without B-frames, with the parameters before each keyframe.
+builtin_interfaces/Time timestamp
+string frame_id
+uint8[] data
+string format
+"""
+
 _ZERO_OF_BASE: dict[str, Any] = {"string": "", "wstring": "", "bool": False, "float32": 0.0, "float64": 0.0}
 _DTYPE_OF_BASE = {"byte": "uint8", "char": "uint8"}
 
 
 @cache
 def recording_typestore() -> Typestore:
-    """Jazzy's types plus bodycam_msgs, whose definitions travel with this package."""
+    """Jazzy's types, Foxglove's video, and bodycam_msgs, whose definitions travel with this package."""
     typestore = get_typestore(Stores.ROS2_JAZZY)
+    typestore.register(get_types_from_msg(_COMPRESSED_VIDEO_FIELDS, COMPRESSED_VIDEO))
     for definition in files("bodycam_ros").joinpath("msg").iterdir():
         if definition.name.endswith(".msg"):
             name = f"bodycam_msgs/msg/{definition.name.removesuffix('.msg')}"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_se3
+from bodycam_ros.registration.residual_scale import residual_scale
 from bodycam_ros.registration.rolling_shutter import ImageMotion, by_pose, row_shares, seen_later
 from bodycam_ros.settings import setting
 
@@ -104,14 +105,16 @@ def fit_pose(
     else:
         equations = problem.linearise(at, settings.inlier_px)
     readout_time, readout_information = problem.readout(equations)
+    inliers = equations.errors_px < settings.inlier_px
+    sigma_px = settings.pixel_sigma * residual_scale(equations.errors_px, inliers, settings.pixel_sigma)
     return PoseFit(
         at.world_T_camera,
-        equations.pose_hessian() / settings.pixel_sigma**2,
+        equations.pose_hessian() / sigma_px**2,
         equations.errors_px,
-        equations.errors_px < settings.inlier_px,
+        inliers,
         equations.shifts,
         readout_time,
-        readout_information / settings.pixel_sigma**2,
+        readout_information / sigma_px**2,
     )
 
 

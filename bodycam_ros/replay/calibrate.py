@@ -64,7 +64,14 @@ def calibrate(
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
         duration_s = recording.duration_s
     calibrator = BodyCalibrator(
-        rig, models, settings, pipeline.pose_fit, pipeline.evidence, facing_rad, pipeline.readout
+        rig,
+        models,
+        settings,
+        pipeline.pose_fit,
+        pipeline.evidence,
+        facing_rad,
+        pipeline.clock,
+        pipeline.readout,
     )
     task = RegistrationTask(
         recording_path,

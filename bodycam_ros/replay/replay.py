@@ -124,8 +124,8 @@ def replay(
     with open_recording(recording_path) as recording:
         cameras = _mounted_cameras(recording, body)
         summary = ReplaySummary(recording.duration_s)
-    skeleton = SkeletonPipeline(body, cameras, settings)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
+    skeleton = SkeletonPipeline(body, cameras, settings, on_corrected=log.add_registration)
     with write_recording(output_path, force) as writer:
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
@@ -214,7 +214,6 @@ class _Output:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""
         self._summary.registered[image.camera] += image.matches.world_T_camera is not None
         self._health.add(image.matches)
-        self._log.add_registration(image.matches)
         for message in image.messages:
             self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
         if image.stamp_ns >= self._health_due_ns:

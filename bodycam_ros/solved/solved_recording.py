@@ -13,10 +13,10 @@ from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
+from bodycam_ros.solved.image_motion import ImageMotion
 from bodycam_ros.solved.topics import (
     LANDMARKS,
     LANDMARKS_TYPE,
@@ -47,6 +47,8 @@ class CameraRecord:
         tracks: (K,) feature tracks; -1 where the bag does not say.
         landmarks: (K,) tracks that are named, which means that they carry a landmark of the map.
         world_T_camera: (K, 4, 4) registered pose of the optical frame [m]; NaN while the camera is lost.
+        image_motion: (K,) by how much the picture moved since the image before, the median over tracks [px]; NaN where
+            none was followed.
     """
 
     camera: str
@@ -54,6 +56,7 @@ class CameraRecord:
     tracks: NDArray[np.int64]
     landmarks: NDArray[np.int64]
     world_T_camera: Array
+    image_motion: Array
 
     @property
     def registered(self) -> NDArray[np.bool_]:
@@ -173,11 +176,13 @@ class _CameraMessages:
 
     def __init__(self) -> None:
         self.landmarks: dict[int, tuple[int, Array | None]] = {}
-        self._tracks: dict[int, int] = {}
+        self._tracks: dict[int, tuple[int, float]] = {}
+        self._motion = ImageMotion()
 
     def add(self, topic: str, message: Message, camera: str) -> None:
         if topic.endswith(_TRACKS):
-            self._tracks[stamp_ns(message.header.stamp)] = len(message.track_ids)
+            frame = track_frame(message, camera)
+            self._tracks[frame.stamp_ns] = (len(frame.track_ids), self._motion.add(frame.track_ids, frame.pixels))
             return
         matches = landmark_matches(message, camera)
         self.landmarks[matches.stamp_ns] = (len(matches.landmark_ids), matches.world_T_camera)
@@ -186,10 +191,12 @@ class _CameraMessages:
         stamps = sorted(self.landmarks)
         lost = np.full((4, 4), np.nan)
         poses = [self.landmarks[stamp][1] for stamp in stamps]
+        tracks = [self._tracks.get(stamp, (-1, np.nan)) for stamp in stamps]
         return CameraRecord(
             camera=camera,
             stamps_ns=np.array(stamps, dtype=np.int64),
-            tracks=np.array([self._tracks.get(stamp, -1) for stamp in stamps], dtype=np.int64),
+            tracks=np.array([count for count, _ in tracks], dtype=np.int64),
             landmarks=np.array([self.landmarks[stamp][0] for stamp in stamps], dtype=np.int64),
             world_T_camera=np.array([lost if pose is None else pose for pose in poses]),
+            image_motion=np.array([moved for _, moved in tracks], dtype=np.float64),
         )

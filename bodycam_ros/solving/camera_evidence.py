@@ -51,6 +51,11 @@ class EvidenceSettings:
     )
 
 
+def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:
+    """Covariance (6, 6) that is added to every registration: map, lens and strap err together."""
+    return np.diag(np.repeat([settings.mount_rotation_sigma, settings.mount_translation_sigma], 3) ** 2)
+
+
 @dataclass(frozen=True)
 class SegmentPose:
     """An absolute measurement of a segment: world_T_segment (4, 4) and its covariance (6, 6) in segment axes."""
@@ -114,13 +119,12 @@ def rotation_evidence(matches: LandmarkMatches, mount: CameraMount, settings: Ev
 def _on_segment(
     mount: CameraMount, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64], settings: EvidenceSettings
 ) -> SegmentPose:
-    floor = np.repeat([settings.mount_rotation_sigma, settings.mount_translation_sigma], 3) ** 2
     # A change of the camera's pose, seen in the segment's axes.
     segment_xi_camera = adjoint(mount.segment_T_camera)
     return SegmentPose(
         mount.segment,
         world_T_camera @ inverse(mount.segment_T_camera),
-        segment_xi_camera @ (covariance + np.diag(floor)) @ segment_xi_camera.T,
+        segment_xi_camera @ (covariance + evidence_floor(settings)) @ segment_xi_camera.T,
     )
 
 

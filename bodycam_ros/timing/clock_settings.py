@@ -1,4 +1,4 @@
-"""What is believed of the cameras' clocks before their images are looked at."""
+"""What is believed of the cameras' clocks, and how they are learned."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,14 @@ from bodycam_ros.settings import setting
 
 @dataclass(frozen=True)
 class ClockSettings:
-    """How far clocks may be off, and when they are known."""
+    """Clocks of cameras that were started by hand."""
 
+    rate: float = setting(
+        0.0,
+        unit="Hz",
+        limits=(0.0, 480.0),
+        reason="instants of the body per second; 0: those that most cameras share, or else as many as they have images",
+    )
     sigma: float = setting(
         0.02,
         unit="s",
@@ -19,7 +25,43 @@ class ClockSettings:
     trigger_sigma: float = setting(
         0.0002, unit="s", limits=(1e-6, 0.1), reason="the same of cameras whose stamps are those of the others"
     )
+    drift_sigma: float = setting(
+        2e-5, limits=(0.0, 0.01), reason="seconds per second; quartz is good to 20 ppm, and to 50 when it is cold"
+    )
+    window: float = setting(
+        4.0,
+        unit="s",
+        limits=(0.5, 60.0),
+        reason="clocks are asked once in this time: of 2 s they are learned half as well, and a jump shows in any case",
+    )
+    lookahead: float = setting(
+        8.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="offline, how far ahead of the body clocks are learned; some seconds of motion make them good to 1 ms",
+    )
+    instants: float = setting(
+        10.0,
+        unit="Hz",
+        limits=(1.0, 100.0),
+        reason="instants of a window at which cameras are compared; neighbours share their errors",
+    )
+    instants_alike: float = setting(
+        6.0, limits=(1.0, 100.0), reason="neighbouring instants that say the same, because tracks keep their errors"
+    )
+    jump: float = setting(
+        0.006,
+        unit="s",
+        limits=(0.0005, 10.0),
+        reason="a clock that is off by more than this and by five sigmas from one window to the next has jumped",
+    )
+    max_gap: float = setting(
+        0.12,
+        unit="s",
+        limits=(0.01, 1.0),
+        reason="a camera's pose is read off its path between two images this close; beyond, limbs do what they like",
+    )
     settled: float = setting(
-        0.001, unit="s", limits=(1e-6, 0.1), reason="clocks that moved by less are not used to find everything anew"
+        0.001, unit="s", limits=(1e-6, 0.1), reason="clocks that moved by less are not used to find a body anew"
     )
     turns: int = setting(3, limits=(1, 10), reason="how often a body is found anew with clocks that moved")

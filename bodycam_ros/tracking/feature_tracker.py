@@ -43,6 +43,11 @@ class TrackerSettings:
         reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
         "turns quickly needs just that",
     )
+    starved_survival: float = setting(
+        0.25,
+        limits=(0.0, 1.0),
+        reason="keyframe at once, however soon after the last, when fewer than this share of its tracks survive",
+    )
     max_track_age: float = setting(
         1.5,
         unit="s",
@@ -198,7 +203,10 @@ class FeatureTracker:
             or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
         )
         since_keyframe_ns = self._stamp_ns - self._keyframe_ns if self._keyframe_ns is not None else None
-        return due and (since_keyframe_ns is None or since_keyframe_ns >= 1e9 * self.settings.min_keyframe_gap)
+        rested = since_keyframe_ns is None or since_keyframe_ns >= 1e9 * self.settings.min_keyframe_gap
+        # Where a fast swing takes nearly all tracks at once, the few that are left will not reach the next keyframe.
+        starved = survivors < self.settings.starved_survival * self._tracks_at_keyframe
+        return due and (rested or starved)
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""

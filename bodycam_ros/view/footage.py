@@ -13,15 +13,20 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solved.topics import read_landmarks
 from bodycam_ros.solved.trajectory import nearest
+from bodycam_ros.video.video_decoder import decode_last
 from bodycam_ros.view.inbox import Inbox
 
 MOST_BYTES = 400_000_000
-"""Of compressed images that are kept in memory; of a longer recording every second image is kept, or every fourth."""
+"""Of compressed images that are kept in memory; of a longer recording every second image is kept, or every fourth.
+
+Of a video the keyframes are kept first, and then every second of them: no other frame can be left out.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class Footage:
         camera: its name.
         model: its lens.
         stamps_ns: (K,) of the images, increasing [ns].
-        images: K of them.
+        images: K of them, frames of a video as packets.
         matches: stamp [ns] -> landmarks found in the image of that stamp, where OUT has them.
     """
 
@@ -43,9 +48,14 @@ class Footage:
     matches: dict[int, LandmarkMatches]
 
     def image_at(self, at_ns: int, within_ns: int) -> CameraImage | None:
-        """The image nearest to a time, if there is one so near."""
+        """The image nearest to a time, if there is one so near; of a video, decoded from the keyframe before it on."""
         row = nearest(self.stamps_ns, at_ns, within_ns)
-        return None if row is None else self.images[row]
+        if row is None:
+            return None
+        start = row
+        while start > 0 and not _stands_alone(self.images[start]):
+            start -= 1
+        return decode_last(self.images[start : row + 1])
 
 
 def read_footage(recording: Path, solved: Path | None, camera: str, is_wanted: Callable[[], bool]) -> Footage | None:
@@ -61,28 +71,57 @@ def read_footage(recording: Path, solved: Path | None, camera: str, is_wanted: C
         RecordingError: a bag is damaged, or the recording has no such camera.
         LensError: the camera's intrinsics cannot be used.
     """
-    kept: list[CameraImage] = []
-    size, every = 0, 1
+    kept = _Kept()
     with open_recording(recording) as bag:
         model = bag.camera_model(camera)
-        for number, image in enumerate(bag.images([camera])):
+        for image in bag.encoded_images([camera]):
             if not is_wanted():
                 return None
-            if number % every:
-                continue
-            kept.append(image)
-            size += _size(image)
-            if size > MOST_BYTES:
-                kept, every = kept[::2], 2 * every
-                size = sum(_size(image) for image in kept)
-    stamps_ns = np.array([image.stamp_ns for image in kept], dtype=np.int64)
+            kept.add(image)
+    stamps_ns = np.array([image.stamp_ns for image in kept.images], dtype=np.int64)
     found = () if solved is None else read_landmarks(solved, (camera,))
     matches = {matches.stamp_ns: matches for matches in found}
-    return Footage(camera, model, stamps_ns, tuple(kept), matches)
+    return Footage(camera, model, stamps_ns, tuple(kept.images), matches)
+
+
+class _Kept:
+    """Images, few enough for ``MOST_BYTES``."""
+
+    def __init__(self) -> None:
+        self.images: list[CameraImage] = []
+        self._bytes = 0
+        self._only_keys = False
+        self._every, self._number = 1, 0
+
+    def add(self, image: CameraImage) -> None:
+        """Keep an image, or not, as its predecessors were."""
+        if self._only_keys and not _stands_alone(image):
+            return
+        self._number += 1
+        if (self._number - 1) % self._every:
+            return
+        self.images.append(image)
+        self._bytes += _size(image)
+        if self._bytes > MOST_BYTES:
+            self._thin_out()
+
+    def _thin_out(self) -> None:
+        if self._only_keys or all(map(_stands_alone, self.images)):
+            self.images, self._every = self.images[::2], 2 * self._every
+        else:
+            self.images, self._only_keys = [image for image in self.images if _stands_alone(image)], True
+            self._number = len(self.images)
+        self._bytes = sum(map(_size, self.images))
+
+
+def _stands_alone(image: CameraImage) -> bool:
+    return not isinstance(image.content, VideoPacket) or image.content.is_key
 
 
 def _size(image: CameraImage) -> int:
     content = image.content
+    if isinstance(content, VideoPacket):
+        return len(content.data)
     return content.nbytes if isinstance(content, np.ndarray) else len(content) if isinstance(content, bytes) else 0
 
 

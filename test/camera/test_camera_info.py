@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from bodycam_ros.camera import camera_from_info, camera_from_yaml
+from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError
 
 K = [300.0, 0.0, 320.0, 0.0, 301.0, 240.0, 0.0, 0.0, 1.0]
@@ -136,3 +137,20 @@ def test_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LensError, match="nowhere.yaml: cannot read"):
         camera_from_yaml(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"), [("", None), ("readout_time: 0.012\n", 0.012), ("readout_time: 0\n", 0.0)]
+)
+def test_readout_time_is_read_where_it_is_given(tmp_path: Path, line: str, expected: float | None) -> None:
+    path = tmp_path / "head.yaml"
+    path.write_text(f"image_width: 640\n{line}\n")
+    assert readout_time_from_yaml(path) == expected
+
+
+@pytest.mark.parametrize("given", ["-0.001", "0.2", "12 ms", "true", ".nan", "[0.01]"])
+def test_readout_time_that_no_camera_has_is_refused(tmp_path: Path, given: str) -> None:
+    path = tmp_path / "head.yaml"
+    path.write_text(f"readout_time: {given}\n")
+    with pytest.raises(LensError, match=r"head\.yaml: readout_time must be from 0 to 0\.1 s"):
+        readout_time_from_yaml(path)

@@ -10,6 +10,8 @@ from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.nodes.message_classes import is_installed
+from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _START_S = 60.0
@@ -25,7 +27,13 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     Path(rig).write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     cases = {
         ("tracker",): "the parameter 'camera' is missing",
-        ("tracker", "camera", "left", "transport", "pigeon"): "must be compressed or raw, not 'pigeon'",
+        (
+            "tracker",
+            "camera",
+            "left",
+            "transport",
+            "pigeon",
+        ): "must be one of compressed, raw, video, foxglove, not 'pigeon'",
         ("tracker", "camera", "left", "camra", "left"): "there is no parameter 'camra'",
         ("tracker", "camera", "left", "tracker.keyframes", 3): "there is no setting 'keyframes'",
         ("tracker", "camera", "left", "traker.keyframe_interval", 3): "there is no group of settings 'traker'",
@@ -44,6 +52,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",
         ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",
     }
+    if not is_installed(COMPRESSED_VIDEO):
+        cases["tracker", "camera", "left", "transport", "video"] = "'video' needs the ROS package foxglove_msgs"
     nodes = [
         NodeProcess(executable, f"wrong_{number}", dict(zip(given[::2], given[1::2], strict=True)))
         for number, (executable, *given) in enumerate(cases)

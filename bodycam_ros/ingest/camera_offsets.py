@@ -1,0 +1,279 @@
+"""Each camera's start and drift: by claps, else by the sound as a whole, else by whoever else can tell.
+
+Other sources (the motion of cameras, a GoPro's telemetry, a file's time of creation) are callables, asked in turn: for
+cameras that nobody has placed yet, and for their opinion about those that somebody has.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from threading import Event
+from typing import Protocol
+
+import numpy as np
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.claps import CommonSound, find_claps
+from bodycam_ros.ingest.clock_fit import SOUND_SPEED
+from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of, relative_to
+from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
+from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.ingest.sound_travel import OWN_CLAP_SIGMA_M, travel_s
+from bodycam_ros.ingest.whole_sound import compare_sounds
+from bodycam_ros.video.sound import SoundBlock, SoundSource
+
+_MOST_NAMED = 4
+
+
+class TimeSource(Protocol):
+    """Somebody else who can tell cameras' clocks."""
+
+    name: str
+    """As ``CameraTime.source`` has it."""
+
+    def __call__(self, known: Mapping[str, CameraTime]) -> Mapping[str, CameraTime]:
+        """Clocks of the cameras that it can tell, in the time of those known, or in one of its own if none is.
+
+        Args:
+            known: what was found before, as a first guess; cameras that are not in it have none.
+        """
+        ...
+
+
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how much of it is done, and of how much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """The clocks of all cameras.
+
+    Attributes:
+        reference: camera whose media time is the recording's.
+        times: camera -> its clock, in the order in which they were given.
+        confidence: camera -> 0 to 1: how far ahead the chosen way to place it is of the second best;
+            1 if two sources agree.
+        sounds: that several cameras heard, in order of time, the claps among them.
+        heard: camera -> what was kept of its sound.
+        unplaced: camera that nobody can place -> why; it is in neither ``times`` nor ``confidence``.
+        remarks: what a person should know, a line each; the camera's name comes first.
+    """
+
+    reference: str
+    times: Mapping[str, CameraTime]
+    confidence: Mapping[str, float]
+    sounds: tuple[CommonSound, ...] = ()
+    heard: Mapping[str, CameraSound] = field(default_factory=dict)
+    unplaced: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def claps(self) -> tuple[CommonSound, ...]:
+        """The claps, in order of time."""
+        return tuple(sound for sound in self.sounds if sound.clap)
+
+
+def camera_times(
+    sounds: Mapping[str, SoundSource],
+    segments: Mapping[str, str] | None = None,
+    others: Sequence[TimeSource] = (),
+    settings: SoundSettings | None = None,
+    on_progress: Progress = lambda what, done, of: None,
+) -> Offsets:
+    """Find the clocks of all cameras.
+
+    Args:
+        sounds: camera -> its sound, opened once; no block at all is a camera without sound.
+        segments: camera -> segment that it is strapped to, if that is known.
+        others: asked after the sound, in this order.
+        settings: of all steps.
+        on_progress: told how far it is, from the calling thread.
+
+    Raises:
+        RecordingError: nobody can place two cameras; the message says of each why, and what to do.
+    """
+    settings = settings or SoundSettings()
+    if len(sounds) == 1:
+        only = next(iter(sounds))
+        return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
+    heard, remarks = _scan(sounds, settings, on_progress)
+    remarks += [f"{name}: {fault}" for name, sound in heard.items() if (fault := _deaf(sound))]
+    settings = _with_reference(settings, segments, heard)
+
+    on_progress("looking for claps", 0, 1)
+    claps = find_claps(heard, settings.claps, settings.clocks)
+    on_progress("looking for claps", 1, 1)
+    times, confidence = dict(claps.times), dict(claps.confidence)
+    if segments and settings.clocks.wearer_claps:
+        times = _without_travel(times, claps.reference, travel_s(segments))
+
+    whole = compare_sounds(
+        heard,
+        times,
+        settings.whole_sound,
+        settings.clocks,
+        lambda done, of: on_progress("comparing sounds", done, of),
+    )
+    remarks += [f"{name}: no clap fits, placed by its sound as a whole" for name in whole.times if times]
+    times |= whole.times
+    confidence |= whole.confidence
+    if not claps.times and whole.times:
+        remarks.append("no clap was found; cameras are placed by their sound as a whole")
+
+    for other in others:
+        _ask(other, times, confidence, heard, remarks)
+    placed = [name for name in sounds if name in times]
+    unplaced = {name: _why_not(heard[name], placed, others) for name in sounds if name not in times}
+    if len(placed) < 2:
+        raise RecordingError(nobody_knows({name: _why_not(heard[name], (), others) for name in sounds}))
+    reference = next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0])
+    if settings.clocks.reference in placed:
+        reference = settings.clocks.reference
+    elif settings.clocks.reference:
+        remarks.append(f"{settings.clocks.reference}: cannot be the reference, it is not placed; {reference} is")
+    zero = times[reference]
+    return Offsets(
+        reference,
+        relative_to(reference, {name: times[name] for name in placed}),
+        {name: confidence[name] for name in placed},
+        tuple(sound.in_time_of(zero) for sound in claps.sounds),
+        heard,
+        unplaced,
+        tuple(remarks + _doubts(placed, times, confidence, claps.sounds)),
+    )
+
+
+def _scan(
+    sounds: Mapping[str, SoundSource], settings: SoundSettings, on_progress: Progress
+) -> tuple[dict[str, CameraSound], list[str]]:
+    """Listen to all cameras, as many at once as there are cores; of a sound that breaks off, what was heard counts."""
+    heard: dict[str, CameraSound] = {}
+    faults: dict[str, str] = {}
+    ended = Event()
+
+    def blocks(name: str) -> Iterator[SoundBlock]:
+        try:
+            for block in sounds[name]():
+                if ended.is_set():
+                    return
+                yield block
+        except RecordingError as error:
+            faults[name] = str(error)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        waiting = {name: pool.submit(lambda n: scan_sound(blocks(n), settings.sound_peaks), name) for name in sounds}
+        try:
+            for done, (name, result) in enumerate(waiting.items()):
+                on_progress("listening", done, len(waiting))
+                heard[name] = result.result()
+        except BaseException:
+            ended.set()  # Ctrl-C must not wait for two hours of sound
+            pool.shutdown(cancel_futures=True)
+            raise
+        on_progress("listening", len(waiting), len(waiting))
+    return heard, [f"{name}: {faults[name]}" for name in sounds if name in faults]
+
+
+def _deaf(sound: CameraSound) -> str:
+    """Why a camera's sound tells nothing; empty if it may."""
+    if sound.duration_s <= 0.0:
+        return "has no sound"
+    return "its sound is silence" if sound.loudest <= 0.0 else ""
+
+
+def _with_reference(
+    settings: SoundSettings, segments: Mapping[str, str] | None, heard: Mapping[str, CameraSound]
+) -> SoundSettings:
+    """The reference is a camera in the middle of the body, if one is known: claps reach it with the mean delay."""
+    wanted = settings.clocks.reference
+    if wanted:
+        if wanted not in heard:
+            raise RecordingError(
+                f"clocks.reference: there is no camera '{wanted}' in the recording; there are {', '.join(heard)}"
+            )
+        return settings
+    middle = next((n for n in heard if segments and segments.get(n) == "pelvis" and not _deaf(heard[n])), "")
+    return replace(settings, clocks=replace(settings.clocks, reference=middle))
+
+
+def _without_travel(
+    times: Mapping[str, CameraTime], reference: str, travel: Mapping[str, float]
+) -> dict[str, CameraTime]:
+    """Clocks from the wearer's own claps, without the nominal travel to each camera."""
+    if reference not in travel:
+        return dict(times)
+    ways_s = np.sqrt(2.0) * OWN_CLAP_SIGMA_M / SOUND_SPEED
+    return {
+        name: time
+        if name == reference or name not in travel
+        else replace(
+            time,
+            start_s=time.start_s + travel[name] - travel[reference],
+            start_sigma_s=min(time.start_sigma_s, float(np.hypot(ways_s, 1e-4))),
+        )
+        for name, time in times.items()
+    }
+
+
+def _ask(
+    source: TimeSource,
+    times: dict[str, CameraTime],
+    confidence: dict[str, float],
+    heard: Mapping[str, CameraSound],
+    remarks: list[str],
+) -> None:
+    """Let another source place who is not placed, and refine or contradict who is."""
+    told = in_time_of(source(dict(times)), times)
+    for name, time in told.items():
+        if name not in heard:
+            continue
+        if name not in times:
+            times[name], confidence[name] = time, 1.0
+            remarks.append(f"{name}: sound does not tell when it started, {source.name} does")
+            continue
+        middle_s = 0.5 * (heard[name].start_s + heard[name].end_s)
+        if agree(times[name], time, middle_s):
+            times[name], confidence[name] = combined(times[name], time), 1.0
+            continue
+        gap, sigma = gap_s(times[name], time, middle_s)
+        remarks.append(
+            f"{name}: {source.name} differs from {times[name].source} by {1e3 * gap:+.1f} ms, "
+            f"{abs(gap) / sigma:.0f} sigmas, and is left out"
+        )
+
+
+def _doubts(
+    names: Sequence[str],
+    times: Mapping[str, CameraTime],
+    confidence: Mapping[str, float],
+    sounds: Sequence[CommonSound],
+) -> list[str]:
+    doubts = [
+        f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})" for n in names if confidence[n] < 0.3
+    ]
+    claps = [sound for sound in sounds if sound.clap]
+    for name in names:
+        if times[name].source == "claps" and claps:
+            unheard = [f"{clap.recording_s:.2f} s" for clap in claps if name not in clap.heard_s]
+            if unheard:
+                doubts.append(f"{name}: does not have the clap at {', '.join(unheard[:_MOST_NAMED])}")
+    return doubts
+
+
+def _why_not(sound: CameraSound, placed: Sequence[str], others: Sequence[TimeSource]) -> str:
+    whose = f"that of {placed[0]}" if placed else "another camera's"
+    reason = _deaf(sound) or f"its sound has too little in common with {whose}, or fits at several times alike"
+    asked = f"; {' and '.join(other.name for other in others)} cannot tell either" if others else ""
+    return reason + asked
+
+
+def nobody_knows(unplaced: Mapping[str, str]) -> str:
+    """A message about cameras that nobody can place (camera -> why), and what to do."""
+    named = "; ".join(f"{name}: {why}" for name, why in list(unplaced.items())[:_MOST_NAMED])
+    more = f"; and {len(unplaced) - _MOST_NAMED} more" if len(unplaced) > _MOST_NAMED else ""
+    return (
+        f"when these cameras started cannot be told. {named}{more}. Clap loudly once all cameras run and again "
+        "before the first is stopped, or leave out the files that have no sound"
+    )

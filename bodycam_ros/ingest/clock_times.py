@@ -1,0 +1,92 @@
+"""Where videos lie in time by what their files say: by satellites, or by the camera's own clock, to a second or so.
+
+Claps, sound and motion know a hundred times better; this is for cameras that they cannot tell, and a first guess.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.video.camera_video import CameraVideo
+
+_OLDEST = datetime(2005, 1, 1, tzinfo=UTC)
+"""A clock that says less was never set: cameras begin at 1904, 1970 or 2000."""
+
+_SATELLITE_SIGMA_S = 0.1
+"""The reading of satellites is some way behind the payload that it is in, and not the same way in each camera."""
+
+_CLOCK_SIGMA_S = 1.0
+_DRIFT_SIGMA = 5e-5  # of a quartz clock
+_UNKNOWN_SIGMA_S = 60.0
+
+
+@dataclass
+class FileClock:
+    """A source of camera times: what each file says of the time of day at its media time 0.
+
+    Attributes:
+        name: as ``CameraTime.source`` has it.
+        began_s: camera -> UTC at its media time 0 [s since 1970]; cameras that do not know it are not in it.
+        sigma_s: how far two of them may differ from each other [s].
+    """
+
+    name: str
+    began_s: Mapping[str, float]
+    sigma_s: float
+
+    def __call__(self, known: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
+        """Clocks of the cameras that it can tell, in the time of those known, or of the first if none is."""
+        shared = [known[camera].start_s - self.began_s[camera] for camera in self.began_s if camera in known]
+        if not self.began_s or (known and not shared):
+            return {}
+        zero_s = float(np.median(shared)) if shared else -next(iter(self.began_s.values()))
+        times = {
+            camera: CameraTime(camera, began_s + zero_s, 0.0, self.sigma_s, _DRIFT_SIGMA, self.name)
+            for camera, began_s in self.began_s.items()
+        }
+        if not shared:
+            first = next(iter(times))
+            times[first] = CameraTime(first, 0.0, 0.0, 0.0, 0.0, self.name)
+        return times
+
+
+def satellite_clock(videos: Sequence[CameraVideo]) -> FileClock:
+    """By the satellites that a GoPro heard."""
+    began_s = {}
+    for video in videos:
+        try:
+            heard = video.satellite_times()
+        except RecordingError:
+            continue  # whoever reads its frames says so
+        if heard:
+            began_s[video.camera] = float(np.median([utc_s - media_s for media_s, utc_s in heard]))
+    return FileClock("telemetry", began_s, _SATELLITE_SIGMA_S)
+
+
+def creation_clock(videos: Sequence[CameraVideo]) -> FileClock:
+    """By the time of creation that the camera's own clock gave its file, if that was ever set."""
+    created = {video.camera: sane(video.created) for video in videos}
+    began_s = {camera: time.timestamp() for camera, time in created.items() if time is not None}
+    return FileClock("given", began_s, _CLOCK_SIGMA_S)
+
+
+def file_times(videos: Sequence[CameraVideo]) -> dict[str, CameraTime]:
+    """Camera -> its time by files alone; one that says nothing begins when the reference does, for all we know."""
+    times: dict[str, CameraTime] = {}
+    for clock in (satellite_clock(videos), creation_clock(videos)):
+        times = clock(times) | times
+    unknown = {
+        video.camera: CameraTime(video.camera, 0.0, 0.0, _UNKNOWN_SIGMA_S, _DRIFT_SIGMA, "given") for video in videos
+    }
+    return unknown | times
+
+
+def sane(created: datetime | None) -> datetime | None:
+    """A time of creation, unless the camera's clock was never set or is ahead of ours."""
+    if created is None or not _OLDEST < created < datetime.now(UTC) + timedelta(days=1):
+        return None
+    return created

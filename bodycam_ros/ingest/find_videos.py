@@ -1,0 +1,150 @@
+"""Which files are which camera's: a camera is a file's name, or that of the folder with its chapters."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.video.video_file import SUFFIXES
+
+_GOPRO_FIRST = re.compile(r"(?P<kind>G[HXL])(?P<chapter>\d\d)(?P<number>\d{4})", re.IGNORECASE)
+_GOPRO_OLD = re.compile(r"(?P<kind>GOPR|GP(?P<chapter>\d\d))(?P<number>\d{4})", re.IGNORECASE)
+_NUMBERED = re.compile(r"(?P<name>.+?)_(?P<chapter>\d{1,3})")
+
+
+@dataclass(frozen=True)
+class CameraFiles:
+    """The files of one camera.
+
+    Attributes:
+        camera: its name.
+        paths: its chapters, in order.
+    """
+
+    camera: str
+    paths: tuple[Path, ...]
+
+    def lens_path(self, folder: Path | None) -> Path:
+        """Where the lens YAML is: named after the camera, in the folder given, or else beside its video.
+
+        Raises:
+            LensError: there is none; the message says where one was looked for.
+        """
+        beside = self.paths[0].parent
+        names = dict.fromkeys((self.camera, self.paths[0].stem))
+        places = [folder] if folder else [beside, *([beside.parent] if beside.name == self.camera else [])]
+        looked_at = [place / f"{name}.yaml" for place in places for name in names]
+        for path in looked_at:
+            if path.exists():
+                return path
+        raise LensError(
+            f"there is no lens YAML for {self.paths[0]}; expected {' or '.join(map(str, looked_at))} (camera_info "
+            "YAML, as ROS calibration tools write it), or say with --cameras where it is"
+        )
+
+
+def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple[list[CameraFiles], list[str]]:
+    """Sort files, and the videos in folders, into cameras.
+
+    A folder with videos gives a camera per file; a folder with folders of videos one per folder. Chapters are joined:
+    GoPro's GH010123, GH020123 and GOPR0123, GP010123, and others' ``head_1``, ``head_2``, unless these have a lens YAML
+    each, and so are cameras of their own.
+
+    Returns:
+        The cameras by name, and what is wrong with those that are left out: several recordings of one name.
+
+    Raises:
+        RecordingError: something given does not exist, or holds no video.
+    """
+    by_camera: dict[str, list[tuple[Path, ...]]] = {}
+    files = [path for path in given if not path.is_dir()]
+    for folder in dict.fromkeys(path.parent for path in files):
+        _add(by_camera, _recordings([path for path in files if path.parent == folder], lens_folder))
+    for path in given:
+        if path.is_dir():
+            _add(by_camera, _in_folder(path, lens_folder))
+        elif not path.exists():
+            raise RecordingError(f"{path}: does not exist; give video files, or folders with them")
+    found, faults = [], []
+    for camera, recordings in sorted(by_camera.items()):
+        distinct = list({tuple(path.resolve() for path in paths): paths for paths in recordings}.values())
+        if len(distinct) == 1:
+            found.append(CameraFiles(camera, distinct[0]))
+            continue
+        names = " and ".join(str(paths[0]) for paths in distinct)
+        faults.append(
+            f"camera {camera}: left out: {names} are several recordings of one camera, which overlap in time; give one "
+            "of them, or name cameras apart"
+        )
+    return found, faults
+
+
+def _add(by_camera: dict[str, list[tuple[Path, ...]]], more: dict[str, list[tuple[Path, ...]]]) -> None:
+    for camera, recordings in more.items():
+        by_camera.setdefault(camera, []).extend(recordings)
+
+
+def _in_folder(folder: Path, lens_folder: Path | None) -> dict[str, list[tuple[Path, ...]]]:
+    """Camera -> its recordings, each by its chapters, in a folder."""
+    if videos := _videos_in(folder):
+        return _recordings(videos, lens_folder)
+    cameras = {}
+    for inner in sorted(path for path in folder.iterdir() if path.is_dir()):
+        if videos := _videos_in(inner):
+            cameras[inner.name] = [paths for of_name in _recordings(videos, None).values() for paths in of_name]
+    if not cameras:
+        raise RecordingError(f"{folder}: holds no video; expected files such as head.mp4, or a folder for each camera")
+    return cameras
+
+
+def _videos_in(folder: Path) -> list[Path]:
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
+    )
+
+
+def _recordings(videos: Sequence[Path], lens_folder: Path | None) -> dict[str, list[tuple[Path, ...]]]:
+    """Camera -> its recordings among the videos of one folder."""
+    with_lens = {path.stem for path in videos if ((lens_folder or path.parent) / f"{path.stem}.yaml").exists()}
+    numbered = _numbered_names({path.stem for path in videos}, with_lens)
+    groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
+    for path in videos:
+        recording, chapter = _chapter(path.stem, numbered)
+        groups.setdefault((recording, path.suffix.lower()), []).append((chapter, path))
+    cameras: dict[str, list[tuple[Path, ...]]] = {}
+    for (recording, _), chapters in sorted(groups.items()):
+        paths = tuple(path for _, path in sorted(chapters))
+        cameras.setdefault(recording if recording in numbered else paths[0].stem, []).append(paths)
+    return cameras
+
+
+def _chapter(stem: str, numbered: set[str]) -> tuple[str, int]:
+    """What tells a recording from others, and which chapter of it a file is."""
+    if found := _GOPRO_FIRST.fullmatch(stem):
+        return f"{found['kind'].upper()}{found['number']}", int(found["chapter"])
+    if found := _GOPRO_OLD.fullmatch(stem):
+        return f"GOPR{found['number']}", int(found["chapter"] or 0)
+    if (found := _NUMBERED.fullmatch(stem)) and found["name"] in numbered:
+        return found["name"], int(found["chapter"])
+    return (stem, 0)
+
+
+def _numbered_names(stems: set[str], with_lens: set[str]) -> set[str]:
+    """Names whose files are numbered without a gap from 1 on, or from 2 on behind one that has no number."""
+    numbers: dict[str, set[int]] = {}
+    apart = set()
+    for stem in stems:
+        if found := _NUMBERED.fullmatch(stem):
+            name, chapter = found["name"], int(found["chapter"])
+            numbers.setdefault(name, set()).add(chapter)
+            if chapter > 1 and stem in with_lens:
+                apart.add(name)
+    names = set()
+    for name, present in numbers.items():
+        start = 2 if name in stems else 1
+        if len(present) + (name in stems) > 1 and present == set(range(start, start + len(present))):
+            names.add(name)
+    return names - apart

@@ -1,0 +1,194 @@
+"""Videos of cameras in, one bag out, in the time of one of them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.clock_times import sane
+from bodycam_ros.ingest.find_videos import find_videos
+from bodycam_ros.ingest.frame_stream import FrameStream
+from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
+from bodycam_ros.ingest.read_ahead import merged_ahead
+from bodycam_ros.recording.bag_writer import INGEST, check_ingested, write_recording
+from bodycam_ros.video.camera_video import CameraVideo
+
+EPOCH = datetime(2020, 1, 1, tzinfo=UTC)
+"""Time 0 of a recording whose reference does not know when it was."""
+
+_FEWEST = 2
+"""One camera alone has nobody to be brought to one time with."""
+
+CameraTimes = Callable[[Sequence[CameraVideo]], Mapping[str, CameraTime]]
+"""Videos -> camera -> its time; cameras that are left out have none."""
+
+
+@dataclass(frozen=True)
+class IngestedCamera:
+    """What became of one camera.
+
+    Attributes:
+        stream: what was read, and how.
+        remarks: what a person should know, in sentences that name the camera.
+    """
+
+    stream: FrameStream
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class IngestSummary:
+    """What became of all cameras.
+
+    Attributes:
+        cameras: those in the bag, by name.
+        faults: what is wrong with those that were left out, in sentences that name the camera.
+        base: UTC of the recording's time 0.
+    """
+
+    cameras: tuple[IngestedCamera, ...]
+    faults: tuple[str, ...]
+    base: datetime
+
+    @property
+    def duration_s(self) -> float:
+        """From the first frame of all to the last [s]."""
+        tallies = [camera.stream.tally for camera in self.cameras]
+        return 1e-9 * (max(tally.last_ns for tally in tallies) - min(tally.first_ns for tally in tallies))
+
+
+def find_cameras(given: Sequence[Path], lens_folder: Path | None) -> tuple[list[IngestCamera], list[str]]:
+    """The cameras among files and folders, by name, and what is wrong with those that cannot be used.
+
+    Args:
+        given: video files, and folders with them.
+        lens_folder: where the lens YAMLs are; None: beside the videos.
+
+    Raises:
+        RecordingError: something given does not exist, or fewer than two cameras can be used.
+    """
+    found, faults = find_videos(given, lens_folder)
+    cameras, unusable = load_cameras(found, lens_folder)
+    faults += unusable
+    _check_enough(cameras, faults)
+    return cameras, faults
+
+
+def ingest(
+    cameras: Sequence[IngestCamera],
+    camera_times: CameraTimes,
+    output: Path,
+    as_jpeg: bool = False,
+    jobs: int = 1,
+    force: bool = False,
+    on_progress: Callable[[float], None] = lambda share: None,
+) -> IngestSummary:
+    """Write the bag: every frame at ``base + CameraTime.recording_s(its own media time)``.
+
+    Frames go into the bag as the camera compressed them, if H.264 or HEVC without B-frames and upright; else they are
+    compressed anew.
+
+    Args:
+        cameras: what is to go into it.
+        camera_times: says where each camera's video lies in time.
+        output: ros2 bag folder to be; it appears whole or not at all.
+        as_jpeg: write still images (sensor_msgs/CompressedImage) in place of video.
+        jobs: threads that decode and compress.
+        force: replace a bag that an ingest wrote.
+        on_progress: told which share is done, 0 to 1.
+
+    Raises:
+        RecordingError: fewer than two cameras can be brought together.
+        OutputError: the bag cannot be written.
+    """
+    times = camera_times([camera.video for camera in cameras])
+    timed, faults = _together([camera for camera in cameras if camera.name in times], times)
+    _check_enough(timed, faults)
+    base = _base(timed, times)
+    base_ns = round(base.timestamp() * 1e6) * 1000
+    streams = [FrameStream(camera, times[camera.name], base_ns, as_jpeg, _threads(jobs, timed)) for camera in timed]
+    start_s = min(_interval(camera, times)[0] for camera in timed)
+    total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
+    with write_recording(output, force, check_ingested, INGEST) as writer:
+        messages = [stream.messages() for stream in streams]
+        with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
+            for message in merged:
+                writer.write_serialized(message.topic, message.message_type, message.stamp_ns, message.cdr)
+                on_progress((1e-9 * (message.stamp_ns - base_ns) - start_s) / max(total_s, 1e-9))
+        faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
+        written = [stream for stream in streams if stream.tally.frames]
+        _check_enough([stream.camera for stream in written], faults)
+    return IngestSummary(
+        tuple(IngestedCamera(stream, tuple(_remarks(stream))) for stream in written), tuple(faults), base
+    )
+
+
+def _check_enough(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
+    if len(cameras) >= _FEWEST:
+        return
+    there = ", ".join(camera.name for camera in cameras) or "none"
+    why = "".join(f"\n{fault}" for fault in faults)
+    raise RecordingError(f"at least {_FEWEST} cameras are needed, and there is {there} that can be used{why}")
+
+
+def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
+    """When a camera begins and ends in the recording's time [s]."""
+    time = times[camera.name]
+    return time.start_s, time.start_s + (1.0 + time.drift) * camera.video.duration_s
+
+
+def _together(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> tuple[list[IngestCamera], list[str]]:
+    """The cameras that run while another does, and a sentence about each of the others."""
+    kept, faults = [], []
+    for camera in cameras:
+        begin_s, end_s = _interval(camera, times)
+        others = [_interval(other, times) for other in cameras if other is not camera]
+        if not others or any(begin < end_s and begin_s < end for begin, end in others):
+            kept.append(camera)
+            continue
+        latest_s, earliest_s = max(end for _, end in others), min(begin for begin, _ in others)
+        when = (
+            f"begins {begin_s - latest_s:.1f} s after all others have ended"
+            if begin_s >= latest_s
+            else f"ends {earliest_s - end_s:.1f} s before any other begins"
+            if end_s <= earliest_s
+            else "runs while no other does"
+        )
+        faults.append(f"camera {camera.name}: left out: {camera.video.path} {when}; is it of this recording?")
+    return kept, faults
+
+
+def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> datetime:
+    """UTC of the recording's time 0: when the reference began, by its own clock, if that was set."""
+    reference = min(cameras, key=lambda camera: (abs(times[camera.name].start_s), times[camera.name].start_sigma_s))
+    return sane(reference.video.created) or EPOCH
+
+
+def _threads(jobs: int, cameras: Sequence[IngestCamera]) -> int:
+    return max(1, jobs // len(cameras))
+
+
+def _remarks(stream: FrameStream) -> list[str]:
+    name, facts, tally = stream.camera.name, stream.camera.video.facts, stream.tally
+    files = " and ".join(chapter.path.name for chapter in stream.camera.video.chapters)
+    remarks = []
+    if tally.fault:
+        remarks.append(f"camera {name}: ends early: {tally.fault}")
+    read = tally.frames + tally.without_key + tally.unordered
+    if facts.frames > read:
+        remarks.append(
+            f"camera {name}: {files} should hold {facts.frames} frames, and {read} can be read: cut off or damaged; "
+            "copy it again from the camera if you can"
+        )
+    if tally.without_key:
+        remarks.append(f"camera {name}: {tally.without_key} frames before the first keyframe cannot be decoded")
+    if tally.unordered:
+        remarks.append(f"camera {name}: {tally.unordered} frames left out: their time is out of order")
+    return remarks
+
+
+def _left_out(stream: FrameStream) -> str:
+    why = stream.tally.fault or f"none of the frames of {stream.camera.video.path} can be read"
+    return f"camera {stream.camera.name}: left out: {why}"

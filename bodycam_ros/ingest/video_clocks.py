@@ -1,0 +1,81 @@
+"""Where cameras' videos lie in one time: by their sound, by their motion where that is silent, else by their files."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.angular_speed import AngularSpeed, angular_speed
+from bodycam_ros.ingest.camera_offsets import Offsets, Progress, TimeSource, camera_times
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.clock_times import creation_clock, satellite_clock
+from bodycam_ros.ingest.ingest_camera import IngestCamera
+from bodycam_ros.ingest.motion_sync import motion_times
+from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.video.video_frame import grey_pixels
+
+
+@dataclass
+class MotionClock:
+    """A source of camera times: how the cameras turned. It is asked only where somebody is not placed yet.
+
+    To decode all images takes long, and the body finds the clocks of those who are placed far better than this.
+
+    Attributes:
+        cameras: all of them.
+        rig: which camera is on which segment, if that is known.
+        on_progress: told how far it is.
+        name: as ``CameraTime.source`` has it.
+    """
+
+    cameras: Sequence[IngestCamera]
+    rig: Rig | None
+    on_progress: Progress
+    name: str = "motion"
+
+    def __call__(self, known: Mapping[str, CameraTime]) -> Mapping[str, CameraTime]:
+        """Clocks of the cameras that it can tell."""
+        if all(camera.name in known for camera in self.cameras):
+            return {}
+        speeds: dict[str, AngularSpeed] = {}
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            for done, (camera, speed) in enumerate(zip(self.cameras, pool.map(_speed, self.cameras), strict=True)):
+                self.on_progress("following how cameras turn", done, len(self.cameras))
+                if speed is not None:
+                    speeds[camera.name] = speed
+        return motion_times(speeds, self.rig).times
+
+
+def video_clocks(
+    cameras: Sequence[IngestCamera],
+    rig: Rig | None,
+    settings: SoundSettings,
+    on_progress: Progress = lambda what, done, of: None,
+) -> Offsets:
+    """Find the clocks of all cameras; see ``camera_times``.
+
+    Raises:
+        RecordingError: nobody can place two cameras.
+    """
+    videos = [camera.video for camera in cameras]
+    others: list[TimeSource] = [MotionClock(cameras, rig, on_progress), satellite_clock(videos), creation_clock(videos)]
+    sounds = {video.camera: video.sound for video in videos}
+    return camera_times(sounds, None if rig is None else rig.cameras, others, settings, on_progress)
+
+
+def _speed(camera: IngestCamera) -> AngularSpeed | None:
+    """How a camera turned; None of a video that cannot be decoded, which is named when it is written."""
+    try:
+        return angular_speed(camera.lens, _grey_images(camera))
+    except RecordingError:
+        return None
+
+
+def _grey_images(camera: IngestCamera) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    for media_s, frame in camera.video.frames(threads=1):
+        yield media_s, grey_pixels(frame)

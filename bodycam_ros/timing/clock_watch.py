@@ -1,0 +1,227 @@
+"""Holds what all cameras say until their clocks are known, and corrects their stamps.
+
+Offline it looks some seconds ahead of the body; live it lets everything pass at once and corrects by what it knows.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
+from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockJump, ClockState
+from bodycam_ros.timing.intervals import Intervals
+from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
+
+_LISTEN_NS = 1_000_000_000
+"""Before anything is said of the beat, cameras are listened to for so long."""
+
+
+@dataclass
+class _Heard:
+    """One camera: what is held, what may still be learned from, its clocks since the beginning, its intervals."""
+
+    held: deque[LandmarkMatches] = field(default_factory=deque)
+    images: deque[LandmarkMatches] = field(default_factory=deque)
+    clocks: list[ClockState] = field(default_factory=list)
+    intervals: Intervals = field(default_factory=Intervals)
+    latest_ns: int = -1
+
+    def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
+        """Stamps (N) of the latest images [ns]."""
+        return np.array([image.stamp_ns for image in self.images if image.stamp_ns >= from_ns], np.int64)
+
+
+class ClockWatch:
+    """Listens to all cameras of a body.
+
+    Args:
+        body: which has been calibrated.
+        cameras: names, those of the body.
+        settings: what is believed of clocks.
+        floor: (6, 6) covariance that is added to every registration's.
+        live: whether to let everything pass at once.
+
+    Attributes:
+        beat: what the stamps said, once they were listened to.
+        jumps: clocks that jumped so far.
+    """
+
+    def __init__(
+        self,
+        body: BodyModel,
+        cameras: Iterable[str],
+        settings: ClockSettings,
+        floor: NDArray[np.float64],
+        live: bool,
+    ) -> None:
+        self._body, self._settings, self._floor = body, settings, floor
+        self._lookahead_ns = 0 if live else round(1e9 * settings.lookahead)
+        self._window_ns = round(1e9 * settings.window)
+        self._heard = {camera: _Heard() for camera in cameras}
+        self._learner: ClockLearner | None = None
+        self._first_ns = self._latest_ns = self._window_from_ns = -1
+        self.jumps: list[ClockJump] = []
+        self.beat: SharedBeat | None = None
+
+    @property
+    def clocks(self) -> dict[str, ClockState]:
+        """Camera -> its clock as it is believed to be now."""
+        return {camera: heard.clocks[-1] for camera, heard in self._heard.items() if heard.clocks}
+
+    @property
+    def sharing(self) -> frozenset[str]:
+        """Cameras that share their stamps with most others, and always did."""
+        if self.beat is None or self._learner is None:
+            return frozenset()
+        return self.beat.together - self._learner.strayed
+
+    def join(self, camera: str) -> None:
+        """Listen to one more camera."""
+        self._heard.setdefault(camera, _Heard())
+
+    def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
+        """What one camera says; what may go on by now, stamps corrected, of each camera in order of time."""
+        heard = self._heard.get(matches.camera)
+        if heard is None:
+            return []
+        passed = self._begin_anew() if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS else []
+        heard.intervals.add(matches.stamp_ns)
+        heard.latest_ns = matches.stamp_ns
+        heard.held.append(matches)
+        heard.images.append(matches)
+        self._latest_ns = max(self._latest_ns, matches.stamp_ns)
+        if self._first_ns < 0:
+            self._first_ns = self._window_from_ns = matches.stamp_ns
+        if self._learner is None:
+            if self._latest_ns - self._first_ns < _LISTEN_NS:
+                return passed
+            self._listen()
+        elif not heard.clocks and matches.stamp_ns - heard.images[0].stamp_ns >= _LISTEN_NS:
+            self._admit(matches.camera)
+        while self._latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS:
+            self._learn_until(self._window_from_ns + self._window_ns)
+        return passed + self._release(self._window_from_ns - self._lookahead_ns if self._lookahead_ns else None)
+
+    def flush(self) -> list[LandmarkMatches]:
+        """All that is held; the recording is over."""
+        if self._learner is None and self._first_ns >= 0:
+            self._listen()
+        while self._latest_ns - self._window_from_ns > self._window_ns // 4:
+            self._learn_until(self._latest_ns + 1)
+        return self._release(None)
+
+    def _begin_anew(self) -> list[LandmarkMatches]:
+        """Time goes back, as when a bag is played again: what is known of clocks stays; what was held goes on."""
+        passed = self._release(None)
+        for heard in self._heard.values():
+            heard.images.clear()
+            heard.intervals = Intervals()
+            heard.latest_ns = -1
+            heard.clocks = [replace(clock, since_ns=0) for clock in heard.clocks[-1:]]
+        self._first_ns = self._latest_ns = self._window_from_ns = -1
+        return passed
+
+    def _listen(self) -> None:
+        """Find out who goes with whom, and begin to learn."""
+        stamps = {camera: own for camera, heard in self._heard.items() if len(own := heard.stamps_ns())}
+        self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root))
+        self._learner = ClockLearner(self._body, self._settings, self._floor, self._first_ns)
+        for camera in sorted(stamps, key=lambda camera: (camera != self.beat.reference, camera)):  # type: ignore[union-attr]
+            self._enter(camera, camera in self.beat.together)
+
+    def _admit(self, camera: str) -> None:
+        """A camera that came late: does it share its stamps with the others?"""
+        assert self.beat is not None
+        own = self._heard[camera].stamps_ns()
+        others = [self._heard[other].stamps_ns(int(own[0])) for other in self.sharing]
+        triggered = any(len(stamps) > 1 and go_together(own, stamps) for stamps in others)
+        if triggered:
+            self.beat = replace(self.beat, together=self.beat.together | {camera})
+        self._enter(camera, triggered)
+
+    def _enter(self, camera: str, triggered: bool) -> None:
+        assert self._learner is not None
+        self._learner.admit(camera, triggered)
+        sigma = self._settings.trigger_sigma if triggered else self._settings.sigma
+        self._heard[camera].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, self._settings.drift_sigma)]
+
+    def _learn_until(self, to_ns: int) -> None:
+        """Learn from the window that begins where the last one ended; it ends early where a clock may have been set."""
+        assert self._learner is not None
+        from_ns = self._window_from_ns
+        breaks = {camera: heard.intervals.first_break(from_ns, to_ns) for camera, heard in self._heard.items()}
+        cut_ns = min((stamp for stamp in breaks.values() if stamp is not None), default=None)
+        until_ns = to_ns if cut_ns is None else cut_ns
+        if until_ns - from_ns >= self._window_ns // 8:
+            self._look_for_strays(from_ns, until_ns)
+            images = {camera: list(heard.images) for camera, heard in self._heard.items()}
+            for camera, clock in self._learner.learn(images, from_ns, until_ns).items():
+                self._set(camera, clock, from_ns, until_ns)
+        self._window_from_ns = until_ns
+        for camera, heard in self._heard.items():
+            if cut_ns is not None and breaks[camera] == cut_ns and heard.clocks:
+                # From here on its clock may be another.
+                self._learner.stray(camera)
+                heard.clocks.append(replace(heard.clocks[-1], since_ns=cut_ns, at_ns=cut_ns))
+                heard.images = deque(image for image in heard.images if image.stamp_ns >= cut_ns)
+            while heard.images and heard.images[0].stamp_ns < until_ns - 2 * MARGIN_NS:
+                heard.images.popleft()
+
+    def _look_for_strays(self, from_ns: int, to_ns: int) -> None:
+        """Whose stamps wander away from those that they were the same as: a clock of its own drifts."""
+        assert self._learner is not None
+        stamps = {camera: self._heard[camera].stamps_ns(from_ns) for camera in self.sharing}
+        lively = {camera: own[own < to_ns] for camera, own in stamps.items() if np.sum(own < to_ns) > 1}
+        if len(lively) < 3:
+            return
+        together = shared_beat(lively).together
+        for camera in sorted(set(lively) - together) if together else []:
+            self._learner.stray(camera)
+
+    def _set(self, camera: str, clock: Clock, from_ns: int, at_ns: int) -> None:
+        """Take over what was learned of a clock; from the window's first stamp on if it jumped there."""
+        clocks = self._heard[camera].clocks
+        since_ns = clocks[-1].since_ns
+        if clock.jumped and from_ns > max(since_ns, self._first_ns):
+            since_ns = from_ns
+            clocks.append(clocks[-1])
+        clocks[-1] = ClockState(
+            since_ns,
+            at_ns + round(1e9 * clock.offset),
+            clock.offset,
+            clock.drift,
+            clock.offset_sigma,
+            clock.drift_sigma,
+        )
+        if len(clocks) > 1:
+            self._note_jump(camera, clocks[-2], clocks[-1])
+
+    def _note_jump(self, camera: str, before: ClockState, after: ClockState) -> None:
+        by_s = 1e-9 * (after.offset_ns(after.since_ns) - before.offset_ns(after.since_ns))
+        self.jumps = [jump for jump in self.jumps if (jump.camera, jump.stamp_ns) != (camera, after.since_ns)]
+        if abs(by_s) > max(self._settings.jump, 3.0 * after.offset_sigma):
+            self.jumps.append(ClockJump(camera, after.since_ns, by_s))
+
+    def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
+        """What is held of the time before a stamp (of all time), in order of corrected stamps."""
+        passed = []
+        for heard in self._heard.values():
+            while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):
+                passed.append(_corrected(heard.held.popleft(), heard.clocks))
+        return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))
+
+
+def _corrected(matches: LandmarkMatches, clocks: list[ClockState]) -> LandmarkMatches:
+    """With stamps of the recording's time, by the clock that held then."""
+    clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
+    ahead_ns = clock.offset_ns(matches.stamp_ns) if clock else 0
+    if ahead_ns == 0:
+        return matches
+    previous_ns = matches.previous_stamp_ns - ahead_ns if matches.previous_stamp_ns else 0
+    return replace(matches, stamp_ns=matches.stamp_ns - ahead_ns, previous_stamp_ns=previous_ns)

@@ -1,0 +1,212 @@
+"""By how much clocks are off, from some seconds of a body that moves: the side problem of the solver.
+
+A camera whose clock is ahead by a delay shows its segment where it was that much earlier: its pose is off by its twist
+times the delay. Over a window of instants the delays are the only lasting unknowns; the body of each instant,
+articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refinement of a calibration. What is left are
+the delays' normal equations, a matrix of as many rows as there are cameras.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.articulation import ArticulatedMotion, articulated
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.timing.camera_path import CameraPath
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 4
+_OUTLIER_SIGMAS = 4.0
+_LEAST_INSTANTS = 5
+_STIFFENING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class CameraTrack:
+    """A camera's registered images in a window.
+
+    Attributes:
+        path: through their poses, by the clock as it is believed to be.
+        covariances: (N, 6, 6) of the poses, floor included.
+    """
+
+    path: CameraPath
+    covariances: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClockEvidence:
+    """What a window says of the delays that are left.
+
+    Attributes:
+        cameras: (C) names.
+        delays: (C) by how much the clocks are ahead of what was believed [s].
+        information: (C, C) without the prior [1/s^2]; a shift of all clocks together changes nothing.
+        seen: (C) instants at which the camera was known.
+    """
+
+    cameras: tuple[str, ...]
+    delays: Array
+    information: Array
+    seen: NDArray[np.int64]
+
+
+def clock_evidence(
+    body: BodyModel,
+    tracks: Mapping[str, CameraTrack],
+    stamps_ns: NDArray[np.int64],
+    max_gap_s: float,
+    prior_information: Array,
+    prior_delays: Array,
+) -> ClockEvidence | None:
+    """Compare all cameras at some instants (A eq. 3-5, 8).
+
+    Args:
+        body: which has been calibrated.
+        tracks: camera -> its images, in the order of the prior.
+        stamps_ns: (T) instants [ns].
+        max_gap_s: between two images of a camera that are believed to have a path between them [s].
+        prior_information: (C, C) on the delays [1/s^2].
+        prior_delays: (C) what they are believed to be [s].
+
+    Returns:
+        None where too little is seen of the body.
+    """
+    cameras = tuple(tracks)
+    poses, twists, information = _at_instants(tracks, stamps_ns, max_gap_s)
+    told: NDArray[np.bool_] = np.trace(information, axis1=2, axis2=3) > 0.0
+    rows = np.flatnonzero(told.sum(axis=1) >= 2)
+    if len(rows) < _LEAST_INSTANTS:
+        return None
+    poses, twists, information, told = poses[rows], twists[rows], information[rows], told[rows]
+    motion = _follow(body, cameras, poses, twists, told)
+    for _ in range(_ITERATIONS):
+        errors = log_se3(inverse(poses) @ motion.world_T_camera())
+        gradients = (information @ errors[..., None])[..., 0]
+        weights = _cauchy(np.einsum("tci,tci->tc", gradients, errors), told)
+        equations = _eliminated(motion, weights[..., None, None] * information, weights[..., None] * gradients)
+        delays = np.asarray(
+            -np.linalg.solve(
+                equations.hessian + prior_information,
+                equations.gradient + prior_information @ (motion.delays - prior_delays),
+            )
+        )
+        motion = motion.moved(equations.moving(delays), _lasting(motion, delays))
+    return ClockEvidence(cameras, motion.delays, equations.hessian, told.sum(axis=0))
+
+
+def _at_instants(
+    tracks: Mapping[str, CameraTrack], stamps_ns: NDArray[np.int64], max_gap_s: float
+) -> tuple[Array, Array, Array]:
+    """Poses (T, C, 4, 4), twists (T, C, 6) and information (T, C, 6, 6), which is zero where a camera is not known."""
+    shape = len(stamps_ns), len(tracks)
+    poses, twists = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy(), np.zeros((*shape, 6))
+    information = np.zeros((*shape, 6, 6))
+    for column, track in enumerate(tracks.values()):
+        if not len(track.path.stamps_ns):
+            continue
+        rows = np.flatnonzero(track.path.inside(stamps_ns, 1e9 * max_gap_s))
+        points = track.path.at(stamps_ns[rows])
+        poses[rows, column], twists[rows, column] = points.poses, points.twists
+        information[rows, column] = np.linalg.inv(track.covariances[points.nearest])
+    return poses, twists, information
+
+
+def _follow(
+    body: BodyModel, cameras: tuple[str, ...], poses: Array, twists: Array, told: NDArray[np.bool_]
+) -> ArticulatedMotion:
+    """A body whose segments turn as their cameras do, its root where the cameras that hang on it nearest put it."""
+    offsets, mounts = _from_joints(body, cameras)
+    world_R_carrier = poses[..., :3, :3] @ np.swapaxes(mounts[:, :3, :3], 1, 2)
+    index = body.segment_index
+    rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
+    for segment in [body.root, *(joint.child for joint in body.tree_joints)]:
+        row, joint = index[segment], body.joint_to_parent(segment)
+        if joint is not None:
+            rotations[:, row] = rotations[:, index[joint.parent]]
+        columns = [c for c, camera in enumerate(cameras) if body.mounts[camera].segment == segment]
+        if columns:
+            rotations[:, row] = _filled(world_R_carrier[:, columns], told[:, columns], rotations[:, row])
+    nobody = np.zeros(len(cameras), bool)
+    motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, nobody)
+    motion = replace(motion, offsets=offsets, mounts=mounts)
+    shifts = np.where(told[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
+    return replace(motion, root_positions=np.nanmedian(shifts, axis=1))
+
+
+def _from_joints(body: BodyModel, cameras: tuple[str, ...]) -> tuple[Array, Array]:
+    """Offsets (S, 3) and mounts (C, 4, 4) of a body whose segments begin at their joints."""
+    places = np.zeros((len(body.segments), 3))
+    for joint in body.tree_joints:
+        places[body.segment_index[joint.child]] = joint.child_T_joint[:3, 3]
+    offsets = np.zeros((len(body.segments), 3))
+    for joint in body.tree_joints:
+        offset = joint.parent_T_joint[:3, 3] - places[body.segment_index[joint.parent]]
+        offsets[body.segment_index[joint.child]] = offset
+    mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
+    mounts[:, :3, 3] -= places[[body.segment_index[body.mounts[camera].segment] for camera in cameras]]
+    return offsets, mounts
+
+
+def _filled(rotations: Array, told: NDArray[np.bool_], otherwise: Array) -> Array:
+    """(T, 3, 3) of the first camera (T, C, 3, 3) that tells; else as at the nearest instant that one does."""
+    if not told.any():
+        return otherwise
+    first = rotations[np.arange(len(told)), np.argmax(told, axis=1)]
+    known = np.flatnonzero(told.any(axis=1))
+    nearest = known[np.argmin(np.abs(np.arange(len(told))[:, None] - known), axis=1)]
+    filled: Array = first[nearest]
+    return filled
+
+
+def _cauchy(squared: Array, told: NDArray[np.bool_]) -> Array:
+    """Weights (T, C) by each camera's squared distance from where the body puts it, in its own sigmas."""
+    usual = float(np.sqrt(np.median(squared[told])))
+    weights: Array = told / (1.0 + squared / (_OUTLIER_SIGMAS * max(1.0, usual)) ** 2)
+    return weights
+
+
+@dataclass(frozen=True, eq=False)
+class _Eliminated:
+    """Normal equations of the delays (C, C) and (C), and what the instants do for a step of them."""
+
+    hessian: Array
+    gradient: Array
+    own_step: Array
+    by_delay: Array
+
+    def moving(self, delays: Array) -> Array:
+        """Step (T, moving_count) of the instants for a step (C) of the delays."""
+        step: Array = -self.own_step - self.by_delay @ delays
+        return step
+
+
+def _eliminated(motion: ArticulatedMotion, hessians: Array, gradients: Array) -> _Eliminated:
+    """Eliminate each instant's unknowns by a Schur complement."""
+    J_moving = motion.jacobians()[0]
+    instants, cameras, _, count = J_moving.shape
+    HJ = hessians @ J_moving
+    A = (np.swapaxes(J_moving.reshape(instants, -1, count), 1, 2)) @ HJ.reshape(instants, -1, count)
+    A += _STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(count)
+    # A delay moves its own camera alone, against its twist.
+    H_twist = (hessians @ motion.twists[..., None])[..., 0]
+    B = -np.einsum("tcik,tci->tkc", J_moving, H_twist)
+    C = np.einsum("tci,tci->tc", motion.twists, H_twist)
+    a = np.einsum("tcik,tci->tk", J_moving, gradients)
+    c = -np.einsum("tci,tci->tc", motion.twists, gradients)
+    solved = np.linalg.solve(A, np.concatenate([B, a[..., None]], axis=2))
+    by_delay, own_step = solved[..., :cameras], solved[..., cameras]
+    hessian = np.diag(C.sum(axis=0)) - np.einsum("tkc,tkd->cd", B, by_delay)
+    return _Eliminated(
+        0.5 * (hessian + hessian.T), c.sum(axis=0) - np.einsum("tkc,tk->c", B, own_step), own_step, by_delay
+    )
+
+
+def _lasting(motion: ArticulatedMotion, delays: Array) -> Array:
+    lasting = np.zeros(motion.lasting_count)
+    lasting[motion.delay_columns] = delays
+    return lasting

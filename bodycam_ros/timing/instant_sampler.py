@@ -1,0 +1,137 @@
+"""The registrations of a free-running camera at the instants at which the body is solved.
+
+Its pose is read off its path between the image before and the image after; where one of them is missing, the nearest
+image is moved along by its twist, if it is near. The landmarks go with the pose, residuals and all, so that who comes
+after sees an image taken at the instant. Of the alternatives, moving the nearest image alone left 0.8 deg where a limb
+swings, and gtsam's interpolated factors with a velocity per segment cost four times as much.
+"""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import adjoint, exp_se3, exp_so3, inverse, log_so3, transform_points
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.camera_path import CameraPath
+
+Array = NDArray[np.float64]
+
+_REMEMBERED = 6
+"""Images: two on either side of an instant make a curve; the others wait."""
+
+_BEND = np.repeat([60.0, 15.0], 3)
+"""Accelerations of a limb [rad/s^2, m/s^2]: what a twist does not know of the way to an instant."""
+
+
+class InstantSampler:
+    """Brings one camera to the instants of the body.
+
+    Args:
+        camera: its model.
+        max_gap_s: between two images that have a path between them [s].
+    """
+
+    def __init__(self, camera: CameraModel, max_gap_s: float) -> None:
+        self._camera = camera
+        self._max_gap_ns = round(1e9 * max_gap_s)
+        self._images: deque[LandmarkMatches] = deque(maxlen=_REMEMBERED)
+        self._instants: deque[int] = deque()
+        self._previous: tuple[int, int] | None = None
+
+    def add_instant(self, stamp_ns: int) -> list[LandmarkMatches]:
+        """One more instant, later than those before; what can be said by now."""
+        if not self._instants or stamp_ns > self._instants[-1]:
+            self._instants.append(stamp_ns)
+        return self._speak(last=False)
+
+    def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
+        """The camera's next image; what it says of the instants that it completes."""
+        if self._images and matches.stamp_ns <= self._images[-1].stamp_ns:
+            # Its time begins anew.
+            self._images.clear()
+            self._previous = None
+            self._instants = deque(stamp for stamp in self._instants if stamp >= matches.stamp_ns)
+        self._images.append(matches)
+        return self._speak(last=False)
+
+    def flush(self) -> list[LandmarkMatches]:
+        """What can be said without any more images."""
+        return self._speak(last=True)
+
+    def _speak(self, last: bool) -> list[LandmarkMatches]:
+        spoken = []
+        while self._instants and self._images:
+            # The image after the next one says how the camera moves at the next.
+            ready = len(self._images) > 1 and self._images[-2].stamp_ns >= self._instants[0]
+            exact = any(image.stamp_ns == self._instants[0] for image in self._images)
+            if not (ready or exact or last):
+                break
+            instant_ns = self._instants.popleft()
+            if (said := self._at(instant_ns)) is not None:
+                spoken.append(said)
+        return spoken
+
+    def _at(self, instant_ns: int) -> LandmarkMatches | None:
+        """What the camera says of an instant; None if it has no image near it."""
+        images = list(self._images)
+        nearest = min(images, key=lambda image: abs(image.stamp_ns - instant_ns))
+        off_ns = instant_ns - nearest.stamp_ns
+        if off_ns == 0:
+            return self._with_turn(nearest, nearest, instant_ns)
+        if abs(off_ns) > self._max_gap_ns // 2:
+            return None
+        near = [image for image in images if abs(image.stamp_ns - instant_ns) <= 2 * self._max_gap_ns]
+        registered = [image for image in near if image.world_T_camera is not None]
+        if nearest.world_T_camera is None or len(registered) < 2:
+            return self._turned(nearest, instant_ns)
+        path = CameraPath(
+            np.array([image.stamp_ns for image in registered], np.int64),
+            np.stack([image.world_T_camera for image in registered if image.world_T_camera is not None]),
+        )
+        stamp = np.array([instant_ns], np.int64)
+        if path.inside(stamp, self._max_gap_ns)[0]:
+            pose, covariance = path.at(stamp).poses[0], nearest.pose_covariance
+        else:
+            off_s = 1e-9 * off_ns
+            twist = path.at(np.array([nearest.stamp_ns], np.int64)).twists[0]
+            step = exp_se3(off_s * twist)
+            pose = nearest.world_T_camera @ step
+            carried = adjoint(inverse(step))
+            covariance = carried @ nearest.pose_covariance @ carried.T + np.diag((0.5 * off_s**2 * _BEND) ** 2)
+        shown = replace(nearest, world_T_camera=pose, pose_covariance=covariance, pixels=self._carried(nearest, pose))
+        return self._with_turn(shown, nearest, instant_ns)
+
+    def _carried(self, image: LandmarkMatches, world_T_camera: Array) -> NDArray[np.float32]:
+        """Where landmarks would be in an image taken at a pose (4, 4): as far off their projections as they are."""
+        points = image.points_world.astype(np.float64)
+        there, valid_there = self._camera.project(transform_points(inverse(world_T_camera), points))
+        assert image.world_T_camera is not None
+        here, valid_here = self._camera.project(transform_points(inverse(image.world_T_camera), points))
+        moved = np.where((valid_there & valid_here)[:, None], there - here, 0.0)
+        return (image.pixels + moved).astype(np.float32)
+
+    def _turned(self, image: LandmarkMatches, instant_ns: int) -> LandmarkMatches:
+        """An unregistered image, its landmarks moved by the camera's turning alone."""
+        since_ns = image.stamp_ns - image.previous_stamp_ns
+        if not image.rotation_inliers or since_ns <= 0:
+            return self._with_turn(replace(image, world_T_camera=None), image, instant_ns)
+        share = (instant_ns - image.stamp_ns) / since_ns
+        bearings, in_view = self._camera.unproject(image.pixels)
+        later_R_now = exp_so3(share * log_so3(image.current_R_previous))
+        pixels, valid = self._camera.project(bearings @ later_R_now.T)
+        pixels = np.where((in_view & valid)[:, None], pixels, image.pixels)
+        return self._with_turn(replace(image, world_T_camera=None, pixels=pixels.astype(np.float32)), image, instant_ns)
+
+    def _with_turn(self, shown: LandmarkMatches, image: LandmarkMatches, instant_ns: int) -> LandmarkMatches:
+        """Stamped with the instant, with the rotation since the instant before as far as images tell it."""
+        before, self._previous = self._previous, (instant_ns, image.stamp_ns)
+        if before is None or before[1] != image.previous_stamp_ns:
+            return replace(shown, stamp_ns=instant_ns, previous_stamp_ns=0, rotation_inliers=0)
+        stretch = (instant_ns - before[0]) / (image.stamp_ns - image.previous_stamp_ns)
+        turn = image.current_R_previous
+        if stretch != 1.0:
+            turn = exp_so3(stretch * log_so3(turn))
+        return replace(shown, stamp_ns=instant_ns, previous_stamp_ns=before[0], current_R_previous=turn)

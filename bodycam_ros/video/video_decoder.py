@@ -1,0 +1,117 @@
+"""The frames of one camera's video in a bag, decoded in their order; each keeps the stamp of its own message."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+from av import CodecContext, Packet, VideoFrame
+from av.error import FFmpegError
+from av.video.codeccontext import VideoCodecContext
+
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.video_packet import VideoPacket
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.video.video_frame import DecodedFrame
+
+
+class VideoDecoder:
+    """Takes a camera's packets one after the other, those that nobody looks at included.
+
+    A frame that cannot be decoded is passed on as an error, and so are those after it up to the next keyframe: they
+    are made of what is missing.
+
+    Args:
+        threads: that may work on one frame.
+    """
+
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = threads
+        self._codec: VideoCodecContext | None = None
+        self._number = 0
+        self._waiting: dict[int, CameraImage] = {}
+        self._damage = "no keyframe has come yet"
+
+    def feed(self, image: CameraImage) -> list[CameraImage]:
+        """Decode the next image; return what is ready, in order: nothing, this one, or earlier ones.
+
+        Images that are no video come back as they are.
+        """
+        packet = image.content
+        if not isinstance(packet, VideoPacket):
+            if isinstance(packet, RecordingError):
+                self._damage = str(packet)
+            return [*self.flush(), image]
+        if self._damage and not packet.is_key:
+            return [*self.flush(), _refused(image, self._damage)]
+        ready = self._prepared(packet.codec) if packet.is_key else []
+        self._number += 1
+        self._waiting[self._number] = image
+        return ready + self._decode(packet)
+
+    def flush(self) -> list[CameraImage]:
+        """What is left once there are no more packets, or none for now."""
+        if self._codec is None:
+            return []
+        ready = self._decode(None) if self._waiting else []
+        self._codec.flush_buffers()
+        lost = [_refused(image, "the decoder gave no frame for it") for image in self._waiting.values()]
+        self._waiting.clear()
+        return ready + lost
+
+    def _prepared(self, codec: str) -> list[CameraImage]:
+        """Be ready for a keyframe: after damage, or where the codec changes, with a decoder that remembers nothing."""
+        if self._codec is not None and self._codec.name == codec and not self._damage:
+            return []
+        ready = self.flush()
+        decoder = CodecContext.create(codec, "r")
+        assert isinstance(decoder, VideoCodecContext)
+        decoder.thread_count = self._threads
+        decoder.options = {"err_detect": "explode"}  # a hole that is painted over would be tracked
+        self._codec = decoder
+        self._damage = ""
+        return ready
+
+    def _decode(self, packet: VideoPacket | None) -> list[CameraImage]:
+        assert self._codec is not None
+        coded = None
+        if packet is not None:
+            coded = Packet(packet.data)
+            coded.pts = coded.dts = self._number
+            coded.time_base = Fraction(1)
+        try:
+            frames = self._codec.decode(coded)
+        except (FFmpegError, ValueError) as error:
+            self._damage = f"it, or a frame that it is made of, is damaged ({error})"
+            lost = [_refused(image, self._damage) for image in self._waiting.values()]
+            self._waiting.clear()
+            return lost
+        return [image for frame in frames for image in self._of_frame(frame)]
+
+    def _of_frame(self, frame: VideoFrame) -> list[CameraImage]:
+        """The image of a frame, behind those that should have come before it and did not."""
+        number = self._number if frame.pts is None else frame.pts
+        passed = [earlier for earlier in self._waiting if earlier < number]
+        images = [_refused(self._waiting.pop(earlier), "the decoder gave no frame for it") for earlier in passed]
+        if (image := self._waiting.pop(number, None)) is not None:
+            images.append(_refused(image, "it is damaged") if frame.is_corrupt else _decoded(image, frame))
+        return images
+
+
+def decode_last(images: Sequence[CameraImage]) -> CameraImage:
+    """The last of some images of one camera; of a video they begin with a keyframe, and the others only lead there."""
+    decoder = VideoDecoder()
+    ready = [decoded for image in images for decoded in decoder.feed(image)]
+    return [*ready, *decoder.flush()][-1]
+
+
+def _decoded(image: CameraImage, frame: VideoFrame) -> CameraImage:
+    return replace(image, content=DecodedFrame(frame))
+
+
+def _refused(image: CameraImage, reason: str) -> CameraImage:
+    return replace(
+        image,
+        content=RecordingError(
+            f"camera {image.camera}: the video frame of stamp {image.stamp_ns} ns cannot be decoded: {reason}"
+        ),
+    )

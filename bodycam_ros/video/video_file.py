@@ -1,0 +1,241 @@
+"""One file of a camera, such as an MP4: its frames with their own times, and its sound."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import av
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.stream import Discard, Stream
+
+from bodycam_ros.camera.video_packet import VideoPacket
+from bodycam_ros.errors import RecordingError
+
+SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
+"""Of files that are taken for videos in a folder; a file that is named may have any."""
+
+_BITSTREAM_FILTERS = {"h264": "h264_mp4toannexb", "hevc": "hevc_mp4toannexb"}
+_LOOKED_AT = 150
+"""Packets whose order tells whether the stream has B-frames: encoders that make them make them all along."""
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What a file says of itself, and what its first frames show.
+
+    Attributes:
+        codec: of the video, as FFmpeg names it.
+        width, height: of a frame as it is to be shown, after the rotation [px].
+        rotation_deg: counter-clockwise by which a frame has to be turned to be upright: 0, 90, 180 or 270.
+        has_b_frames: whether frames are stored in another order than they are shown.
+        duration_s: from media time 0 to the end of the last frame, as the file's index says [s].
+        frames: that the index lists; 0 if it does not say.
+        rate_hz: frames per second on average.
+        has_sound: whether there is sound.
+        created: when the recording began by the camera's clock; None if the file does not say.
+    """
+
+    codec: str
+    width: int
+    height: int
+    rotation_deg: int
+    has_b_frames: bool
+    duration_s: float
+    frames: int
+    rate_hz: float
+    has_sound: bool
+    created: datetime | None
+
+    @property
+    def is_upright_annex_b(self) -> bool:
+        """Whether packets can go into a bag as they are: H.264 or HEVC, in the order shown, not to be turned."""
+        return self.codec in _BITSTREAM_FILTERS and not self.has_b_frames and self.rotation_deg == 0
+
+
+@dataclass(frozen=True)
+class TimedPacket:
+    """A frame that is still compressed.
+
+    Attributes:
+        media_s: its presentation time in the file [s].
+        packet: what decodes to it.
+    """
+
+    media_s: float
+    packet: VideoPacket
+
+
+def read_facts(path: Path) -> FileFacts:
+    """Look at a file: its header and its first frames.
+
+    Raises:
+        RecordingError: it is no video, or none that can be read; the message names it and says what to do.
+    """
+    with opened(path) as container:
+        stream = _video_stream(container, path)
+        context = stream.codec_context
+        times, rotation = [], None
+        for packet in container.demux(stream):
+            if packet.pts is not None:
+                times.append(packet.pts)
+            if rotation is None:
+                rotation = _rotation(packet)
+            if len(times) == _LOOKED_AT:
+                break
+        if rotation is None:
+            raise RecordingError(f"{path}: none of its frames can be decoded; copy it again from the camera")
+        width, height = context.width, context.height
+        if rotation in (90, 270):
+            width, height = height, width
+        return FileFacts(
+            codec=context.name,
+            width=width,
+            height=height,
+            rotation_deg=rotation,
+            has_b_frames=any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)),
+            duration_s=_duration_s(container, stream),
+            frames=stream.frames,
+            rate_hz=float(stream.average_rate or 0),
+            has_sound=bool(container.streams.audio),
+            created=_created(container.metadata | stream.metadata),
+        )
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[InputContainer]:
+    """A file as PyAV's container; what goes wrong with it in the block is said in the user's words.
+
+    Raises:
+        RecordingError: it is no video, is cut off, or damaged.
+    """
+    try:
+        if not path.is_file():
+            raise RecordingError(f"{path}: is no file" if path.exists() else f"{path}: does not exist")
+        with av.open(str(path), "r", metadata_errors="replace") as container:
+            yield container
+    except (FFmpegError, ValueError) as error:
+        raise RecordingError(f"{path}: {_fault(path, error)}") from error
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def packets(path: Path) -> Iterator[TimedPacket]:
+    """The frames of an H.264 or HEVC stream in the order stored, in the form of Annex B.
+
+    A file that is cut off ends where it does.
+
+    Raises:
+        RecordingError: the file cannot be opened.
+    """
+    with opened(path) as container:
+        stream = _video_stream(container, path)
+        codec = stream.codec_context.name
+        to_annex_b = av.BitStreamFilterContext(_BITSTREAM_FILTERS[codec], stream)
+        for packet in _demuxed(container, stream):
+            if packet.pts is None or packet.is_corrupt:
+                continue
+            media_s = float(packet.pts * (stream.time_base or 0))
+            for filtered in to_annex_b.filter(packet):
+                yield TimedPacket(media_s, VideoPacket(codec, bytes(filtered)))
+
+
+def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
+    """The frames of a file in the order shown: presentation time [s] and frame, not turned.
+
+    Frames that cannot be decoded are left out.
+
+    Args:
+        path: the file.
+        threads: that decode; 0 for all cores.
+
+    Raises:
+        RecordingError: the file cannot be opened.
+    """
+    with opened(path) as container:
+        stream = _video_stream(container, path)
+        stream.codec_context.thread_count = threads
+        stream.thread_type = "AUTO"
+        for packet in _demuxed(container, stream):
+            try:
+                decoded = packet.decode()
+            except (FFmpegError, ValueError):
+                continue
+            for frame in decoded:
+                if frame.pts is not None and not frame.is_corrupt:
+                    yield float(frame.pts * (frame.time_base or 0)), frame
+
+
+def only(container: InputContainer, stream: Stream) -> None:
+    """Let a file give the packets of one stream alone: of two hours, sound is a hundredth of what there is to read."""
+    for other in container.streams:
+        other.discard = Discard.default if other is stream else Discard.all
+
+
+def _demuxed(container: InputContainer, stream: "av.VideoStream") -> "Iterator[av.Packet[av.VideoStream]]":
+    """The packets of a stream up to its end, or to where the file breaks off; the last is empty."""
+    only(container, stream)
+    source = container.demux(stream)
+    while True:
+        try:
+            packet = next(source, None)
+        except (FFmpegError, ValueError):
+            return
+        if packet is None:
+            return
+        yield packet
+
+
+def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
+    for stream in container.streams.video:
+        if stream.codec_context is not None and stream.codec_context.width:
+            return stream
+    raise RecordingError(
+        f"{path}: has no video that can be decoded: it is sound alone, or cut off or damaged; copy it again from the "
+        "camera"
+    )
+
+
+def _duration_s(container: InputContainer, stream: "av.VideoStream") -> float:
+    """From media time 0 to the end of the video; some files say it of all their streams together only."""
+    if stream.duration is None:
+        return (container.duration or 0) / av.time_base
+    return float((stream.duration + max(0, stream.start_time or 0)) * (stream.time_base or 0))
+
+
+def _rotation(packet: "av.Packet[av.VideoStream]") -> int | None:
+    """By how much the first frame has to be turned; None if the packet gives none."""
+    try:
+        for frame in packet.decode():
+            return round(frame.rotation / 90) * 90 % 360
+    except (FFmpegError, ValueError):
+        pass
+    return None
+
+
+def _created(metadata: dict[str, str]) -> datetime | None:
+    try:
+        created = datetime.fromisoformat(metadata.get("creation_time", ""))
+    except ValueError:
+        return None
+    return created if created.tzinfo else created.replace(tzinfo=UTC)
+
+
+def _fault(path: Path, error: Exception) -> str:
+    """What is wrong with a file that FFmpeg does not open."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as unreadable:
+        return f"cannot be read: {unreadable.strerror or unreadable}"
+    if not start:
+        return "is empty"
+    if start[4:8] in (b"ftyp", b"moov", b"mdat", b"free", b"wide"):
+        return (
+            "is a cut-off MP4: its index, which cameras write last, is not there, as when the battery died or a copy "
+            "broke off; copy it again, or let the camera or a recovery program repair it"
+        )
+    reason = getattr(error, "strerror", None) or error
+    return f"is not a video that can be read ({reason}); expected an MP4 with H.264 or HEVC, as cameras write it"

@@ -1,0 +1,205 @@
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from clapped_sound import Recorder, sources, true_start, worst_errors
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_offsets import camera_times
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.video.sound import SoundBlock
+
+CLAPS = {3.5: 0.8, 14.2: 0.9}
+RECORDERS = {
+    "waist": Recorder(0.0, 16.0, noise=0.004),
+    "head": Recorder(1.31, 16.4, drift=20e-6, way_m=0.4, gain=0.4, noise=0.01),
+    "foot": Recorder(2.07, 16.2, drift=-30e-6, way_m=0.7, gain=1.4, own=(5.0, 8.1)),
+    "shin": Recorder(0.42, 15.8, way_m=0.5, rate_hz=44100),
+}
+
+
+def settings(**groups: dict[str, object]) -> SoundSettings:
+    return SoundSettings.from_mapping(groups, "test")
+
+
+def test_a_minute_of_claps_gives_starts_and_drifts_through_aac() -> None:
+    recorders = {
+        "waist": Recorder(0.0, 62.0, noise=0.01),
+        "head": Recorder(1.3, 62.5, drift=60e-6, gain=0.3),
+        "foot": Recorder(2.6, 61.7, drift=-45e-6, gain=1.5, noise=0.003, own=(11.0, 30.3, 44.0)),
+        "shin": Recorder(0.7, 62.2, drift=100e-6, noise=0.02, rate_hz=44100),
+    }
+    offsets = camera_times(sources(recorders, {3.0: 0.7, 60.8: 0.9}, aac=True))
+    start_error, drift_error = worst_errors(recorders, offsets.reference, offsets.times)
+    assert start_error < 0.3e-3
+    assert drift_error < 5e-6
+    assert {time.source for time in offsets.times.values()} == {"claps"}
+    assert len(offsets.claps) == 2
+
+
+def test_travel_is_within_the_error_budget() -> None:
+    offsets = camera_times(sources(RECORDERS, CLAPS))
+    for name, time in offsets.times.items():
+        error = abs(time.start_s - true_start(RECORDERS, name, offsets.reference))
+        assert error <= 3.0 * time.start_sigma_s
+        assert error < 3e-3
+
+
+def test_claps_by_the_wearer_are_freed_of_their_travel() -> None:
+    ways = {"waist": 0.45, "head": 0.5, "foot_left": 1.35, "shin_left": 1.05}
+    segments = {"waist": "pelvis", "head": "head", "foot_left": "foot_left", "shin_left": "shin_left"}
+    recorders = {name: Recorder(0.3 * n, 16.0, way_m=way) for n, (name, way) in enumerate(ways.items())}
+    heard = sources(recorders, CLAPS)
+    unaware = camera_times(heard, segments)
+    aware = camera_times(heard, segments, settings=settings(clocks={"wearer_claps": True}))
+    assert unaware.reference == aware.reference == "waist"
+    assert worst_errors(recorders, "waist", unaware.times)[0] > 2e-3
+    assert worst_errors(recorders, "waist", aware.times)[0] < 0.3e-3
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param({"waist": {"clip": 0.2}, "foot": {"clip": 0.25}}, id="clap clipped"),
+        pytest.param({"head": {"muffled_hz": 900.0}}, id="a camera muffled"),
+        pytest.param(
+            {"head": {"echoes": ((0.0052, 1.4),)}, "shin": {"echoes": ((0.0064, -1.5),)}},
+            id="echoes from the floor",
+        ),
+        pytest.param({"foot": {"deaf_to": (14.2,)}}, id="a clap not heard by one"),
+        pytest.param(
+            {"foot": {"own": (4.4, 6.0, 6.1, 9.0, 9.2, 12.0, 13.5)}, "head": {"own": (7.0, 13.9)}}, id="bumps"
+        ),
+    ],
+)
+def test_cameras_with_a_fault(case: dict[str, dict[str, object]]) -> None:
+    recorders = {name: replace(recorder, **case.get(name, {})) for name, recorder in RECORDERS.items()}
+    offsets = camera_times(sources(recorders, CLAPS))
+    assert set(offsets.times) == set(recorders)
+    assert worst_errors(recorders, offsets.reference, offsets.times)[0] < 3e-3
+
+
+def test_two_claps_too_many_and_a_dribbled_ball() -> None:
+    bounces = {4.5 + 0.47 * n + 0.02 * np.sin(5.0 * n): 0.25 for n in range(19)}
+    offsets = camera_times(sources(RECORDERS, {3.5: 0.8, 4.1: 0.8, 13.9: 0.8, 14.2: 0.9} | bounces))
+    assert worst_errors(RECORDERS, offsets.reference, offsets.times)[0] < 3e-3
+    assert set(offsets.times) == set(RECORDERS)
+
+
+def test_cameras_that_miss_the_first_clap_or_the_last() -> None:
+    recorders = RECORDERS | {
+        "late": Recorder(5.0, 16.0, way_m=0.3),
+        "early": Recorder(0.8, 12.0, way_m=0.3),
+    }
+    offsets = camera_times(sources(recorders, CLAPS))
+    assert not offsets.unplaced
+    for name in ("late", "early"):
+        assert any(remark.startswith(f"{name}: does not have the clap") for remark in offsets.remarks)
+    assert worst_errors(recorders, offsets.reference, offsets.times)[0] < 3e-3
+
+
+def test_without_claps_the_sound_as_a_whole_decides() -> None:
+    random = np.random.default_rng(1)
+    loudness = 0.02 * np.exp(np.convolve(random.normal(size=40 * 2000), np.hanning(240), "same") * 0.1)
+    recorders = {name: replace(r, end_s=r.end_s + 20.0, way_m=0.0, own=()) for name, r in RECORDERS.items()}
+    offsets = camera_times(sources(recorders, {}, background=loudness))
+    assert {time.source for time in offsets.times.values()} == {"sound"}
+    assert worst_errors(recorders, offsets.reference, offsets.times)[0] < 3e-3
+    assert any("no clap" in remark for remark in offsets.remarks)
+
+
+def test_noise_alone_places_nobody() -> None:
+    with pytest.raises(RecordingError, match=r"waist: .*too little in common.*Clap"):
+        camera_times(sources({name: replace(r, own=()) for name, r in RECORDERS.items()}, {}))
+
+
+def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
+    heard = sources(RECORDERS | {"silent": Recorder(0.0, 16.0, gain=0.0)}, CLAPS) | {"deaf": lambda: iter(())}
+    offsets = camera_times(heard)
+    assert offsets.unplaced == {"silent": "its sound is silence", "deaf": "has no sound"}
+    assert set(offsets.times) == set(RECORDERS)
+
+
+class Known:
+    """A source that knows some starts exactly."""
+
+    name = "motion"
+
+    def __init__(self, starts: dict[str, float], sigma_s: float = 1e-4) -> None:
+        self._starts, self._sigma_s = starts, sigma_s
+
+    def __call__(self, known: object) -> dict[str, CameraTime]:
+        return {n: CameraTime(n, s, 0.0, self._sigma_s, 1e-5, self.name) for n, s in self._starts.items()}
+
+
+def test_another_source_places_who_is_deaf_and_refines_the_others() -> None:
+    heard = sources(RECORDERS, CLAPS) | {"deaf": lambda: iter(())}
+    starts = {name: recorder.start_s for name, recorder in RECORDERS.items()} | {"deaf": 1.7}
+    offsets = camera_times(heard, others=[Known(starts)])
+    assert not offsets.unplaced
+    for name, time in offsets.times.items():
+        assert abs(time.start_s - (starts[name] - starts[offsets.reference])) < 0.2e-3
+    assert offsets.times["deaf"].source == "motion"
+
+
+def test_a_source_that_contradicts_is_left_out_and_named() -> None:
+    starts = {name: recorder.start_s for name, recorder in RECORDERS.items()}
+    plain = camera_times(sources(RECORDERS, CLAPS))
+    wrong = next(name for name in starts if name != plain.reference)
+    told = camera_times(sources(RECORDERS, CLAPS), others=[Known(starts | {wrong: starts[wrong] + 0.2})])
+    assert abs(told.times[wrong].start_s - plain.times[wrong].start_s) < 1e-6
+    assert any(remark.startswith(f"{wrong}: motion differs from claps by +20") for remark in told.remarks)
+
+
+def test_a_reference_that_is_not_there_is_named() -> None:
+    with pytest.raises(RecordingError, match="no camera 'nose'"):
+        camera_times(sources(RECORDERS, CLAPS), settings=settings(clocks={"reference": "nose"}))
+    offsets = camera_times(sources(RECORDERS, CLAPS), settings=settings(clocks={"reference": "shin"}))
+    assert offsets.reference == "shin"
+    assert offsets.times["shin"] == CameraTime("shin", 0.0, 0.0, 0.0, 0.0, "claps")
+
+
+def test_a_sound_that_breaks_off_is_named_and_what_was_heard_counts() -> None:
+    heard = sources(RECORDERS | {"late": Recorder(2.2, 16.0)}, CLAPS)
+    whole = heard["late"]
+
+    def broken() -> Iterator[SoundBlock]:
+        for block in whole():
+            if block.start_s > 13.0:
+                raise RecordingError("late.mp4: ends in the middle of a packet")
+            yield block
+
+    offsets = camera_times(heard | {"late": broken})
+    assert "late: late.mp4: ends in the middle of a packet" in offsets.remarks
+    assert (
+        abs(
+            offsets.times["late"].start_s
+            - true_start(RECORDERS | {"late": Recorder(2.2, 16.0)}, "late", offsets.reference)
+        )
+        < 3e-3
+    )
+
+
+def test_an_interruption_does_not_wait_for_the_rest_of_the_sound() -> None:
+    taken = []
+
+    def endless() -> Iterator[SoundBlock]:
+        for second in range(100_000):
+            taken.append(second)
+            yield SoundBlock(float(second), np.zeros(48000, np.float32), 48000.0)
+
+    def interrupt(what: str, done: int, of: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        camera_times({"one": endless, "two": endless}, on_progress=interrupt)
+    assert len(taken) < 10_000
+
+
+def test_the_reference_is_at_zero_even_if_no_sound_placed_anybody() -> None:
+    silent = {name: (lambda: iter(())) for name in ("one", "two", "three")}
+    offsets = camera_times(silent, others=[Known({"one": 5.0, "two": 6.5, "three": 4.0})])
+    assert offsets.times[offsets.reference].start_s == 0.0
+    assert offsets.times["two"].start_s - offsets.times["three"].start_s == pytest.approx(2.5)

@@ -1,0 +1,76 @@
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from made_telemetry import add_telemetry, payload
+from made_video import make_video
+
+from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.clock_times import FileClock, creation_clock, sane, satellite_clock
+from bodycam_ros.video.camera_video import CameraVideo
+
+NOON = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
+
+
+@pytest.fixture
+def videos(tmp_path: Path) -> list[CameraVideo]:
+    """Cameras that say of the time: satellites, satellites and a clock, a clock, one that was never set, nothing."""
+    paths = {
+        "head": add_telemetry(make_video(tmp_path / "plain_head.mp4"), tmp_path / "head.mp4", NOON),
+        "hip": add_telemetry(
+            make_video(tmp_path / "plain_hip.mp4"), tmp_path / "hip.mp4", NOON + timedelta(seconds=2.5), gps9=True
+        ),
+        "shin": make_video(tmp_path / "shin.mp4", created="2024-05-01T12:00:03Z"),
+        "thigh": make_video(tmp_path / "thigh.mp4", created="1970-01-01T00:00:00Z"),
+        "torso": make_video(tmp_path / "torso.mp4"),
+    }
+    return [CameraVideo.of_files(camera, [path]) for camera, path in paths.items()]
+
+
+def test_satellites_tell_when_a_video_began(videos: list[CameraVideo]) -> None:
+    began_s = satellite_clock(videos).began_s
+    assert list(began_s) == ["head", "hip"]
+    assert began_s["head"] == pytest.approx(NOON.timestamp(), abs=2e-3)
+    assert began_s["hip"] == pytest.approx(NOON.timestamp() + 2.5, abs=2e-3)
+    assert dict(creation_clock(videos).began_s) == {"shin": NOON.timestamp() + 3.0}
+
+
+def test_satellites_alone(videos: list[CameraVideo]) -> None:
+    times = satellite_clock(videos)({})
+    assert (times["head"].start_s, times["head"].start_sigma_s, times["head"].source) == (0.0, 0.0, "telemetry")
+    assert times["hip"].start_s == pytest.approx(2.5, abs=5e-3)
+    assert 0.0 < times["hip"].start_sigma_s < 1.0
+
+
+def test_a_clock_speaks_in_the_time_of_those_known() -> None:
+    clock = FileClock("given", {"a": 1000.0, "b": 1003.0, "c": 999.0}, 1.0)
+    known = {
+        "b": CameraTime("b", 5.0, 0.0, 0.0, 0.0, "claps"),
+        "other": CameraTime("other", 0.0, 0.0, 0.0, 0.0, "claps"),
+    }
+    assert {camera: time.start_s for camera, time in clock(known).items()} == {"a": 2.0, "b": 5.0, "c": 1.0}
+    assert clock({"other": known["other"]}) == {}
+    alone = clock({})
+    assert [(time.start_s, time.start_sigma_s) for time in alone.values()] == [(0.0, 0.0), (3.0, 1.0), (-1.0, 1.0)]
+
+
+@pytest.mark.parametrize("odd", [datetime(1970, 1, 1, tzinfo=UTC), datetime.now(UTC) + timedelta(days=400), None])
+def test_clocks_that_were_never_set_say_nothing(odd: datetime | None) -> None:
+    assert sane(odd) is None
+    assert sane(NOON) == NOON
+
+
+def test_telemetry_that_makes_no_sense_is_passed_over(tmp_path: Path) -> None:
+    whole = payload(NOON, gps9=False)
+    for number, content in enumerate(
+        [
+            whole[:30],
+            whole[:8] + b"\xff" * 60,
+            b"DEVC\x00\x01\xff\xff" * 20,
+            payload(NOON, gps9=False, fix=0),
+            bytes(64),
+        ]
+    ):
+        path = tmp_path / f"odd_{number}.mp4"
+        add_telemetry(make_video(tmp_path / "plain.mp4", frames=3), path, NOON, content=content)
+        assert CameraVideo.of_files("odd", [path]).satellite_times() == []

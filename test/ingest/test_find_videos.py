@@ -1,0 +1,93 @@
+from pathlib import Path
+
+import pytest
+
+from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
+
+
+def touch(folder: Path, *names: str) -> list[Path]:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return [folder / name for name in names]
+
+
+def found(given: list[Path], lens_folder: Path | None = None) -> dict[str, list[str]]:
+    return {files.camera: [path.name for path in files.paths] for files in find_videos(given, lens_folder)[0]}
+
+
+def test_each_file_of_a_folder_is_a_camera(tmp_path: Path) -> None:
+    touch(tmp_path, "head.mp4", "shin_left.MP4", "head.yaml", "notes.txt", "._head.mp4", "sound.wav")
+    assert found([tmp_path]) == {"head": ["head.mp4"], "shin_left": ["shin_left.MP4"]}
+
+
+@pytest.mark.parametrize(
+    ("names", "camera"),
+    [
+        (("GH010123.MP4", "GH020123.MP4", "GH030123.MP4"), "GH010123"),
+        (("GX010123.MP4", "GX020123.MP4"), "GX010123"),
+        (("GOPR0123.MP4", "GP010123.MP4", "GP020123.MP4"), "GOPR0123"),
+        (("head_1.mp4", "head_2.mp4", "head_3.mp4"), "head"),
+        (("head.mp4", "head_2.mp4"), "head"),
+    ],
+)
+def test_chapters_are_joined(tmp_path: Path, names: tuple[str, ...], camera: str) -> None:
+    files = touch(tmp_path, *names)
+    touch(tmp_path, "other.mp4", "GH010999.MP4")
+    expected = {camera: list(names), "other": ["other.mp4"], "GH010999": ["GH010999.MP4"]}
+    assert found([tmp_path]) == expected
+    assert found(files[::-1]) == {camera: list(names)}
+
+
+def test_numbers_are_not_chapters_where_each_has_its_lens(tmp_path: Path) -> None:
+    touch(tmp_path, "waist_1.mp4", "waist_2.mp4", "waist_1.yaml", "waist_2.yaml")
+    assert found([tmp_path]) == {"waist_1": ["waist_1.mp4"], "waist_2": ["waist_2.mp4"]}
+    lenses = tmp_path / "lenses"
+    touch(lenses, "waist_2.yaml")
+    (tmp_path / "waist_2.yaml").unlink()
+    assert list(found([tmp_path], lenses)) == ["waist_1", "waist_2"]
+    assert list(found([tmp_path])) == ["waist"]
+
+
+def test_numbers_with_a_gap_are_not_chapters(tmp_path: Path) -> None:
+    touch(tmp_path, "head_1.mp4", "head_3.mp4", "take_7.mp4")
+    assert list(found([tmp_path])) == ["head_1", "head_3", "take_7"]
+
+
+def test_a_folder_for_each_camera(tmp_path: Path) -> None:
+    touch(tmp_path, "head/GH010001.MP4", "head/GH020001.MP4", "shin/GH010001.MP4", "docs/readme.txt")
+    assert found([tmp_path]) == {"head": ["GH010001.MP4", "GH020001.MP4"], "shin": ["GH010001.MP4"]}
+
+
+def test_several_recordings_of_one_camera_are_named_and_the_rest_goes_on(tmp_path: Path) -> None:
+    touch(tmp_path, "head.mp4", "shin.mp4", "again/head.mp4")
+    cameras, faults = find_videos([tmp_path, tmp_path / "again"])
+    assert [files.camera for files in cameras] == ["shin"]
+    assert len(faults) == 1 and "camera head" in faults[0] and str(tmp_path / "again" / "head.mp4") in faults[0]
+    touch(tmp_path / "folders", "head/GH010001.MP4", "head/GH010002.MP4", "shin/GH010001.MP4")
+    cameras, faults = find_videos([tmp_path / "folders"])
+    assert [files.camera for files in cameras] == ["shin"] and "camera head" in faults[0]
+    # One file by two names is one file.
+    assert found([tmp_path, tmp_path / "head.mp4"]) == {"head": ["head.mp4"], "shin": ["shin.mp4"]}
+
+
+def test_what_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"odd\.mp4: does not exist"):
+        find_videos([tmp_path / "odd.mp4"])
+    with pytest.raises(RecordingError, match="holds no video"):
+        find_videos([tmp_path])
+
+
+def test_where_the_lens_is(tmp_path: Path) -> None:
+    video, lens, elsewhere, camera_lens = touch(
+        tmp_path, "head/GH010001.MP4", "head/GH010001.yaml", "lenses/head.yaml", "head.yaml"
+    )
+    files = CameraFiles("head", (video,))
+    assert files.lens_path(None) == lens
+    assert files.lens_path(elsewhere.parent) == elsewhere
+    lens.unlink()
+    assert files.lens_path(None) == camera_lens
+    camera_lens.unlink()
+    with pytest.raises(LensError, match=r"no lens YAML for .*GH010001\.MP4; expected .*head\.yaml"):
+        files.lens_path(None)

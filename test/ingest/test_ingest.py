@@ -1,0 +1,217 @@
+"""The command on small videos: what it writes, and what it says of bad ones."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn, write_lens
+
+from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.cli.main import main
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_reader import open_recording
+
+SIZE = (WIDTH, HEIGHT)
+CREATED_S = 1_714_564_800  # 2024-05-01T12:00:00Z
+
+
+@pytest.fixture
+def videos(tmp_path: Path) -> Path:
+    """Three good cameras; the second began two seconds later."""
+    folder = tmp_path / "videos"
+    folder.mkdir()
+    add_camera(folder, "head")
+    add_camera(folder, "shin", created="2024-05-01T12:00:02Z", lens="readout_time: 0.012\n")
+    add_camera(folder, "thigh")
+    return folder
+
+
+def add_camera(
+    folder: Path, name: str, lens: str = "", size: tuple[int, int] = (WIDTH, HEIGHT), **options: object
+) -> Path:
+    write_lens(folder / f"{name}.yaml", size, lens)
+    return make_video(folder / f"{name}.mp4", frames=90, size=size, **{"created": "2024-05-01T12:00:00Z", **options})
+
+
+def ingest(videos: Path, *more: str) -> tuple[int, Path]:
+    bag = videos.parent / "bag"
+    return main(["ingest", str(videos), "-o", str(bag), *more]), bag
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    return " ".join("".join(capsys.readouterr()).split())
+
+
+def test_a_bag_holds_every_frame_at_its_time(videos: Path) -> None:
+    code, bag = ingest(videos)
+    assert code == 0
+    with open_recording(bag) as recording:
+        assert recording.cameras == ("head", "shin", "thigh")
+        for camera in recording.cameras:
+            images = list(recording.images([camera]))
+            assert [number_in(decode_grey(image)) for image in images] == list(range(90))
+            start_s = CREATED_S + (2 if camera == "shin" else 0)
+            stamps_s = np.array([image.stamp_ns - start_s * 10**9 for image in images]) * 1e-9
+            np.testing.assert_allclose(stamps_s, np.arange(90) / RATE_HZ, atol=2e-5)
+            model = recording.camera_model(camera)
+            assert (model.width, model.height, model.fx, model.distortion_model) == (WIDTH, HEIGHT, 40.0, "equidistant")
+
+
+def test_what_the_bag_says_of_clocks_and_rows(videos: Path) -> None:
+    _, bag = ingest(videos)
+    with BagFile(bag) as file:
+        assert file.topics["/head/image_raw/compressed_video"] == "foxglove_msgs/msg/CompressedVideo"
+        timings = {topic: message for topic, _, message in file.messages(["/head/timing", "/shin/timing"])}
+        infos = [message.header.stamp.sec for _, _, message in file.messages(["/head/camera_info"])]
+        stamps = [stamp_ns for _, stamp_ns, _ in file.messages(file.topics)]
+        first = next(message for _, _, message in file.messages(["/shin/image_raw/compressed_video"]))
+    assert stamps == sorted(stamps)
+    assert infos == [CREATED_S, CREATED_S + 1, CREATED_S + 2]
+    assert timings["/shin/timing"].readout_time == 0.012 and timings["/shin/timing"].readout_sigma == 0.0
+    assert math.isnan(timings["/head/timing"].readout_time)
+    assert timings["/shin/timing"].offset == 0.0 and timings["/shin/timing"].offset_sigma >= 0.5
+    assert (first.frame_id, first.format) == ("shin_optical_frame", "h264")
+    assert bytes(first.data[:5]) in (b"\x00\x00\x00\x01\x67", b"\x00\x00\x00\x01\x06")
+
+
+def test_b_frames_rotation_and_hevc_come_out_upright_and_in_order(videos: Path) -> None:
+    add_camera(videos, "b_frames", b_frames=3)
+    turn(add_camera(videos, "askew", size=(HEIGHT, WIDTH)), 90)
+    write_lens(videos / "askew.yaml", (WIDTH, HEIGHT))
+    add_camera(videos, "hevc", codec="libx265")
+    for options in ((), ("--jpeg", "--force")):
+        code, bag = ingest(videos, *options)
+        assert code == 0
+        with open_recording(bag) as recording:
+            assert len(recording.cameras) == 6
+            for camera in recording.cameras:
+                pictures = [decode_grey(image) for image in recording.images([camera])]
+                assert len(pictures) == 90
+                if camera == "askew":
+                    pictures = [np.rot90(grey, 1) for grey in pictures]
+                errors = [
+                    np.abs(grey - picture(n, *grey.shape[::-1]).astype(int)).mean() for n, grey in enumerate(pictures)
+                ]
+                assert max(errors) < 6.0, camera
+
+
+def test_each_bad_camera_is_named_and_the_rest_goes_on(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (videos / "no_video.mp4").write_text("these are notes\n")
+    make_video(videos / "no_lens.mp4", frames=3)
+    write_lens(videos / "other_size.yaml", (640, 480))
+    make_video(videos / "other_size.mp4", frames=3)
+    cut = add_camera(videos, "cut", fast_start=True)
+    cut.write_bytes(cut.read_bytes()[: cut.stat().st_size // 2])
+    (videos / "head.mov").write_bytes((videos / "thigh.mp4").read_bytes())
+    add_camera(videos, "late", created="2024-05-01T12:01:00Z")
+    add_camera(videos, "left-hand")
+    code, bag = ingest(videos)
+    output = said(capsys)
+    assert code == 0
+    with open_recording(bag) as recording:
+        assert recording.cameras == ("cut", "shin", "thigh")
+    for expected in (
+        "camera head: left out:",
+        "are several recordings of one camera",
+        "no_video.mp4: is not a video",
+        "camera no_lens: left out: there is no lens YAML",
+        "other_size.yaml: is for 640 x 480 pixels, but",
+        "camera cut: cut.mp4 should hold 90 frames, and",
+        "camera late: left out:",
+        "after all others have ended",
+        "camera left-hand: left out:",
+    ):
+        assert expected in output, expected
+
+
+def test_one_camera_is_not_enough(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("shin", "thigh"):
+        (videos / f"{name}.mp4").write_bytes(b"")
+    code, bag = ingest(videos)
+    assert code == 1 and not bag.exists()
+    output = said(capsys)
+    assert "at least 2 cameras are needed" in output and "shin.mp4: is empty" in output
+
+
+def test_what_is_there_is_replaced_only_if_an_ingest_wrote_it(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ingest(videos)[0] == 0
+    code, bag = ingest(videos)
+    assert code == 1 and "exists already" in said(capsys)
+    assert ingest(videos, "--force")[0] == 0
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("bodycam ingest", "somebody"))
+    assert ingest(videos, "--force")[0] == 1
+    assert "no bag that 'bodycam ingest' wrote" in said(capsys)
+    assert main(["ingest", str(videos), "-o", str(videos / "bag")]) == 1
+    assert "lies within" in said(capsys)
+
+
+def test_a_camera_of_the_rig_without_a_video_is_named(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = videos.parent / "rig.yaml"
+    rig.write_text("cameras: {head: head, foot: foot}\nsegments: {head: null, foot: head}\n")
+    assert ingest(videos, "--rig", str(rig))[0] == 0
+    assert f"camera foot: is in {rig}, but has no video" in said(capsys)
+
+
+def test_ctrl_c_leaves_nothing(videos: Path) -> None:
+    make_video(
+        videos / "head.mp4",
+        frames=600,
+        b_frames=2,
+        size=(640, 480),
+        preset="ultrafast",
+        created="2024-05-01T12:00:00Z",
+    )
+    for name in ("shin", "thigh"):
+        (videos / f"{name}.mp4").write_bytes((videos / "head.mp4").read_bytes())
+    for name in ("head", "shin", "thigh"):
+        write_lens(videos / f"{name}.yaml", (640, 480))
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "ingest", str(videos), "-o", str(videos.parent / "bag")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline_s = time.monotonic() + 30.0
+    while not any(videos.parent.glob(".bodycam.*/bag/*.mcap")) and time.monotonic() < deadline_s:
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert b"Traceback" not in errors
+    assert sorted(path.name for path in videos.parent.iterdir()) == ["videos"]
+
+
+def test_claps_bring_cameras_that_were_started_by_hand_to_one_time(
+    videos: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    began_s = {"head": 0.0, "shin": 0.437, "thigh": 1.1}
+    claps_s = (1.6, 2.35, 3.9)
+    decay = np.random.default_rng(4).normal(0.0, 1.0, 480)
+
+    def sound_of(start_s: float) -> Callable[[np.ndarray], np.ndarray]:
+        def sound(times_s: np.ndarray) -> np.ndarray:
+            heard = 1e-3 * np.random.default_rng(round(1e3 * start_s)).normal(0.0, 1.0, len(times_s))
+            for clap_s in claps_s:
+                first = int(np.searchsorted(times_s, clap_s - start_s))
+                heard[first : first + 480] += 0.3 * decay * np.exp(-np.arange(480) / 80.0)
+            return heard
+
+        return sound
+
+    for camera, start_s in began_s.items():
+        make_video(videos / f"{camera}.mp4", times_s=np.arange(150) / RATE_HZ, sound=sound_of(start_s))
+    code, bag = ingest(videos)
+    assert code == 0 and "claps" in said(capsys)
+    with open_recording(bag) as recording:
+        first_ns = {camera: next(recording.images([camera])).stamp_ns for camera in recording.cameras}
+    for camera, start_s in began_s.items():
+        assert 1e-9 * (first_ns[camera] - first_ns["head"]) == pytest.approx(start_s, abs=3e-3)
+    report = bag.with_name("bag_timing")
+    assert yaml.safe_load((report / "timing.yaml").read_text())["cameras"].keys() == began_s.keys()
+    assert (report / "timing.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,55 @@
+"""Videos with a GoPro's telemetry of satellites in a track beside the picture."""
+
+import struct
+from datetime import UTC, datetime, timedelta
+from fractions import Fraction
+from pathlib import Path
+
+import av
+
+_EVERY_S = 0.5
+
+
+def record(name: bytes, kind: bytes, size: int, content: bytes) -> bytes:
+    """A GPMF record: elements of ``size`` bytes, filled up to four."""
+    return struct.pack(">4scBH", name, kind, size, len(content) // size) + content + bytes(-len(content) % 4)
+
+
+def nested(name: bytes, *records: bytes) -> bytes:
+    """A GPMF record that holds others."""
+    return struct.pack(">4sBBH", name, 0, 1, len(b"".join(records))) + b"".join(records)
+
+
+def payload(at: datetime, gps9: bool, fix: int = 3) -> bytes:
+    """What a camera says of the satellites at a time."""
+    if gps9:
+        since = at - datetime(2000, 1, 1, tzinfo=UTC)
+        reading = struct.pack(
+            ">7i2H", 0, 0, 0, 0, 0, since.days, round(since.seconds * 1e3 + since.microseconds / 1e3), 1, fix
+        )
+        stream = [record(b"STNM", b"c", 1, b"GPS (Lat., Long.)"), record(b"GPS9", b"?", 32, reading)]
+    else:
+        text = (at.strftime("%y%m%d%H%M%S") + f".{at.microsecond // 1000:03d}").encode()
+        stream = [record(b"GPSF", b"L", 4, struct.pack(">I", fix)), record(b"GPSU", b"U", 16, text)]
+    gyroscope = nested(b"STRM", record(b"GYRO", b"s", 6, struct.pack(">6h", *range(6))))
+    return nested(b"DEVC", record(b"DVID", b"L", 4, bytes(4)), gyroscope, nested(b"STRM", *stream))
+
+
+def add_telemetry(video: Path, path: Path, began: datetime, gps9: bool = False, content: bytes | None = None) -> Path:
+    """Copy a video of some seconds, with a payload each half of a second; ``began`` is UTC at its media time 0."""
+    with av.open(str(video)) as source, av.open(str(path), "w") as container:
+        picture = source.streams.video[0]
+        copied = container.add_stream_from_template(picture)
+        data = container.add_data_stream("bin_data")
+        data.time_base = Fraction(1, 1000)
+        for packet in source.demux(picture):
+            if packet.pts is not None:
+                packet.stream = copied
+                container.mux(packet)
+        for number in range(4):
+            told = content if content is not None else payload(began + timedelta(seconds=number * _EVERY_S), gps9)
+            packet = av.Packet(told)
+            packet.stream, packet.time_base = data, Fraction(1, 1000)
+            packet.pts = packet.dts = round(1e3 * number * _EVERY_S)
+            container.mux(packet)
+    return path

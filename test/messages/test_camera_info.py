@@ -1,0 +1,35 @@
+import math
+
+import pytest
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.messages.camera_info import camera_info_message, given_timing_message
+from bodycam_ros.messages.images import camera_model
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+
+K = [300.0, 0.0, 320.0, 0.0, 301.0, 240.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("model", "d"),
+    [("plumb_bob", [0.1, 0.0, 0.01, 0.0, 0.0]), ("equidistant", [0.1, 0.0, 0.0, 0.01]), ("fov", [0.9])],
+)
+def test_a_lens_comes_back_as_it_was(model: str, d: list[float]) -> None:
+    camera = camera_from_info("head", 640, 480, model, d, K)
+    message = camera_info_message(recorded_messages(), camera, 5_000_000_007)
+    cdr = recording_typestore().serialize_cdr(message, "sensor_msgs/msg/CameraInfo")
+    again = recording_typestore().deserialize_cdr(cdr, "sensor_msgs/msg/CameraInfo")
+    assert vars(camera_model(again, "head")).keys() == vars(camera).keys()
+    read = camera_model(again, "head")
+    assert (read.width, read.height, read.fx, read.fy, read.cx, read.cy) == (640, 480, 300.0, 301.0, 320.0, 240.0)
+    assert (read.distortion_model, read.distortion) == (model, camera.distortion)
+    assert again.p.tolist() == [300.0, 0.0, 320.0, 0.0, 0.0, 301.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    assert (again.header.stamp.sec, again.header.stamp.nanosec, again.header.frame_id) == (5, 7, "head_optical_frame")
+
+
+def test_what_is_not_known_of_rows_is_not_a_number() -> None:
+    given = given_timing_message(recorded_messages(), "head", 1, "claps", 1e-4, 1e-6, 0.012)
+    assert (given.offset, given.offset_sigma, given.drift_sigma, given.source) == (0.0, 1e-4, 1e-6, "claps")
+    assert (given.readout_time, given.readout_sigma) == (0.012, 0.0)
+    unknown = given_timing_message(recorded_messages(), "head", 1, "claps", 1e-4, 1e-6, None)
+    assert math.isnan(unknown.readout_time) and math.isnan(unknown.readout_sigma)

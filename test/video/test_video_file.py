@@ -1,0 +1,210 @@
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
+
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.video.upright_frames import h264_packets, jpegs
+from bodycam_ros.video.video_decoder import VideoDecoder
+from bodycam_ros.video.video_file import TimedPacket, frames, packets, read_facts
+from bodycam_ros.video.video_frame import grey_pixels
+
+SOUND_BLOCK = 26_000  # samples: half a second and one of the codec's frames
+NTSC = 60_000 / 1001
+
+
+def decoded(source: list[TimedPacket]) -> list[tuple[float, np.ndarray]]:
+    """Media time and picture of packets, as whoever reads a bag decodes them."""
+    decoder = VideoDecoder()
+    images = [CameraImage("cam", round(1e9 * timed.media_s), timed.packet) for timed in source]
+    ready = [image for given in images for image in decoder.feed(given)] + decoder.flush()
+    return [(1e-9 * image.stamp_ns, decode_grey(image)) for image in ready]
+
+
+@pytest.mark.parametrize("codec", ["libx264", "libx265"])
+def test_packets_decode_to_the_frames_of_the_file(tmp_path: Path, codec: str) -> None:
+    path = make_video(tmp_path / "head.mp4", codec=codec)
+    facts = read_facts(path)
+    assert facts.codec == {"libx264": "h264", "libx265": "hevc"}[codec]
+    assert (facts.width, facts.height, facts.frames, facts.is_upright_annex_b) == (WIDTH, HEIGHT, 40, True)
+    of_packets, of_file = decoded(list(packets(path))), list(frames(path))
+    assert len(of_packets) == len(of_file) == 40
+    for number, ((packet_s, grey), (frame_s, frame)) in enumerate(zip(of_packets, of_file, strict=True)):
+        assert packet_s == pytest.approx(number / RATE_HZ, abs=1e-6) == frame_s
+        np.testing.assert_array_equal(grey, grey_pixels(frame))
+        assert number_in(grey) == number
+        assert np.abs(grey.astype(int) - picture(number)).mean() < 5.0
+
+
+@pytest.mark.parametrize("full_range", [False, True])
+def test_black_and_white_are_the_same_whatever_range_the_video_uses(tmp_path: Path, full_range: bool) -> None:
+    path = make_video(tmp_path / "head.mp4", frames=3, full_range=full_range)
+    for _, frame in frames(path):
+        np.testing.assert_array_equal(grey_pixels(frame), frame.to_ndarray(format="gray"))
+        bright = grey_pixels(frame)[20:]
+        assert abs(float(bright.mean()) - float(picture(0)[20:].mean())) < 2.0
+
+
+def test_the_frames_own_times_count(tmp_path: Path) -> None:
+    uneven = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.09, 40))
+    uneven -= uneven[0]
+    path = make_video(tmp_path / "head.mp4", times_s=uneven)
+    np.testing.assert_allclose([p.media_s for p in packets(path)], uneven, atol=2e-5)
+    fast = make_video(tmp_path / "fast.mp4", frames=120, rate_hz=NTSC)
+    np.testing.assert_allclose([p.media_s for p in packets(fast)], np.arange(120) / NTSC, atol=2e-5)
+
+
+@pytest.mark.parametrize("codec", ["libx264", "libx265"])
+def test_b_frames_are_noticed_and_compressed_away(tmp_path: Path, codec: str) -> None:
+    path = make_video(tmp_path / "head.mp4", b_frames=2, codec=codec)
+    facts = read_facts(path)
+    assert facts.has_b_frames and not facts.is_upright_annex_b
+    anew = list(h264_packets(frames(path), 0, facts.rate_hz, 1))
+    times = [timed.media_s for timed in anew]
+    np.testing.assert_allclose(times, np.arange(40) / RATE_HZ, atol=2e-5)
+    assert anew[0].packet.is_key and not anew[1].packet.is_key and anew[30].packet.is_key
+    for (_, grey), (_, frame) in zip(decoded(anew), frames(path), strict=True):
+        assert np.abs(grey.astype(int) - grey_pixels(frame)).mean() < 1.5
+    assert [number_in(grey) for _, grey in decoded(anew)] == list(range(40))
+
+
+@pytest.mark.parametrize("clockwise", [90, 180, 270])
+def test_what_lies_on_its_side_is_turned(tmp_path: Path, clockwise: int) -> None:
+    path = turn(make_video(tmp_path / "head.mp4", frames=6), clockwise)
+    facts = read_facts(path)
+    upright = (WIDTH, HEIGHT) if clockwise == 180 else (HEIGHT, WIDTH)
+    assert ((facts.width, facts.height), facts.is_upright_annex_b) == (upright, False)
+    anew = decoded(list(h264_packets(frames(path), facts.rotation_deg, facts.rate_hz, 1)))
+    stills = [decode_grey(CameraImage("cam", 1, file)) for _, file in jpegs(frames(path), facts.rotation_deg)]
+    assert len(anew) == len(stills) == 6
+    for number, ((_, grey), still) in enumerate(zip(anew, stills, strict=True)):
+        expected = np.rot90(picture(number), -clockwise // 90).astype(int)
+        assert np.abs(grey - expected).mean() < 4.0
+        assert np.abs(still - expected).mean() < 4.0
+
+
+def test_a_file_that_breaks_off_gives_what_is_there(tmp_path: Path) -> None:
+    path = make_video(tmp_path / "head.mp4", frames=60, fast_start=True, sound=lambda t: np.sin(3000.0 * t))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert read_facts(path).frames == 60
+    of_packets = decoded(list(packets(path)))
+    assert 10 < len(of_packets) < 60
+    assert [number_in(grey) for _, grey in of_packets] == list(range(len(of_packets)))
+    assert len(of_packets) - 2 <= len(list(frames(path))) <= len(of_packets)
+    assert list(CameraVideo.of_files("head", [path]).sound())
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"", "is empty"),
+        (b"image_width: 640\n" * 50, "is not a video"),
+        (b"\xff\xd8\xff\xe0" + bytes(500), "video"),
+        (None, "does not exist"),
+    ],
+)
+def test_what_is_no_video_is_named(tmp_path: Path, content: bytes | None, expected: str) -> None:
+    path = tmp_path / "head.mp4"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(RecordingError, match=rf"head\.mp4: .*{expected}"):
+        read_facts(path)
+
+
+def test_a_file_without_its_index_is_named_as_cut_off(tmp_path: Path) -> None:
+    path = make_video(tmp_path / "head.mp4")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RecordingError, match="cut-off MP4"):
+        read_facts(path)
+    path.write_bytes(whole[:-600])
+    with pytest.raises(RecordingError, match="is sound alone, or cut off or damaged"):
+        read_facts(path)
+
+
+def test_sound_alone_is_no_video(tmp_path: Path) -> None:
+    path = tmp_path / "head.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=48_000, layout="mono")
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
+        frame.sample_rate = 48_000
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    with pytest.raises(RecordingError, match="has no video"):
+        read_facts(path)
+
+
+def test_damaged_bytes_never_raise_anything_else(tmp_path: Path) -> None:
+    whole = make_video(tmp_path / "whole.mp4", fast_start=True, sound=lambda t: np.sin(3000.0 * t)).read_bytes()
+    random = np.random.default_rng(3)
+    readable = 0
+    for _ in range(60):
+        damaged = bytearray(whole)
+        for place in random.integers(0, len(damaged), random.integers(1, 40)):
+            damaged[place] = int(random.integers(256))
+        path = tmp_path / "damaged.mp4"
+        path.write_bytes(damaged)
+        try:
+            video = CameraVideo.of_files("head", [path])
+            frames_read = len(list(video.packets())) if video.facts.is_upright_annex_b else 0
+            list(video.frames(1)), list(video.sound())
+            readable += frames_read > 0
+        except RecordingError as error:
+            assert "damaged.mp4" in str(error)
+    assert readable > 10
+
+
+def test_chapters_are_one_recording(tmp_path: Path) -> None:
+    tone = 440.0 * 2.0 * np.pi
+    one = make_video(tmp_path / "GH010001.MP4", frames=30, sound=lambda t: 0.5 * np.sin(tone * t))
+    two = make_video(tmp_path / "GH020001.MP4", frames=30, first=30, sound=lambda t: 0.5 * np.sin(tone * (t + 1.0)))
+    video = CameraVideo.of_files("GH010001", [one, two])
+    assert video.duration_s == pytest.approx(2.0, abs=1e-3)
+    pictures = [number_in(grey) for _, grey in decoded(list(video.packets()))]
+    assert pictures == list(range(60))
+    np.testing.assert_allclose([p.media_s for p in video.packets()], np.arange(60) / RATE_HZ, atol=1e-3)
+    other = make_video(tmp_path / "GH030001.MP4", frames=3, size=(64, 64))
+    with pytest.raises(RecordingError, match=r"GH030001\.MP4 \(64 x 64, h264\) does not go on from"):
+        CameraVideo.of_files("GH010001", [one, other])
+
+
+def test_chapters_that_overlap_are_named(tmp_path: Path) -> None:
+    options = {"frames": 300, "size": (64, 64), "preset": "ultrafast"}
+    one = make_video(tmp_path / "GH010001.MP4", created="2024-05-01T12:00:00Z", **options)
+    copy = tmp_path / "GH020001.MP4"
+    copy.write_bytes(one.read_bytes())
+    with pytest.raises(RecordingError, match=r"camera head: .*GH010001\.MP4 and .*GH020001\.MP4 overlap in time"):
+        CameraVideo.of_files("head", [one, copy])
+    for began, overlaps in (("12:00:05", True), ("12:00:10", False), ("12:00:00", False)):
+        other = make_video(tmp_path / "GH030001.MP4", first=7, created=f"2024-05-01T{began}Z", **options)
+        if overlaps:
+            with pytest.raises(RecordingError, match="overlap in time"):
+                CameraVideo.of_files("head", [one, other])
+        else:
+            assert CameraVideo.of_files("head", [one, other]).duration_s == pytest.approx(20.0, abs=1e-3)
+
+
+def test_ten_bits_become_grey(tmp_path: Path) -> None:
+    frame = av.VideoFrame.from_ndarray(picture(3), format="gray").reformat(format="yuv420p10le", dst_color_range=1)
+    assert np.abs(grey_pixels(frame).astype(int) - picture(3)).max() <= 2
+
+
+def test_sound_comes_in_blocks_with_their_times(tmp_path: Path) -> None:
+    click_s = 1.2345
+    path = make_video(
+        tmp_path / "head.mp4", frames=60, sound=lambda t: 0.9 * np.exp(-0.5 * ((t - click_s) / 2e-4) ** 2)
+    )
+    blocks = list(CameraVideo.of_files("head", [path]).sound())
+    assert len(blocks) >= 4
+    assert all(len(block.samples) < SOUND_BLOCK and block.samples.dtype == np.float32 for block in blocks)
+    ends = [block.start_s + len(block.samples) / block.rate_hz for block in blocks]
+    np.testing.assert_allclose(ends[:-1], [block.start_s for block in blocks[1:]], atol=1e-4)
+    loudest = max(blocks, key=lambda block: float(np.abs(block.samples).max()))
+    at_s = loudest.start_s + int(np.abs(loudest.samples).argmax()) / loudest.rate_hz
+    assert at_s == pytest.approx(click_s, abs=1e-4)
+    silent = make_video(tmp_path / "silent.mp4", frames=3)
+    assert not read_facts(silent).has_sound and not list(CameraVideo.of_files("silent", [silent]).sound())
