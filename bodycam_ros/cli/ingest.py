@@ -1,25 +1,29 @@
-"""bodycam ingest: videos of cameras in, one bag out."""
+"""bodycam ingest: videos of cameras in, one bag out, and a report of how their clocks go."""
 
 import argparse
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.pipeline_flags import known_groups
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
-from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary, find_cameras, ingest
+from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.ingest.timing_picture import PICTURE_NAME, draw_timing
-from bodycam_ros.ingest.timing_report import timing_table, write_timing
-from bodycam_ros.ingest.video_clocks import video_clocks
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_writer import check_ingested
 from bodycam_ros.terminal import Terminal
 
-_ROWS = "rows: how long the camera takes to read them out, where its lens YAML has readout_time"
+if TYPE_CHECKING:
+    from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
+
+Advance = Callable[[str, float], None]
+"""Called with the name of a step and the share of it that is done, 0 to 1."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -37,13 +41,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--cameras",
         type=Path,
         metavar="DIR",
-        help="folder with the lens YAML of each camera (default: beside its video)",
+        help="folder with each camera's lens YAML (default: beside its video)",
     )
+    parser.add_argument("--rig", type=Path, help="rig YAML: which cameras there should be, and on which segments")
     parser.add_argument(
-        "--rig", type=Path, help="rig YAML: says which cameras there should be, and whose motions are alike"
+        "--report", type=Path, metavar="DIR", help="folder for table and picture of the clocks (default: BAG_timing)"
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
-    parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it")
+    parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it, and its report")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     add_settings_flags(parser, SoundSettings)
@@ -52,85 +57,97 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    check_output(arguments.output, (*arguments.videos, arguments.cameras, arguments.rig, arguments.config))
-    if arguments.config is not None:
+    from bodycam_ros.ingest.ingest import find_cameras, ingest
+    from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
+    from bodycam_ros.ingest.video_clocks import video_clocks
+
+    if arguments.config is not None:  # one file serves every command
         check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, SoundSettings, arguments.config)
-    if arguments.output.exists():
-        check_ingested(arguments.force, arguments.output)
+    report: Path = arguments.report or arguments.output.with_name(f"{arguments.output.name}_timing")
+    _check_outputs(arguments, report)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     cameras, faults = find_cameras(arguments.videos, arguments.cameras)
     if rig is not None:
         there = {camera.name for camera in cameras}
-        faults += [f"camera {camera}: is in {arguments.rig}, but has no video" for camera in set(rig.cameras) - there]
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
-        task = progress.add_task("clocks", total=1.0)
-        offsets = video_clocks(
-            cameras,
-            rig,
-            settings,
-            lambda what, done, of: progress.update(task, description=what, completed=done / max(of, 1)),
-        )
-        progress.update(task, description="writing", completed=0.0)
+        lacking = [camera for camera in rig.cameras if camera not in there]
+        faults += [f"camera {camera}: is in {arguments.rig}, but has no video that can be used" for camera in lacking]
+    with _shown_progress() as advance:
+        offsets = video_clocks(cameras, rig, settings, lambda step, done, of: advance(step, done / max(1, of)))
         summary = ingest(
             cameras,
-            lambda videos: offsets.times,
+            lambda _: offsets.times,
             arguments.output,
             as_jpeg=arguments.jpeg,
             jobs=max(1, arguments.jobs),
             force=arguments.force,
-            on_progress=lambda share: progress.update(task, completed=share),
+            on_progress=lambda share: advance("writing", share),
         )
-        write_timing(offsets, arguments.output)
-        draw_timing(offsets, arguments.output / PICTURE_NAME)
+        write_timing_report(offsets, report)
+    faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     console.print(timing_table(offsets))
     console.print(_table(summary))
-    remarks = [
-        *faults,
-        *offsets.remarks,
-        *summary.faults,
-        *(remark for camera in summary.cameras for remark in camera.remarks),
-    ]
-    for remark in remarks:
+    for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
         console.print(remark, style="red", soft_wrap=True)
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)
     console.print(
         f"{len(summary.cameras)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
-        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}",
+        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, how the clocks go to {report}",
         soft_wrap=True,
     )
     return 0
 
 
-def _table(summary: IngestSummary) -> Table:
-    table = Table(
-        Column("camera", no_wrap=True), "frames", "per second", "begins [s]", "clock", "rows [ms]", "in the bag"
-    )
-    table.caption = _ROWS
+def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
+    """Refuse what cannot be written, or must not be replaced, before the work."""
+    inputs = (*arguments.videos, arguments.cameras, arguments.rig, arguments.config)
+    check_output(arguments.output, inputs)
+    if arguments.output.exists():
+        check_ingested(arguments.force, arguments.output)
+    check_output(report, (*inputs, arguments.output))
+    if report.exists() and not (report.is_dir() and arguments.force):
+        raise OutputError(f"{report}: exists already; give another folder with --report, or replace it with --force")
+
+
+@contextmanager
+def _shown_progress() -> Iterator[Advance]:
+    """A progress bar on the terminal for each step."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def advance(step: str, share: float) -> None:
+            if step not in tasks:
+                tasks[step] = progress.add_task(step, total=1.0)
+            progress.update(tasks[step], completed=share)
+
+        yield advance
+
+
+def _table(summary: "IngestSummary") -> Table:
+    table = Table(Column("camera", no_wrap=True), "frames", "per second", "size", "read-out [ms]", "in the bag")
     for camera in summary.cameras:
-        stream = camera.stream
+        stream, facts = camera.stream, camera.stream.camera.video.facts
         readout_s = stream.camera.readout_s
         table.add_row(
             stream.camera.name,
             str(stream.tally.frames),
             f"{_rate_hz(camera):.2f}",
-            f"{1e-9 * (stream.tally.first_ns - stream.base_ns):.4f}",
-            stream.time.source,
-            "" if readout_s is None else f"{1e3 * readout_s:.1f}",
+            f"{facts.width} x {facts.height}",
+            "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
             _how(camera),
             style="red" if camera.remarks else None,
         )
     return table
 
 
-def _rate_hz(camera: IngestedCamera) -> float:
+def _rate_hz(camera: "IngestedCamera") -> float:
     tally = camera.stream.tally
     return 1e9 * (tally.frames - 1) / (tally.last_ns - tally.first_ns) if tally.frames > 1 else 0.0
 
 
-def _how(camera: IngestedCamera) -> str:
+def _how(camera: "IngestedCamera") -> str:
     stream, facts = camera.stream, camera.stream.camera.video.facts
     if stream.is_copied:
         return facts.codec

@@ -21,7 +21,6 @@ _SATELLITE_SIGMA_S = 0.1
 
 _CLOCK_SIGMA_S = 1.0
 _DRIFT_SIGMA = 5e-5  # of a quartz clock
-_UNKNOWN_SIGMA_S = 60.0
 
 
 @dataclass
@@ -72,17 +71,6 @@ def creation_clock(videos: Sequence[CameraVideo]) -> FileClock:
     created = {video.camera: sane(video.created) for video in videos}
     began_s = {camera: time.timestamp() for camera, time in created.items() if time is not None}
     return FileClock("given", began_s, _CLOCK_SIGMA_S)
-
-
-def file_times(videos: Sequence[CameraVideo]) -> dict[str, CameraTime]:
-    """Camera -> its time by files alone; one that says nothing begins when the reference does, for all we know."""
-    times: dict[str, CameraTime] = {}
-    for clock in (satellite_clock(videos), creation_clock(videos)):
-        times = clock(times) | times
-    unknown = {
-        video.camera: CameraTime(video.camera, 0.0, 0.0, _UNKNOWN_SIGMA_S, _DRIFT_SIGMA, "given") for video in videos
-    }
-    return unknown | times
 
 
 def sane(created: datetime | None) -> datetime | None:

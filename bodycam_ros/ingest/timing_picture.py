@@ -17,8 +17,6 @@ from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, SNIPPET_S, SNIPPET_SAMPLE
 Array = NDArray[np.float64]
 
 _DOTS_PER_INCH = 110
-PICTURE_NAME = "timing.png"
-
 _WIDTH_INCHES, _HEAD_INCHES, _FOOT_INCHES, _ROW_INCHES = 16.0, 1.15, 0.6, 0.3
 _MOST_COLUMNS = 1400
 _ZOOM_MS = (-6.0, 12.0)

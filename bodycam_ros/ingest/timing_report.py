@@ -26,9 +26,10 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from bodycam_ros.ingest.camera_offsets import Offsets
-from bodycam_ros.whole_file import write_whole
+from bodycam_ros.ingest.timing_picture import draw_timing
+from bodycam_ros.whole_file import failure_named, whole_files, write_whole
 
-FILE_NAME = "timing.yaml"
+FILE_NAME, PICTURE_NAME = "timing.yaml", "timing.png"
 
 _PPM, _MS = 1e6, 1e3
 
@@ -98,3 +99,14 @@ def write_timing(offsets: Offsets, folder: Path) -> Path:
     text = yaml.safe_dump(timing_document(offsets), sort_keys=False, allow_unicode=True, width=120)
     write_whole(path, f"# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n{text}")
     return path
+
+
+def write_timing_report(offsets: Offsets, folder: Path) -> None:
+    """Write ``timing.yaml`` and ``timing.png`` into a folder, both or neither; earlier ones are replaced.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    with whole_files(folder) as unfinished, failure_named(folder):
+        write_timing(offsets, unfinished)
+        draw_timing(offsets, unfinished / PICTURE_NAME)

@@ -39,7 +39,6 @@ _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
 
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
-_INGESTED_PARTS = re.compile(rf"{_PARTS.pattern}|timing\.(yaml|png)")
 _SOLVED_TOPICS = frozenset({"/robot_description", "/joint_states"})
 
 
@@ -124,7 +123,7 @@ def check_ingested(force: bool, path: Path) -> None:
     Raises:
         OutputError: something is at ``path``, and ``force`` is off or it is no bag that 'bodycam ingest' wrote.
     """
-    check_folder(path, force, METADATA, _INGESTED_PARTS, "bag of videos")
+    check_folder(path, force, METADATA, _PARTS, "bag of videos")
     if not any(path.iterdir()):
         return
     custom = _information(path / METADATA).get("custom_data")
