@@ -1,7 +1,7 @@
 """What is said on /diagnostics of a run: how each camera fares lately, and the verdict on what is solved."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
 from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.solving.synchrony import Timing
+from bodycam_ros.timing.camera_timing import CameraTiming
+from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.verdict.verdict import Level, Verdict
 
 _POOR_SHARE = 0.9
@@ -19,9 +20,6 @@ _POOR_SHARE = 0.9
 
 _APART_S = 5.0
 """No machine is so busy: the camera's clock is another."""
-
-_WANDERING = 2.0
-"""In units of the tolerance: stamps that are spread so far are not of one trigger."""
 
 _LEVELS = {Level.GOOD: HealthLevel.OK, Level.DOUBTFUL: HealthLevel.WARN, Level.WRONG: HealthLevel.ERROR}
 
@@ -59,14 +57,20 @@ class RegistrationHealth:
             tally.registered += 1
             tally.sigma_mm = 1e3 * float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
 
-    def report(self) -> list[Health]:
-        """The health of every camera since the last report, which starts the count anew."""
-        parts = [self._health(camera, tally) for camera, tally in sorted(self._tallies.items())]
+    def report(self, clocks: Mapping[str, ClockState] | None = None) -> list[Health]:
+        """The health of every camera since the last report, which starts the count anew.
+
+        Args:
+            clocks: of the cameras, as far as they are known.
+        """
+        parts = [
+            self._health(camera, tally, (clocks or {}).get(camera)) for camera, tally in sorted(self._tallies.items())
+        ]
         self._tallies = {camera: _Tally() for camera in self._tallies}
         return parts
 
-    def _health(self, camera: str, tally: _Tally) -> Health:
-        health = _health(camera, tally)
+    def _health(self, camera: str, tally: _Tally, clock: ClockState | None) -> Health:
+        health = _health(camera, tally, clock)
         if tally.readout is None:
             return health
         values = {**health.values, "read-out time [ms]": tally.readout.milliseconds}
@@ -75,57 +79,66 @@ class RegistrationHealth:
         return replace(health, values=values)
 
 
-def _health(camera: str, tally: _Tally) -> Health:
+def _health(camera: str, tally: _Tally, clock: ClockState | None) -> Health:
     name = f"camera {camera}"
     if tally.frames == 0:
         return Health(name, HealthLevel.STALE, "no images")
     share = tally.registered / tally.frames
-    values = {
+    values: dict[str, object] = {
         "frames": tally.frames,
         "registered": tally.registered,
         "landmarks per frame": round(tally.landmarks / tally.frames, 1),
         "position sigma [mm]": round(tally.sigma_mm, 2),
     }
+    if clock is not None:
+        values |= clock_values(clock)
     if tally.registered == 0:
         return Health(name, HealthLevel.ERROR, "not registered in the map", values)
     level = HealthLevel.OK if share >= _POOR_SHARE else HealthLevel.WARN
     return Health(name, level, f"registered on {share:.0%} of its frames", values)
 
 
+def clock_values(clock: ClockState) -> dict[str, object]:
+    """Figures of a camera's clock."""
+    return {
+        "clock ahead by [ms]": round(1e3 * clock.offset, 2),
+        "clock sigma [ms]": round(1e3 * clock.offset_sigma, 2),
+        "clock drift [ppm]": round(1e6 * clock.drift, 1),
+        "clock drift sigma [ppm]": round(1e6 * clock.drift_sigma, 1),
+    }
+
+
 def timing_health(
-    camera: str, timing: Timing, tolerance_s: float, late: int, silent: bool, apart_s: float | None
+    camera: str, share: float, late: int, silent: bool, apart_s: float | None, timing: CameraTiming | None
 ) -> Health:
     """How one camera goes with the others.
 
     Args:
         camera: its name.
-        timing: what was measured.
-        tolerance_s: stamps this close count as one instant [s].
+        share: share of the body's instants that it speaks of, 0 to 1.
         late: registrations that came after their instant had gone.
         silent: whether it is not waited for any more.
         apart_s: how far its stamps are ahead of the body's present, or behind if negative [s]; None if it says nothing.
+        timing: what is known of its clock; None while nothing is.
     """
-    tolerance_ms = 1e3 * tolerance_s
-    values = {
-        "share of instants [%]": round(100 * timing.share),
-        "offset [ms]": round(timing.offset_ms, 2),
-        "offset wanders by [ms]": round(timing.spread_ms, 2),
-        "late registrations": late,
-    }
+    values: dict[str, object] = {"share of instants [%]": round(100 * share), "late registrations": late}
     level, text = HealthLevel.OK, "in time with the others"
+    if timing is not None:
+        values |= clock_values(timing.latest)
+        if timing.is_off:
+            text = f"its clock is {_off_by(timing.latest.offset)} the others', and corrected"
     if apart_s is not None and abs(apart_s) > _APART_S:
         side = "ahead of" if apart_s > 0 else "behind"
         level, text = HealthLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
     elif silent:
         level, text = HealthLevel.ERROR, "says nothing, and is not waited for"
-    elif timing.spread_ms > _WANDERING * tolerance_ms:
-        level, text = HealthLevel.WARN, "its stamps wander against the others': is it triggered with them?"
-    elif abs(timing.offset_ms) > tolerance_ms:
-        side = "after" if timing.offset_ms > 0 else "before"
-        level, text = HealthLevel.WARN, f"{abs(timing.offset_ms):.1f} ms {side} the others: is its trigger off?"
-    elif timing.share < _POOR_SHARE:
+    elif share < _POOR_SHARE:
         level, text = HealthLevel.WARN, "misses instants"
-    return Health(f"camera {camera}", level, f"{text}; speaks of {timing.share:.0%} of the instants", values)
+    return Health(f"camera {camera}", level, f"{text}; speaks of {share:.0%} of the instants", values)
+
+
+def _off_by(offset_s: float) -> str:
+    return f"{1e3 * abs(offset_s):.1f} ms {'ahead of' if offset_s > 0 else 'behind'}"
 
 
 def verdict_health(verdict: Verdict) -> Health:

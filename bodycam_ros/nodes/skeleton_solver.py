@@ -59,7 +59,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._first_info_s: float | None = None
         self._flushed = True
         self._cameras = CameraModels(self, carried, self._on_camera)
-        self._health = SolverHealth(self._cameras, self.skipped, self.settings.assembler.sync_tolerance)
+        self._health = SolverHealth(self._cameras, self.skipped)
         for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
             self.subscription(

@@ -35,13 +35,11 @@ class SolverHealth:
     Args:
         cameras: what is known of the cameras.
         skipped: what could not be used.
-        sync_tolerance: stamps this close count as one instant [s].
     """
 
-    def __init__(self, cameras: CameraModels, skipped: Skipped, sync_tolerance: float) -> None:
+    def __init__(self, cameras: CameraModels, skipped: Skipped) -> None:
         self._cameras = cameras
         self._skipped = skipped
-        self._sync_tolerance = sync_tolerance
         self._tally = _Tally()
         self._late_reported = 0
         self._refused_reported: Counter[str] = Counter()
@@ -136,15 +134,15 @@ class SolverHealth:
         """How each camera goes with the others."""
         if pipeline is None:
             return []
-        assembler, silent = pipeline.assembler, pipeline.assembler.silent
+        assembler, silent, timings = pipeline.assembler, pipeline.assembler.silent, pipeline.instants.watch.timings
         return [
             timing_health(
                 camera,
-                timing,
-                self._sync_tolerance,
+                share,
                 assembler.late_of[camera],
                 camera in silent,
                 assembler.apart_s(camera),
+                timings.get(camera),
             )
-            for camera, timing in assembler.synchrony.timings().items()
+            for camera, share in assembler.synchrony.shares().items()
         ]

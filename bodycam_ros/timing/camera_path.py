@@ -21,7 +21,8 @@ class PathPoints:
 
     Attributes:
         poses: (K, 4, 4).
-        twists: (K, 6) rotation [rad/s] then translation [m/s], in the camera's axes.
+        twists: (K, 6) rotation [rad/s] then translation [m/s], in the camera's axes; between images those of the images
+            by their shares.
         before: (K) row of the image before, or of the image itself.
         shares: (K) how far from that image to the next, 0 to 1.
     """
@@ -72,8 +73,9 @@ class CameraPath:
         s = 1e-9 * (stamps_ns - self.stamps_ns[start]).astype(np.float64)[:, None] / gaps_s
         step, first, last = self._steps[start], gaps_s * self._twists[start], gaps_s * self._twists[start + 1]
         curve = s * first + s**2 * (3 * step - 2 * first - last) + s**3 * (first + last - 2 * step)
-        slope = first + 2 * s * (3 * step - 2 * first - last) + 3 * s**2 * (first + last - 2 * step)
-        return PathPoints(self.world_T_camera[start] @ exp_se3(curve), slope / gaps_s, start, s[:, 0])
+        # The curve's own slope shares its errors with the curve: clocks learned with it are off by milliseconds.
+        twists = (1.0 - s) * self._twists[start] + s * self._twists[start + 1]
+        return PathPoints(self.world_T_camera[start] @ exp_se3(curve), twists, start, s[:, 0])
 
 
 def _twists(steps: Array, gaps_s: Array) -> Array:

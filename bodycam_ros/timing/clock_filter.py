@@ -87,6 +87,8 @@ class ClockFilter:
             column = self._covariance[:, row]
             if column[row] > 0.0:
                 self._covariance = self._covariance - np.outer(column, column) / column[row]
+                # Nothing of it is left: not even what rounding leaves, which may be negative.
+                self._covariance[row] = self._covariance[:, row] = 0.0
         self.reference = camera
         self._covariance[camera, camera] = _HELD_S**2
 

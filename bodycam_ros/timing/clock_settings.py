@@ -26,7 +26,9 @@ class ClockSettings:
         0.0002, unit="s", limits=(1e-6, 0.1), reason="the same of cameras whose stamps are those of the others"
     )
     drift_sigma: float = setting(
-        2e-5, limits=(0.0, 0.01), reason="seconds per second; quartz is good to 20 ppm, and to 50 when it is cold"
+        1e-4,
+        limits=(0.0, 0.01),
+        reason="seconds per second; quartz is good to 20 ppm, to 50 when it is cold, and a minute of motion tells 10",
     )
     window: float = setting(
         4.0,

@@ -3,6 +3,7 @@
 Offline it looks some seconds ahead of the body; live it lets everything pass at once and corrects by what it knows.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.camera_timing import CameraTiming
 from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockJump, ClockState
@@ -30,7 +32,10 @@ class _Heard:
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
     intervals: Intervals = field(default_factory=Intervals)
+    first_ns: int = -1
     latest_ns: int = -1
+    readout_time: float = math.nan
+    readout_sigma: float = math.nan
 
     def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
         """Stamps (N) of the latest images [ns]."""
@@ -75,6 +80,21 @@ class ClockWatch:
         return {camera: heard.clocks[-1] for camera, heard in self._heard.items() if heard.clocks}
 
     @property
+    def timings(self) -> dict[str, CameraTiming]:
+        """Camera -> how its clock went, as its stamps were corrected: those who share their stamps were left alone."""
+        timings = {}
+        sharing = self.sharing
+        for camera, heard in self._heard.items():
+            clocks = heard.clocks
+            if camera in sharing:
+                sigma = max(clocks[-1].offset_sigma, abs(clocks[-1].offset))
+                clocks = [replace(clocks[-1], since_ns=0, offset=0.0, drift=0.0, offset_sigma=sigma)]
+            if clocks:
+                begun = replace(clocks[0], since_ns=max(clocks[0].since_ns, heard.first_ns))
+                timings[camera] = CameraTiming(camera, (begun, *clocks[1:]), heard.readout_time, heard.readout_sigma)
+        return timings
+
+    @property
     def sharing(self) -> frozenset[str]:
         """Cameras that share their stamps with most others, and always did."""
         if self.beat is None or self._learner is None:
@@ -93,6 +113,9 @@ class ClockWatch:
         passed = self._begin_anew() if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS else []
         heard.intervals.add(matches.stamp_ns)
         heard.latest_ns = matches.stamp_ns
+        heard.first_ns = matches.stamp_ns if heard.first_ns < 0 else heard.first_ns
+        if not math.isnan(matches.readout_sigma):
+            heard.readout_time, heard.readout_sigma = matches.readout_time, matches.readout_sigma
         heard.held.append(matches)
         heard.images.append(matches)
         self._latest_ns = max(self._latest_ns, matches.stamp_ns)
@@ -122,7 +145,7 @@ class ClockWatch:
         for heard in self._heard.values():
             heard.images.clear()
             heard.intervals = Intervals()
-            heard.latest_ns = -1
+            heard.first_ns = heard.latest_ns = -1
             heard.clocks = [replace(clock, since_ns=0) for clock in heard.clocks[-1:]]
         self._first_ns = self._latest_ns = self._window_from_ns = -1
         return passed
@@ -211,9 +234,12 @@ class ClockWatch:
     def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
         """What is held of the time before a stamp (of all time), in order of corrected stamps."""
         passed = []
-        for heard in self._heard.values():
+        sharing = self.sharing
+        for camera, heard in self._heard.items():
+            # Those that are triggered together stay together: what is learned of their clocks is noise.
+            clocks = [] if camera in sharing else heard.clocks
             while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):
-                passed.append(_corrected(heard.held.popleft(), heard.clocks))
+                passed.append(_corrected(heard.held.popleft(), clocks))
         return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))
 
 

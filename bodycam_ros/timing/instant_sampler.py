@@ -2,8 +2,7 @@
 
 Its pose is read off its path between the image before and the image after; where one of them is missing, the nearest
 image is moved along by its twist, if it is near. The landmarks go with the pose, residuals and all, so that who comes
-after sees an image taken at the instant. Of the alternatives, moving the nearest image alone left 0.8 deg where a limb
-swings, and gtsam's interpolated factors with a velocity per segment cost four times as much.
+after sees an image taken at the instant. docs/architecture.md has the alternatives, and what they were measured to do.
 """
 
 from collections import deque

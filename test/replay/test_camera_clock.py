@@ -37,19 +37,17 @@ def test_a_camera_that_is_there_for_a_part_is_named() -> None:
     )
 
 
-def test_a_clock_that_is_off_is_named_with_its_size() -> None:
-    assert remarks({"hip": FRAMES + 10_000_000}) == ("camera hip: its stamps are 10 ms after the others'",)
-    assert remarks({"hip": FRAMES - 12_000_000}) == ("camera hip: its stamps are 12 ms before the others'",)
+def test_a_clock_of_another_time_is_named_with_its_size() -> None:
     (line,) = remarks({"toe": FRAMES + 3_600_000_000_000})
     assert line.startswith("camera toe: its stamps are 3600.0 s ahead of the others'")
     (line,) = remarks({"toe": FRAMES - 3_600_000_000_000})
     assert line.startswith("camera toe: its stamps are 3600.0 s behind the others'")
 
 
-def test_a_camera_that_runs_free_is_named() -> None:
+def test_cameras_that_run_free_are_not_spoken_of() -> None:
+    assert remarks({"hip": FRAMES + 10_000_000, "knee": FRAMES - 12_000_000}) == ()
     free = FRAMES[0] + (np.arange(280) * 1.07 * FRAME_NS).astype(np.int64)
-    (line,) = remarks({"head": free})
-    assert line.startswith("camera head: is not triggered with the others: its images are 8 ms apart from theirs")
+    assert remarks({"head": free}) == ()
 
 
 def test_one_camera_has_nobody_to_be_compared_with() -> None:

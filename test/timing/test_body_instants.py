@@ -1,0 +1,70 @@
+"""The instants at which a body is solved, and what its cameras say of them."""
+
+import numpy as np
+from range_of_motion import START_NS, range_of_motion, wide_cameras
+from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
+
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.body_instants import BodyInstants
+from bodycam_ros.timing.clock_settings import ClockSettings
+
+DURATION_S = 8.0
+
+
+def brought(recording: Recording, rate: float = 0.0) -> list[LandmarkMatches]:
+    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(rate=rate), FLOOR, live=False)
+    said = [each for image in recording.images() for each in instants.add(image)]
+    return said + instants.flush()
+
+
+def stamps_ns(said: list[LandmarkMatches]) -> np.ndarray:
+    return np.unique([each.stamp_ns for each in said])
+
+
+def test_triggered_cameras_are_passed_on_untouched() -> None:
+    images = Recording(DURATION_S).images()
+    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=False)
+    said = [each for image in images for each in instants.add(image)] + instants.flush()
+    assert {id(each) for each in said} == {id(image) for image in images}
+
+
+def test_free_running_cameras_are_all_heard_at_every_instant() -> None:
+    said = brought(Recording(DURATION_S, runs=free_running()))
+    instants = stamps_ns(said)
+    assert abs(len(instants) - DURATION_S * 30.0) <= 2
+    assert np.ptp(np.diff(instants)) <= 1
+    counts = [sum(each.stamp_ns == stamp for each in said) for stamp in instants[2:-2].tolist()]
+    assert set(counts) == {len(CAMERAS)}
+
+
+def test_the_rate_is_as_many_instants_as_are_asked_for() -> None:
+    for rate in (12.5, 60.0):
+        instants = stamps_ns(brought(Recording(DURATION_S), rate))
+        assert np.all(np.abs(np.diff(instants) - 1e9 / rate) <= 1)
+        assert abs(len(instants) - DURATION_S * rate) <= 2
+
+
+def test_what_they_say_of_an_instant_is_where_they_were_then() -> None:
+    said = brought(Recording(DURATION_S, runs=free_running(foot_left=CameraRun(ahead_s=0.02)), noise=0.02))
+    instants = stamps_ns(said)
+    truth = range_of_motion(BODY, DURATION_S, 1000.0)
+    errors = []
+    for each in said:
+        if instants[2] <= each.stamp_ns <= instants[-3] and each.world_T_camera is not None:
+            row = round(1e-6 * (each.stamp_ns - START_NS))
+            errors.append(log_se3(inverse(truth.world_T_camera[each.camera][row]) @ each.world_T_camera))
+    assert len(errors) > 0.95 * len(CAMERAS) * (len(instants) - 4)
+    off = np.abs(np.array(errors))
+    # Half a millisecond of rounding to the rows of the truth is in it.
+    assert np.percentile(np.linalg.norm(off[:, 3:], axis=1), 95) < 0.002
+    assert np.percentile(np.linalg.norm(off[:, :3], axis=1), 95) < 0.005
+
+
+def test_one_late_camera_is_brought_to_the_instants_of_the_others() -> None:
+    recording = Recording(DURATION_S, runs={"foot_left": CameraRun(ahead_s=0.02)})
+    said = brought(recording)
+    of_others = {each.stamp_ns for each in said if each.camera != "foot_left"}
+    own = [each.stamp_ns for each in said if each.camera == "foot_left"]
+    assert set(own) <= of_others and len(own) >= len(of_others) - 2
+    assert of_others == {image.stamp_ns for image in recording.images() if image.camera != "foot_left"}

@@ -1,0 +1,196 @@
+"""Clocks of cameras that were started by hand, learned from a body of which everything is known."""
+
+import copy
+
+import numpy as np
+import pytest
+from range_of_motion import START_NS
+from started_by_hand import (
+    BODY,
+    CAMERAS,
+    FLOOR,
+    REFERENCE,
+    CameraRun,
+    Recording,
+    free_running,
+    watched,
+)
+
+from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_watch import ClockWatch
+
+ONE_FRAME_S = 1.0 / 30.0
+
+
+def errors_s(watch: ClockWatch, recording: Recording, at_s: float | None = None) -> dict[str, float]:
+    """Camera -> by how much its clock was misjudged near the end, as seen by the first reference [s]."""
+    at_s = recording.duration_s - 0.1 if at_s is None else at_s
+    return {
+        camera: 1e-9 * clock.offset_ns(START_NS + round(1e9 * at_s)) - float(recording.run(camera).offset_s(at_s))
+        for camera, clock in watch.clocks.items()
+    }
+
+
+def test_cameras_of_one_trigger_come_out_as_zero_and_pass_untouched() -> None:
+    recording = Recording()
+    images = recording.images()
+    watch, passed = watched(images)
+    assert watch.sharing == set(CAMERAS)
+    assert max(abs(error) for error in errors_s(watch, recording).values()) < 0.0003
+    assert {id(image) for image in passed} == {id(image) for image in images}
+    assert not watch.jumps
+
+
+@pytest.mark.parametrize("ahead_s", [0.02, -0.02, ONE_FRAME_S])
+def test_a_camera_that_is_late_is_found_and_corrected_from_its_first_image_on(ahead_s: float) -> None:
+    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=ahead_s)})
+    images = recording.images()
+    watch, passed = watched(images)
+    assert "forearm_left" not in watch.sharing and len(watch.sharing) == len(CAMERAS) - 1
+    clock = watch.clocks["forearm_left"]
+    assert abs(errors_s(watch, recording)["forearm_left"]) < max(0.001, 3.0 * clock.offset_sigma) < 0.008
+    given = [image.stamp_ns for image in images if image.camera == "forearm_left"]
+    corrected = [image.stamp_ns for image in passed if image.camera == "forearm_left"]
+    moved_ns = np.subtract(given, corrected)
+    assert len(moved_ns) == len(given)
+    assert np.abs(1e-9 * moved_ns - ahead_s).max() < 0.004
+    assert not watch.jumps
+
+
+def test_previous_stamps_are_corrected_along() -> None:
+    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
+    passed = [image for image in watched(recording.images())[1] if image.camera == "forearm_left"]
+    before = [image.stamp_ns for image in passed[:-1]]
+    assert np.abs(np.subtract([image.previous_stamp_ns for image in passed[1:]], before)).max() < 1_000_000
+
+
+def test_a_drift_of_100_ppm_is_found_over_a_minute() -> None:
+    recording = Recording(duration_s=60.0, runs={"shin_left": CameraRun(drift=1e-4)})
+    watch, _ = watched(recording.images(), ClockSettings(instants_alike=1.0))
+    clock = watch.clocks["shin_left"]
+    assert clock.drift == pytest.approx(1e-4, abs=5e-6 + 2.0 * clock.drift_sigma)
+    assert clock.drift_sigma < 1e-5
+    assert abs(errors_s(watch, recording)["shin_left"]) < 0.001
+    assert all(abs(watch.clocks[camera].drift) < 5e-6 for camera in set(CAMERAS) - {"shin_left"})
+
+
+def test_with_little_noise_a_drift_is_found_within_5_ppm() -> None:
+    recording = Recording(duration_s=60.0, noise=0.05, runs=free_running(shin_left=CameraRun(drift=1e-4)))
+    watch, _ = watched(recording.images(), ClockSettings(instants_alike=1.0))
+    drifts = {camera: clock.drift - recording.run(camera).drift for camera, clock in watch.clocks.items()}
+    assert max(abs(drift) for drift in drifts.values()) < 5e-6
+
+
+@pytest.mark.parametrize("by_s", [0.05, -0.05])
+@pytest.mark.parametrize("are_free", [False, True])
+def test_a_clock_that_was_set_is_found_where_its_stamps_break(by_s: float, are_free: bool) -> None:
+    altered = {"shin_left": CameraRun(jumps=((7.0, by_s),))}
+    recording = Recording(runs=free_running(**altered) if are_free else altered)
+    watch, passed = watched(recording.images())
+    (jump,) = watch.jumps
+    assert (jump.camera, jump.by_s) == ("shin_left", pytest.approx(by_s, abs=0.004))
+    assert abs(1e-9 * (jump.stamp_ns - START_NS) - 7.0) < 0.1
+    corrected_ns = [image.stamp_ns for image in passed if image.camera == "shin_left"]
+    off_ns = np.subtract(corrected_ns, recording.times_ns("shin_left"))
+    assert np.abs(off_ns).max() < 5e6
+
+
+@pytest.mark.parametrize("are_free", [False, True])
+def test_the_references_clock_may_be_set_too(are_free: bool) -> None:
+    altered = {REFERENCE: CameraRun(jumps=((7.0, 0.05),))}
+    recording = Recording(runs=free_running(**altered) if are_free else altered)
+    watch, passed = watched(recording.images())
+    (jump,) = watch.jumps
+    assert jump.camera == REFERENCE
+    assert jump.by_s == pytest.approx(0.05, abs=3.0 * watch.clocks[REFERENCE].offset_sigma)
+    others = {camera: error for camera, error in errors_s(watch, recording).items() if camera != REFERENCE}
+    assert max(abs(error) for error in others.values()) < 0.003
+    assert all(np.isfinite(clock.drift_sigma) for clock in watch.clocks.values())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_free_running_cameras_are_no_clocks_that_are_off(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    runs = {camera: CameraRun(phase_s=round(random.uniform(0.0, ONE_FRAME_S), 6)) for camera in CAMERAS}
+    watch, _ = watched(Recording(runs=runs, seed=seed).images())
+    assert watch.sharing == set() and watch.beat is not None
+    assert watch.beat.reference in {"waist_front", "waist_left", "waist_right"}
+    assert watch.beat.period_ns == pytest.approx(1e9 * ONE_FRAME_S, abs=10)
+    for camera, error_s in errors_s(watch, Recording(runs=runs)).items():
+        assert abs(error_s) < 3.0 * watch.clocks[camera].offset_sigma + 1e-9
+        assert abs(error_s) < 0.004
+    assert not watch.jumps
+
+
+def test_offsets_are_as_good_as_they_say() -> None:
+    """Squared errors in sigmas: 1 if neither too bold nor too shy, on noise that images do not share."""
+    squared = []
+    for seed in range(8):
+        recording = Recording(duration_s=10.0, runs=free_running(), seed=seed)
+        watch, _ = watched(recording.images(), ClockSettings(instants_alike=1.0))
+        errors = errors_s(watch, recording)
+        squared += [(errors[c] / watch.clocks[c].offset_sigma) ** 2 for c in CAMERAS if c != REFERENCE]
+    assert 0.5 < np.mean(squared) < 2.5
+
+
+def test_a_camera_that_joins_late_goes_with_the_others_if_it_shares_their_stamps() -> None:
+    recording = Recording(runs={"shin_left": CameraRun(on_s=(5.0, 99.0))})
+    watch, passed = watched(recording.images())
+    assert "shin_left" in watch.sharing
+    assert sum(image.camera == "shin_left" for image in passed) == 9 * 30
+
+
+def test_a_camera_that_joins_late_with_a_clock_of_its_own_is_learned() -> None:
+    recording = Recording(runs={"shin_left": CameraRun(on_s=(3.0, 99.0), ahead_s=0.013)})
+    watch, _ = watched(recording.images())
+    assert "shin_left" not in watch.sharing
+    assert abs(errors_s(watch, recording)["shin_left"]) < 3.0 * watch.clocks["shin_left"].offset_sigma < 0.01
+
+
+def test_a_camera_that_dies_and_returns_keeps_its_clock() -> None:
+    runs = free_running(shin_left=CameraRun(off_s=(4.0, 8.0), ahead_s=0.02))
+    recording = Recording(runs=runs)
+    images = recording.images()
+    watch, passed = watched(images)
+    assert not watch.jumps and len(passed) == len(images)
+    assert abs(errors_s(watch, recording)["shin_left"]) < 3.0 * watch.clocks["shin_left"].offset_sigma
+
+
+def test_when_time_begins_anew_everything_comes_again_and_clocks_stay_known() -> None:
+    recording = Recording(duration_s=6.0, runs={"forearm_left": CameraRun(ahead_s=0.02)})
+    images = recording.images()
+    watch, passed = watched([*images, *images])
+    assert len(passed) == 2 * len(images)
+    assert abs(errors_s(watch, recording)["forearm_left"]) < 0.005
+    assert not watch.jumps
+
+
+def test_it_says_the_same_twice() -> None:
+    images = Recording(runs=free_running(shin_left=CameraRun(jumps=((7.0, 0.05),)))).images()
+    (first, passed), (second, again) = watched(images), watched(copy.copy(images))
+    assert first.clocks == second.clocks and first.jumps == second.jumps
+    assert [(i.camera, i.stamp_ns) for i in passed] == [(i.camera, i.stamp_ns) for i in again]
+
+
+def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
+    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
+    watch = ClockWatch(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
+    held, last_ns = [], 0
+    for image in recording.images():
+        passed = watch.add(image)
+        held.append(1 - len(passed))
+        if image.camera == "forearm_left":
+            last_ns = image.stamp_ns - passed[-1].stamp_ns if passed else 0
+    assert sum(held) == 0 and max(np.cumsum(held)) <= 1.05 * 30 * len(CAMERAS)
+    assert 1e-9 * last_ns == pytest.approx(0.02, abs=0.004)
+
+
+def test_memory_stays_bounded() -> None:
+    settings = ClockSettings()
+    watch = ClockWatch(BODY, CAMERAS, settings, FLOOR, live=False)
+    count, most = 0, 0
+    for image in Recording(duration_s=60.0, runs=free_running()).images():
+        count += 1 - len(watch.add(image))
+        most = max(most, count)
+    assert most < 1.2 * (settings.lookahead + settings.window) * 30 * len(CAMERAS)
+    assert sum(len(heard.images) for heard in watch._heard.values()) < 2 * settings.window * 30 * len(CAMERAS)

@@ -1,0 +1,82 @@
+"""The side problem of clocks: its normal equations against numbers, and what it says of a window."""
+
+import numpy as np
+from range_of_motion import START_NS
+from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
+
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.timing import clock_window
+from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
+
+FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
+STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
+MAX_GAP_S = 0.12
+
+
+def tracks(recording: Recording) -> dict[str, CameraTrack]:
+    images = recording.images()
+    found = {}
+    for camera in CAMERAS:
+        own = [image for image in images if image.camera == camera]
+        path = CameraPath(
+            np.array([image.stamp_ns for image in own]),
+            np.stack([image.world_T_camera for image in own if image.world_T_camera is not None]),
+        )
+        found[camera] = CameraTrack(path, np.stack([image.pose_covariance for image in own]) + FLOOR)
+    return found
+
+
+def evidence(recording: Recording, prior_s: float = 0.05) -> ClockEvidence:
+    sigmas = np.full(len(CAMERAS), prior_s)
+    sigmas[CAMERAS.index(REFERENCE)] = 1e-9
+    found = clock_evidence(
+        BODY, tracks(recording), STAMPS_NS, MAX_GAP_S, np.diag(1.0 / sigmas**2), np.zeros(len(CAMERAS))
+    )
+    assert found is not None
+    return found
+
+
+def test_delay_columns_are_what_errors_change_by() -> None:
+    poses, twists, information = clock_window._at_instants(tracks(Recording(noise=0.1)), STAMPS_NS, MAX_GAP_S)
+    told = np.trace(information, axis1=2, axis2=3) > 0.0
+    motion = clock_window._follow(BODY, CAMERAS, poses, twists, told)
+    analytic = motion.jacobians()[1][..., motion.delay_columns]
+    step = 1e-6
+    for column, camera in enumerate(CAMERAS):
+        lasting = np.zeros(motion.lasting_count)
+        lasting[motion.delay_columns.start + column] = step
+        moved = [motion.moved(np.zeros((INSTANTS, motion.moving_count)), sign * lasting) for sign in (1.0, -1.0)]
+        changed = log_se3(inverse(moved[1].world_T_camera()) @ moved[0].world_T_camera()) / (2.0 * step)
+        np.testing.assert_allclose(analytic[..., column], changed, atol=1e-5, err_msg=camera)
+
+
+def test_a_delay_is_found_however_cameras_are_phased() -> None:
+    for runs in ({"foot_left": CameraRun(ahead_s=0.01)}, free_running(foot_left=CameraRun(ahead_s=0.01))):
+        found = evidence(Recording(noise=0.02, runs=runs))
+        delays = dict(zip(found.cameras, found.delays.tolist(), strict=True))
+        assert abs(delays.pop("foot_left") - 0.01) < 0.0006
+        assert max(abs(delay) for delay in delays.values()) < 0.0003
+
+
+def test_noise_of_free_running_cameras_is_no_delay() -> None:
+    """A slope that shares its errors with the path would pull every clock by milliseconds, the same way each time."""
+    delays = np.array([evidence(Recording(runs=free_running(), seed=seed)).delays for seed in range(10)])
+    means, spread = delays.mean(axis=0), delays.std(axis=0) / np.sqrt(len(delays))
+    others = [row for row, camera in enumerate(CAMERAS) if camera != REFERENCE]
+    assert np.abs(means[others]).max() < 0.0025
+    assert np.sqrt(np.mean((means[others] / spread[others]) ** 2)) < 2.0
+
+
+def test_a_shift_of_all_clocks_together_changes_nothing() -> None:
+    told = evidence(Recording(noise=0.1)).information
+    together = np.ones(len(CAMERAS))
+    assert together @ told @ together < 1e-3 * np.trace(told)
+
+
+def test_too_few_instants_say_nothing() -> None:
+    sigmas = np.ones(len(CAMERAS))
+    assert (
+        clock_evidence(BODY, tracks(Recording()), STAMPS_NS[:3], MAX_GAP_S, np.diag(sigmas), np.zeros(len(CAMERAS)))
+        is None
+    )
