@@ -112,7 +112,7 @@ def fit_pose(
         equations.pose_hessian() / sigma_px**2,
         equations.errors_px,
         inliers,
-        equations.shifts,
+        problem.shifts(at),
         readout_time,
         readout_information / sigma_px**2,
     )
@@ -164,15 +164,16 @@ class _Equations:
     gradient: NDArray[np.float64]
     errors_px: NDArray[np.float64]
     scale_px: float
-    shifts: NDArray[np.float64]
     jacobian: NDArray[np.float64]
     weights: NDArray[np.float64]
     residuals: NDArray[np.float64]
 
     def step(self) -> NDArray[np.float64]:
         """Gauss-Newton step (K,); raises LinAlgError where there is none."""
-        damping = 1e-9 * np.maximum(np.diag(self.hessian), max(np.trace(self.hessian[:6, :6]), 1e-9))
-        return np.asarray(-np.linalg.solve(self.hessian + np.diag(damping), self.gradient))
+        damped = self.hessian.copy()
+        diagonal = damped.ravel()[:: len(damped) + 1]
+        diagonal += 1e-9 * np.maximum(diagonal, max(diagonal[:6].sum(), 1e-9))
+        return np.asarray(-np.linalg.solve(damped, self.gradient))
 
     def pose_hessian(self) -> NDArray[np.float64]:
         """(6, 6) of the pose, whatever the rest is."""
@@ -194,11 +195,11 @@ class _Problem:
         motion: ImageMotion | None,
     ) -> None:
         self._camera, self._points_world, self._pixels = camera, points_world, pixels
-        self._settings, self._motion = settings, motion
-        self._shares = row_shares(camera, pixels)
-        self._stiffness = np.zeros(7)
-        if motion is not None and motion.sweeps:
-            sigmas = np.append(motion.sigmas, max(motion.readout_sigma, _FIXED_READOUT))
+        self._settings = settings
+        self._motion = motion if motion is not None and motion.sweeps else None
+        if self._motion is not None:
+            self._shares = row_shares(camera, pixels)
+            sigmas = np.append(self._motion.sigmas, max(self._motion.readout_sigma, _FIXED_READOUT))
             self._stiffness = (settings.pixel_sigma / sigmas) ** 2
 
     def linearise(self, at: _Point, scale_px: float | None) -> _Equations:
@@ -206,17 +207,13 @@ class _Problem:
 
         Without a scale [px] of the kernel the errors give it: twice their median, which the right landmarks lie within.
         """
-        motion = self._motion if self._motion is not None and self._motion.sweeps else None
+        motion = self._motion
         points = (self._points_world - at.world_T_camera[:3, 3]) @ at.world_T_camera[:3, :3]
-        moved, twist, times_s = points, np.zeros(6), np.zeros(0)
         if motion is not None:
             twist = motion.twist_at(at.world_T_camera) + at.bend
             times_s = at.readout_time * self._shares
-            moved = seen_later(points, twist, times_s)
-        projected, pixel_by_point, valid = self._camera.project_with_jacobian(moved)
-        shifts = np.zeros((len(points), 2))
-        if motion is not None:
-            shifts = np.nan_to_num(projected - self._camera.project(points)[0])
+            points = seen_later(points, twist, times_s)
+        projected, pixel_by_point, valid = self._camera.project_with_jacobian(points)
         residuals = (projected - self._pixels)[valid]
         seen_errors = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
         errors = np.full(len(self._pixels), np.inf)
@@ -225,7 +222,7 @@ class _Problem:
             settings = self._settings
             scale_px = float(np.clip(2 * np.median(errors), settings.inlier_px, settings.start_px))
         weights = np.repeat(1.0 / (1.0 + (seen_errors / scale_px) ** 2) ** 2, 2)
-        jacobian = by_pose(pixel_by_point[valid], moved[valid])
+        jacobian = by_pose(pixel_by_point[valid], points[valid])
         if motion is not None:
             # A row's own pose is that of the middle row, moved on by the twist, which the pose has a part in.
             times_s = times_s[valid, None, None]
@@ -239,7 +236,16 @@ class _Problem:
         if motion is not None:
             hessian[range(6, 13), range(6, 13)] += self._stiffness
             gradient[6:] += self._stiffness * np.append(at.bend, at.readout_time - motion.readout_time)
-        return _Equations(at, hessian, gradient, errors, scale_px, shifts, jacobian, weights, residuals.ravel())
+        return _Equations(at, hessian, gradient, errors, scale_px, jacobian, weights, residuals.ravel())
+
+    def shifts(self, at: _Point) -> NDArray[np.float64]:
+        """How far (N, 2) the read-out of the rows moves the landmarks in the image [px]."""
+        if self._motion is None:
+            return np.zeros((len(self._pixels), 2))
+        points = (self._points_world - at.world_T_camera[:3, 3]) @ at.world_T_camera[:3, :3]
+        twist = self._motion.twist_at(at.world_T_camera) + at.bend
+        moved = seen_later(points, twist, at.readout_time * self._shares)
+        return np.nan_to_num(self._camera.project(moved)[0] - self._camera.project(points)[0])
 
     def readout(self, equations: _Equations) -> tuple[float, float]:
         """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""

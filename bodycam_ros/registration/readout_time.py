@@ -28,6 +28,15 @@ class ShutterSettings:
         limits=(1, 100),
         reason="so many say hardly more than one of them, and each costs a pose fit; one of them is asked, for all",
     )
+    least_turn: float = setting(
+        0.5, unit="rad/s", limits=(0.0, 10.0), reason="a camera that turns more slowly says nothing that is worth a fit"
+    )
+    surprise: float = setting(
+        3.0,
+        unit="sigma",
+        limits=(1.0, 100.0),
+        reason="an image that differs by more, such as of a foot that lands, counts by the square of that less",
+    )
     least_readout: float = setting(
         0.0005,
         unit="s",
@@ -87,7 +96,8 @@ class ReadoutTime:
         """What one image says [s], and its information [1/s^2]."""
         if math.isinf(self._information):
             return
-        information /= self._settings.images_alike
+        surprise = abs(readout_time - self._mean) / math.sqrt(1.0 / max(information, 1e-9) + 1.0 / self._information)
+        information *= min(1.0, self._settings.surprise / max(surprise, 1e-9)) ** 2 / self._settings.images_alike
         together = self._information + information
         self._mean += information / together * (readout_time - self._mean)
         self._information = together

@@ -56,12 +56,14 @@ class RecentPath:
         self._views.append(view)
 
     def motion(self, frame: TrackFrame, readout: ReadoutTime) -> ImageMotion | None:
-        """The motion while a new frame is taken; None if nothing is known of it.
+        """The motion while a new frame is taken; None if nothing is known of it, or all rows are exposed together.
 
         From the mean twists of the last two steps the twist at the end of the second is 3/2 of the second less 1/2 of
         the first; with one step alone it is taken for the mean; with none the tracks say how the camera turns.
         """
         seconds = readout.in_use
+        if seconds == 0.0:
+            return None
         dt_s = 1e-9 * (frame.stamp_ns - frame.previous_stamp_ns)
         views = list(self._views) if self._views and self._views[-1].stamp_ns == frame.previous_stamp_ns else []
         before = _mean_twist(views[-2], views[-1]) if len(views) > 1 else None

@@ -6,7 +6,7 @@ registration and growth of the map (A 4.1, second part) belong between ``_name_t
 add landmarks that the tracks without a name triangulate.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 _DEGENERATE = 1e10
 """Condition of a pose's information beyond which its landmarks leave some direction open, such as all on one spot."""
+
+_FROM_A_FIT = 2
+"""Steps of a fit that starts where another has ended."""
 
 
 @dataclass(frozen=True)
@@ -213,9 +216,12 @@ class Registrar:
         self._until_rows -= 1
         if self._until_rows > 0 or self.readout.is_known or (between := self._path.between(self.readout)) is None:
             return
-        self._until_rows = self._shutter.every
         view, motion = between
-        fit = fit_pose(self.camera, view.points_world, view.pixels, view.world_T_camera, self._pose_fit, motion)
+        if np.linalg.norm(motion.turning) < self._shutter.least_turn:
+            return
+        self._until_rows = self._shutter.every
+        settings = replace(self._pose_fit, iterations=_FROM_A_FIT)
+        fit = fit_pose(self.camera, view.points_world, view.pixels, view.world_T_camera, settings, motion)
         if fit.inliers.sum() >= self.settings.min_inliers:
             self.readout.add(fit.readout_time, self._shutter.every * fit.readout_information)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import exp_so3, hat, inverse, log_se3
+from bodycam_ros.geometry import exp_so3, inverse, log_se3
 
 Array = NDArray[np.float64]
 
@@ -91,4 +91,11 @@ def steady_pixels(
 
 def by_pose(pixel_by_point: Array, points_camera: Array) -> Array:
     """Derivatives (N, 2, 6) of pixels by the camera's tangent (w, v): the point moves by ``hat(p) w - v``."""
-    return np.concatenate([pixel_by_point @ hat(points_camera), -pixel_by_point], axis=2)
+    jacobian = np.empty((len(points_camera), 2, 6))
+    x, y, z = points_camera.T[:, :, None]
+    by_x, by_y, by_z = np.moveaxis(pixel_by_point, 2, 0)
+    jacobian[:, :, 0] = by_y * z - by_z * y
+    jacobian[:, :, 1] = by_z * x - by_x * z
+    jacobian[:, :, 2] = by_x * y - by_y * x
+    np.negative(pixel_by_point, out=jacobian[:, :, 3:])
+    return jacobian

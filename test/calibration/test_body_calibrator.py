@@ -130,6 +130,19 @@ def test_refinement_brings_joints_nearer_to_the_truth(monkeypatch: pytest.Monkey
     assert mean_error(refined) < 0.5 * mean_error(first)
 
 
+@pytest.mark.parametrize("sigma", [0.0003, 0.006])
+def test_what_the_cameras_learnt_of_their_rows_is_kept_and_named_where_it_is_little(sigma: float) -> None:
+    body = known_body()
+    matches = registrations(range_of_motion(body, rate_hz=10.0))
+    found = calibrated(body, (replace(one, readout_time=0.012, readout_sigma=sigma) for one in matches))
+    for camera, mount in found.body.mounts.items():
+        assert mount.readout is not None and mount.readout.seconds == pytest.approx(0.012)
+        assert 0.1 * sigma < mount.readout.sigma < sigma, camera
+    assert {camera.readout for camera in found.diagnosis.cameras} == {m.readout for m in found.body.mounts.values()}
+    named = [camera.camera for camera in found.diagnosis.cameras if "how long its rows are read out" in camera.warning]
+    assert named == ([] if sigma < 0.001 else list(body.mounts))
+
+
 @pytest.mark.parametrize("held", ["hip_left", "knee_left", "spine"])
 def test_a_joint_held_still_is_named(held: str) -> None:
     body = known_body()
