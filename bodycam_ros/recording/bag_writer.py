@@ -28,6 +28,9 @@ from bodycam_ros.yaml_file import read_yaml
 LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
+LATCHED_TYPES = frozenset({"bodycam_msgs/msg/CameraTiming"})
+"""Types of other topics that are like that, one per camera."""
+
 _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
 
@@ -57,7 +60,10 @@ class RecordingWriter:
         with failure_named(self._path):
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(
-                    topic, message_type, typestore=recording_typestore(), offered_qos_profiles=[_quality(topic)]
+                    topic,
+                    message_type,
+                    typestore=recording_typestore(),
+                    offered_qos_profiles=[_quality(topic, message_type)],
                 )
             self._writer.write(self._connections[topic], stamp_ns, cdr)
 
@@ -111,9 +117,9 @@ def _topic_types(metadata: Path) -> dict[str, str]:
     return {}
 
 
-def _quality(topic: str) -> Qos:
+def _quality(topic: str, message_type: str) -> Qos:
     """What the publisher of a topic offers."""
-    latched = topic in LATCHED_TOPICS
+    latched = topic in LATCHED_TOPICS or message_type in LATCHED_TYPES
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if latched else _PLAIN_DEPTH,
