@@ -78,6 +78,8 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     if not console.is_terminal:
         console.width = max(console.width, _NARROWEST)
     console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
+    if any("clock" in camera for camera in figures["cameras"].values()):
+        console.print(_clock_table(figures["cameras"]))
     console.print(_body_table(figures))
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))
@@ -119,6 +121,28 @@ def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Tabl
         if with_light:
             row.append(_number(camera.get("brightness", {}).get("range"), 2))
         table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
+    return table
+
+
+def _clock_table(cameras: Mapping[str, Any]) -> Table:
+    table = Table(title="clocks", caption="ahead of the recording's time (+) or behind, as corrected; at last if set")
+    table.add_column("camera", no_wrap=True)
+    for column in ("clock [ms]", "+-", "drift [ppm]", "+-", "became another at [s]", "read-out [ms]", "+-"):
+        table.add_column(column, justify="right")
+    for name, camera in cameras.items():
+        if (clock := camera.get("clock")) is None:
+            continue
+        table.add_row(
+            name,
+            _number(clock["ahead_ms"], 1),
+            _number(clock["ahead_sigma_ms"], 1),
+            _number(clock["drift_ppm"], 0),
+            _number(clock["drift_sigma_ppm"], 0),
+            " ".join(_number(seconds, 1) for seconds in clock["held_from_s"]),
+            _number(clock["readout_ms"], 2),
+            _number(clock["readout_sigma_ms"], 2),
+            style="bold" if clock["is_off"] else None,
+        )
     return table
 
 

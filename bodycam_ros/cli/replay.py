@@ -7,6 +7,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.clock_lines import print_clocks
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.output_place import check_output
@@ -50,6 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     Terminal().print(_table(summary))
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
+    print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)
     for camera, count in summary.refused.most_common():
         Terminal().print(f"camera {camera}: not believed at {count} instants, where the others contradict it")
     if summary.restarts:

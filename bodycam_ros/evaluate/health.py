@@ -14,13 +14,15 @@ from bodycam_ros.evaluate.blur import image_motion
 from bodycam_ros.evaluate.measures import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.solved.solved_recording import GAP_FRAMES, CameraRecord, SolvedRecording
-from bodycam_ros.solved.topics import read_landmarks
+from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
 from bodycam_ros.solved.trajectory import interpolated
+from bodycam_ros.timing.clock_history import ClockHistory
 
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _EVEN_SHARE = 0.2
-"""Steps in time count as even if they differ from the frame's by no more than this share."""
+"""Steps in time count as even if they differ from the usual one by no more than this share."""
+
+_ROUNDING_NS = 1.0
 
 
 def image_stamps(solved: SolvedRecording) -> NDArray[np.int64]:
@@ -30,17 +32,18 @@ def image_stamps(solved: SolvedRecording) -> NDArray[np.int64]:
 
 
 def image_coverage(solved: SolvedRecording) -> float:
-    """Share of the images with a solved instant within half a frame."""
-    return float(np.mean(distance_in_time(image_stamps(solved), solved.stamps_ns) <= solved.frame_ns / 2.0))
+    """Share of the images with a solved instant within half a frame, or half the time between instants."""
+    half_ns = max(solved.frame_ns, solved.instant_ns) / 2.0
+    return float(np.mean(distance_in_time(image_stamps(solved), solved.stamps_ns) <= half_ns + _ROUNDING_NS))
 
 
 def gaps(solved: SolvedRecording) -> tuple[tuple[float, float], ...]:
     """(start, end) [s] of each stretch of the recording without a solved instant, both ends included."""
     images = image_stamps(solved)
-    one_frame = solved.frame_ns
+    one_frame = max(solved.frame_ns, solved.instant_ns)
     # As if an instant were solved a frame before the first image and a frame after the last.
     edges = np.concatenate([[images[0] - one_frame], solved.stamps_ns, [images[-1] + one_frame]])
-    wide = np.flatnonzero(np.diff(edges) > GAP_FRAMES * one_frame)
+    wide = np.flatnonzero(np.diff(edges) > solved.longest_step_ns)
     starts, ends = solved.seconds(edges[wide] + one_frame), solved.seconds(edges[wide + 1] - one_frame)
     return tuple(zip(starts.tolist(), ends.tolist(), strict=True))
 
@@ -80,7 +83,7 @@ def jitter(solved: SolvedRecording) -> Array:
         return noise
     windows = np.lib.stride_tricks.sliding_window_view(origins, width, axis=0)
     differences = np.linalg.norm(windows @ _FOURTH_DIFFERENCE, axis=-1) / np.linalg.norm(_FOURTH_DIFFERENCE)
-    even = np.abs(np.diff(solved.stamps_ns) - solved.frame_ns) <= _EVEN_SHARE * solved.frame_ns
+    even = np.abs(np.diff(solved.stamps_ns) - solved.instant_ns) <= _EVEN_SHARE * solved.instant_ns
     all_even = np.asarray(np.lib.stride_tricks.sliding_window_view(even, width - 1).all(axis=-1), dtype=np.bool_)
     noise[width // 2 : -(width // 2)] = np.where(all_even[:, None], differences, np.nan)
     return noise
@@ -100,6 +103,7 @@ class CameraHealth:
         image_motion: of the picture from image to image, which blurs it [px].
         position_gap: distance of the registered from the solved position of the camera [m].
         rotation_gap: angle between the two orientations [rad].
+        timing: its clock and its rows; None where the bag does not say.
         reprojection: of landmarks in the solved pose [px]; None unless the recording's intrinsics were given.
     """
 
@@ -112,6 +116,7 @@ class CameraHealth:
     image_motion: Distribution
     position_gap: Distribution
     rotation_gap: Distribution
+    timing: ClockHistory | None = None
     reprojection: Distribution | None = None
 
 
@@ -182,7 +187,7 @@ def reprojection_errors(solved: SolvedRecording, models: Mapping[str, CameraMode
     """
     poses = {record.camera: world_T_camera for record, world_T_camera in solved.solved_cameras()}
     errors: dict[str, list[Array]] = {camera: [] for camera in models}
-    for matches in read_landmarks(solved.path, models):
+    for matches in solved.landmarks(models):
         at_ns = np.array([matches.stamp_ns])
         if solved.is_solved_at(at_ns).all():
             world_T_camera = interpolated(solved.stamps_ns, poses[matches.camera], at_ns)[0]
@@ -203,4 +208,5 @@ def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
         image_motion=Distribution.of(image_motion(record)),
         position_gap=Distribution.of(distances),
         rotation_gap=Distribution.of(angles),
+        timing=record.timing,
     )

@@ -21,7 +21,6 @@ from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.geometry import Array
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
-from bodycam_ros.solved.topics import read_landmarks
 from bodycam_ros.solved.trajectory import interpolated
 
 CAMERAS = 6
@@ -71,11 +70,11 @@ def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView
     with open_recording(recording) as images:
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
         rows = np.unique(np.linspace(0, len(known) - 1, min(CAMERAS, len(known))).round().astype(int))
-        found = [(*known[row], _image_at(images, known[row][0].camera, at_ns, solved.frame_ns)) for row in rows]
+        found = [(*known[row], _image_at(images, known[row][0], at_ns, solved.frame_ns)) for row in rows]
         return tuple(
             _view(solved, record, poses, image, images.camera_model(record.camera))
             for record, poses, image in found
-            if image is not None and image.stamp_ns in record.stamps_ns
+            if image is not None and _time_of(record, image) in record.stamps_ns
         )
 
 
@@ -125,23 +124,31 @@ def _draw_view(axes: Axes, view: OverlayView) -> None:
     panel_title(axes, view.camera.replace("_", " "), note)
 
 
-def _image_at(images: Recording, camera: str, at_ns: int, frame_ns: int) -> CameraImage | None:
+def _image_at(images: Recording, record: CameraRecord, at_ns: int, frame_ns: int) -> CameraImage | None:
     """The camera's image within half a frame of a time, if there is one."""
-    image = images.first_image(camera, at_ns - frame_ns // 2)
-    return image if image is not None and image.stamp_ns <= at_ns + frame_ns // 2 else None
+    early_ns = at_ns - frame_ns // 2
+    given_ns = 2 * early_ns - int(record.time_of(np.array([early_ns]))[0])  # by the camera's own clock
+    image = images.first_image(record.camera, given_ns)
+    return image if image is not None and _time_of(record, image) <= at_ns + frame_ns // 2 else None
+
+
+def _time_of(record: CameraRecord, image: CameraImage) -> int:
+    """The time of the recording at which an image was taken [ns]."""
+    return int(record.time_of(np.array([image.stamp_ns]))[0])
 
 
 def _view(
     solved: SolvedRecording, record: CameraRecord, poses: Array, image: CameraImage, model: CameraModel
 ) -> OverlayView:
-    at_ns = np.clip(np.array([image.stamp_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
-    found = read_landmarks(solved.path, (record.camera,))
-    matches = next(matches for matches in found if matches.stamp_ns == image.stamp_ns)
+    time_ns = _time_of(record, image)
+    at_ns = np.clip(np.array([time_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
+    found = solved.landmarks((record.camera,))
+    matches = next(matches for matches in found if matches.stamp_ns == time_ns)
     body = {s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments}
     limbs = bones(body, solved.urdf.parent_segments())
     return OverlayView(
         camera=record.camera,
-        seconds=float(solved.seconds(np.array([image.stamp_ns]))[0]),
+        seconds=float(solved.seconds(np.array([time_ns]))[0]),
         registered=matches.world_T_camera is not None,
         image=decode_grey(image),
         overlay=Overlay.of(model, _pose_at(solved, poses, at_ns), limbs, matches),

@@ -12,7 +12,6 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.solved.topics import read_landmarks
 from bodycam_ros.solved.urdf_tree import UrdfTree
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
@@ -94,7 +93,7 @@ _Registration = tuple[str, int, Array | None, LandmarkMatches | None]
 def _registrations(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Iterator[_Registration]:
     """All registrations, in the order of time."""
     if models:
-        for matches in read_landmarks(solved.path, {record.camera for record in solved.cameras}):
+        for matches in solved.landmarks({record.camera for record in solved.cameras}):
             yield matches.camera, matches.stamp_ns, matches.world_T_camera, matches
         return
     together = [

@@ -13,9 +13,11 @@ from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.verdict.verdict import Verdict
 
 CM_PER_M, MM_PER_M = 100.0, 1000.0
+MS_PER_S, PPM = 1000.0, 1e6
 
 
 def summary(evaluation: Evaluation) -> dict[str, Any]:
@@ -88,6 +90,8 @@ def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
         "position_gap_mm": _scaled(health.position_gap, MM_PER_M),
         "rotation_gap_deg": _scaled(health.rotation_gap, math.degrees(1.0)),
     }
+    if health.timing is not None:
+        figures["clock"] = _clock(health.timing)
     if health.reprojection is not None:
         figures["reprojection_px"] = asdict(health.reprojection)
     if light is not None:
@@ -97,6 +101,21 @@ def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
             "saturated": float(light.saturated.mean()),
         }
     return figures
+
+
+def _clock(timing: ClockHistory) -> dict[str, Any]:
+    """The clock at the end; ``is_off``: not that of the recording; ``held_from_s``: when it became another."""
+    clock, first_ns = timing.latest, timing.clocks[0].since_ns
+    return {
+        "is_off": timing.is_off,
+        "ahead_ms": MS_PER_S * clock.offset,
+        "ahead_sigma_ms": MS_PER_S * clock.offset_sigma,
+        "drift_ppm": PPM * clock.drift,
+        "drift_sigma_ppm": PPM * clock.drift_sigma,
+        "held_from_s": [1e-9 * (later.since_ns - first_ns) for later in timing.clocks[1:]],
+        "readout_ms": MS_PER_S * timing.readout_time,
+        "readout_sigma_ms": MS_PER_S * timing.readout_sigma,
+    }
 
 
 def _spread(values: NDArray[np.floating]) -> dict[str, float]:

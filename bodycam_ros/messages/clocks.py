@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns
-from bodycam_ros.timing.camera_timing import CameraTiming
+from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockState
 
 TIMING, TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
@@ -13,7 +13,7 @@ TIMING, TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 _SOURCE = "body"
 
 
-def timing_messages(make: MessageFactory, timing: CameraTiming) -> Iterator[tuple[int, Message]]:
+def timing_messages(make: MessageFactory, timing: ClockHistory) -> Iterator[tuple[int, Message]]:
     """(stamp from which it holds [ns], message) of every clock that a camera had."""
     for clock in timing.clocks:
         yield (

@@ -11,7 +11,7 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
 from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.timing.camera_timing import CameraTiming
+from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.verdict.verdict import Level, Verdict
 
@@ -109,7 +109,7 @@ def clock_values(clock: ClockState) -> dict[str, object]:
 
 
 def timing_health(
-    camera: str, share: float, late: int, silent: bool, apart_s: float | None, timing: CameraTiming | None
+    camera: str, share: float, late: int, silent: bool, apart_s: float | None, timing: ClockHistory | None
 ) -> Health:
     """How one camera goes with the others.
 

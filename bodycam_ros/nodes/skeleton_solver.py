@@ -28,6 +28,7 @@ from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.solver_health import SolverHealth
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.timing_topics import TimingTopics
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
@@ -60,6 +61,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._flushed = True
         self._cameras = CameraModels(self, carried, self._on_camera)
         self._health = SolverHealth(self._cameras, self.skipped)
+        self._timings = TimingTopics(self, carried)
         for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
             self.subscription(
@@ -174,6 +176,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._flush()
         elif self._pipeline is not None:
             self._publish(self._pipeline.look())
+        if self._pipeline is not None:
+            self._timings.publish(self._pipeline.instants.watch.timings)
 
     def _on_flush(self, request: Message, response: Message) -> Message:
         response.success, response.message = True, f"{self._flush()} instants published"

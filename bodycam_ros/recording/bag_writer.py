@@ -64,7 +64,10 @@ class RecordingWriter:
         with failure_named(self._path):
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(
-                    topic, message_type, typestore=recording_typestore(), offered_qos_profiles=[_quality(topic)]
+                    topic,
+                    message_type,
+                    typestore=recording_typestore(),
+                    offered_qos_profiles=[_quality(topic)],
                 )
             self._writer.write(self._connections[topic], stamp_ns, cdr)
 

@@ -15,10 +15,10 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.clocks import TIMING, timing_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
-from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
@@ -35,6 +35,9 @@ from bodycam_ros.replay.camera_worker import (
 )
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.timing.clock_history import ClockHistory
+from bodycam_ros.timing.clock_state import ClockJump
+from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict
@@ -64,6 +67,9 @@ class ReplaySummary:
         lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
+        timings: camera -> how its clock went, as its stamps were corrected.
+        jumps: clocks that were set while they recorded.
+        speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
         verdict: whether the result may be used.
     """
 
@@ -82,6 +88,9 @@ class ReplaySummary:
     lost: Counter[str] = field(default_factory=Counter)
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    timings: Mapping[str, ClockHistory] = field(default_factory=dict)
+    jumps: tuple[ClockJump, ...] = ()
+    speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
 
     @property
@@ -127,7 +136,8 @@ def replay(
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     skeleton = SkeletonPipeline(body, cameras, settings, on_corrected=log.add_registration)
     with write_recording(output_path, force) as writer:
-        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log)
+        watch = skeleton.instants.watch
+        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(recording_path, map_path, settings, readouts=known)
@@ -154,8 +164,14 @@ def replay(
             )
         out.write_robot()
         summary.readouts = rows.readouts()
-        out.write_timings(summary.readouts)
-        summary.verdict = judge(log.agreement(), body, settings.verdict)
+        summary.timings = {
+            camera: history.with_readout(summary.readouts.get(camera)) for camera, history in watch.timings.items()
+        }
+        summary.jumps = tuple(watch.jumps)
+        out.write_timings(summary.timings)
+        agreement = log.agreement()
+        summary.speeds = agreement.speeds()
+        summary.verdict = judge(agreement, body, settings.verdict)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
@@ -181,12 +197,14 @@ class _Output:
         health: RegistrationHealth,
         summary: ReplaySummary,
         log: AgreementLog,
+        watch: ClockWatch,
     ) -> None:
         self._writer = writer
         self._body = body
         self._health = health
         self._summary = summary
         self._log = log
+        self._watch = watch
         self._make = recorded_messages()
         self._health_due_ns = -1
         self._begun_ns = 0
@@ -204,11 +222,11 @@ class _Output:
         text = text_message(self._make, urdf_text(self._limits.body))
         self._writer.write("/robot_description", self._begun_ns, text)
 
-    def write_timings(self, readouts: Mapping[str, Readout]) -> None:
-        """How long the rows of the cameras are read out, as known in the end."""
-        for camera, readout in sorted(readouts.items()):
-            timing = timing_message(self._make, camera, CameraTiming(self._begun_ns, "motion", readout))
-            self._writer.write(f"/{camera}/timing", self._begun_ns, timing)
+    def write_timings(self, timings: Mapping[str, ClockHistory]) -> None:
+        """Every camera's clock, from the beginning and from each time on that it was set."""
+        for camera, timing in timings.items():
+            for since_ns, message in timing_messages(self._make, timing):
+                self._writer.write(f"/{camera}{TIMING}", since_ns, message)
 
     def write_registration(self, image: RegisteredImage) -> None:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""
@@ -222,7 +240,8 @@ class _Output:
 
     def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""
-        health = [*self._health.report(), *more]
+        clocks = {camera: timing.latest for camera, timing in self._watch.timings.items()}
+        health = [*self._health.report(clocks), *more]
         self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:

@@ -1,8 +1,9 @@
 """What a replay or a live run published, as arrays: read from its bag, or from one recorded from the live graph."""
 
+import math
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
 from bodycam_ros.solved.image_motion import ImageMotion
 from bodycam_ros.solved.topics import (
@@ -26,12 +29,18 @@ from bodycam_ros.solved.topics import (
     camera_topics,
     contradictions_named,
     published_robot,
+    read_landmarks,
 )
 from bodycam_ros.solved.trajectory import between_neighbours
 from bodycam_ros.solved.urdf_tree import UrdfTree
+from bodycam_ros.timing.clock_history import ClockHistory
+from bodycam_ros.timing.clock_state import ClockState
 
 GAP_FRAMES = 1.5
 """Instants further apart than this are a gap [frames]; between others the body is known."""
+
+_LEFT_OUT_NOWHERE = 10
+"""Percentile of the steps between instants: of ten neighbours, two at least are neighbours indeed."""
 
 _TRACKS, _TRACKS_TYPE = "/tracks", "bodycam_msgs/msg/FeatureTracks"
 _BODY_TOPICS = {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}
@@ -43,12 +52,13 @@ class CameraRecord:
 
     Attributes:
         camera: name.
-        stamps_ns: (K,) of its images, increasing [ns].
+        stamps_ns: (K,) of its images, corrected by what is known of its clock, increasing [ns].
         tracks: (K,) feature tracks; -1 where the bag does not say.
         landmarks: (K,) tracks that are named, which means that they carry a landmark of the map.
         world_T_camera: (K, 4, 4) registered pose of the optical frame [m]; NaN while the camera is lost.
         image_motion: (K,) by how much the picture moved since the image before, the median over tracks [px]; NaN where
             none was followed.
+        timing: its clock; None where the bag does not say.
     """
 
     camera: str
@@ -57,6 +67,11 @@ class CameraRecord:
     landmarks: NDArray[np.int64]
     world_T_camera: Array
     image_motion: Array
+    timing: ClockHistory | None = None
+
+    def time_of(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Stamps (N,) of images as the camera gave them, as times of the recording [ns]."""
+        return stamps_ns if self.timing is None else self.timing.corrected_ns(stamps_ns)
 
     @property
     def registered(self) -> NDArray[np.bool_]:
@@ -110,13 +125,38 @@ class SolvedRecording:
         together = np.concatenate(steps)
         return int(np.median(together)) if len(together) else 1
 
+    @cached_property
+    def instant_ns(self) -> int:
+        """Time between two instants where none is left out [ns]: a frame, unless another rate was asked for."""
+        steps = np.diff(self.stamps_ns)
+        return int(np.percentile(steps, _LEFT_OUT_NOWHERE)) if len(steps) else self.frame_ns
+
+    @cached_property
+    def longest_step_ns(self) -> float:
+        """Instants that are further apart have a gap between them [ns]."""
+        return GAP_FRAMES * max(self.frame_ns, self.instant_ns)
+
+    def landmarks(self, cameras: Collection[str]) -> Iterator[LandmarkMatches]:
+        """The registrations of some cameras, in the order of the bag, at times of the recording.
+
+        Raises:
+            RecordingError: the bag or a message is damaged.
+        """
+        records = {record.camera: record for record in self.cameras}
+        for matches in read_landmarks(self.path, cameras):
+            record = records.get(matches.camera)
+            if record is None or record.timing is None:
+                yield matches
+            else:
+                yield replace(matches, stamp_ns=int(record.time_of(np.array([matches.stamp_ns]))[0]))
+
     def seconds(self, stamps_ns: NDArray[np.int64]) -> Array:
         """Stamps [ns] as times since the start of the recording [s]."""
         return np.asarray((stamps_ns - self.start_ns) * 1e-9, dtype=np.float64)
 
     def is_solved_at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(N,) whether stamps (N,) [ns] lie between instants, without a gap."""
-        return between_neighbours(self.stamps_ns, stamps_ns, GAP_FRAMES * self.frame_ns)
+        return between_neighbours(self.stamps_ns, stamps_ns, self.longest_step_ns)
 
     def solved_cameras(self) -> Iterator[tuple[CameraRecord, Array]]:
         """Each camera that the URDF mounts, with its solved poses world_T_camera (T, 4, 4) [m]."""
@@ -140,7 +180,11 @@ def read_solved(path: Path) -> SolvedRecording:
         urdf = UrdfTree.parse(published_robot(bag), f"{path}: {ROBOT}")
         body = MotionJoiner(path, urdf.moving, ROBOT)
         cameras: dict[str, _CameraMessages] = defaultdict(_CameraMessages)
-        of_cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE) | camera_topics(bag, _TRACKS, _TRACKS_TYPE)
+        of_cameras = {
+            topic: camera
+            for suffix, kind in ((LANDMARKS, LANDMARKS_TYPE), (_TRACKS, _TRACKS_TYPE), (TIMING, TIMING_TYPE))
+            for topic, camera in camera_topics(bag, suffix, kind).items()
+        }
         for topic, _, message in bag.messages([*MOTION_TOPICS, *of_cameras]):
             if topic in MOTION_TOPICS:
                 body.add(topic, message)
@@ -178,11 +222,18 @@ class _CameraMessages:
         self.landmarks: dict[int, tuple[int, Array | None]] = {}
         self._tracks: dict[int, tuple[int, float]] = {}
         self._motion = ImageMotion()
+        self._clocks: dict[int, ClockState] = {}
+        self._readout = (math.nan, math.nan)
 
     def add(self, topic: str, message: Message, camera: str) -> None:
         if topic.endswith(_TRACKS):
             frame = track_frame(message, camera)
             self._tracks[frame.stamp_ns] = (len(frame.track_ids), self._motion.add(frame.track_ids, frame.pixels))
+            return
+        if topic.endswith(TIMING):
+            clock = clock_state(message)
+            self._clocks[clock.since_ns] = clock
+            self._readout = message.readout_time, message.readout_sigma
             return
         matches = landmark_matches(message, camera)
         self.landmarks[matches.stamp_ns] = (len(matches.landmark_ids), matches.world_T_camera)
@@ -192,11 +243,15 @@ class _CameraMessages:
         lost = np.full((4, 4), np.nan)
         poses = [self.landmarks[stamp][1] for stamp in stamps]
         tracks = [self._tracks.get(stamp, (-1, np.nan)) for stamp in stamps]
+        clocks = tuple(self._clocks[since] for since in sorted(self._clocks))
+        timing = ClockHistory(camera, clocks, *self._readout) if clocks else None
+        given_ns = np.array(stamps, dtype=np.int64)
         return CameraRecord(
             camera=camera,
-            stamps_ns=np.array(stamps, dtype=np.int64),
+            stamps_ns=given_ns if timing is None else timing.corrected_ns(given_ns),
             tracks=np.array([count for count, _ in tracks], dtype=np.int64),
             landmarks=np.array([self.landmarks[stamp][0] for stamp in stamps], dtype=np.int64),
             world_T_camera=np.array([lost if pose is None else pose for pose in poses]),
             image_motion=np.array([moved for _, moved in tracks], dtype=np.float64),
+            timing=timing,
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_timing import CameraTiming
+from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockJump, ClockState
@@ -80,7 +80,7 @@ class ClockWatch:
         return {camera: heard.clocks[-1] for camera, heard in self._heard.items() if heard.clocks}
 
     @property
-    def timings(self) -> dict[str, CameraTiming]:
+    def timings(self) -> dict[str, ClockHistory]:
         """Camera -> how its clock went, as its stamps were corrected: those who share their stamps were left alone."""
         timings = {}
         sharing = self.sharing
@@ -91,7 +91,7 @@ class ClockWatch:
                 clocks = [replace(clocks[-1], since_ns=0, offset=0.0, drift=0.0, offset_sigma=sigma)]
             if clocks:
                 begun = replace(clocks[0], since_ns=max(clocks[0].since_ns, heard.first_ns))
-                timings[camera] = CameraTiming(camera, (begun, *clocks[1:]), heard.readout_time, heard.readout_sigma)
+                timings[camera] = ClockHistory(camera, (begun, *clocks[1:]), heard.readout_time, heard.readout_sigma)
         return timings
 
     @property

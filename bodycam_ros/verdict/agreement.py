@@ -30,6 +30,9 @@ _JUMP_NS = 1_000_000_000
 _LENS_INTERVAL, _FIRST_LENS_INTERVAL = 10, 3
 """Every so many registered images of a camera tell of its lens: neighbours show the same landmarks. At first more."""
 
+_TURNS, _MOVES = slice(0, 3), slice(3, 6)
+"""Of a twist."""
+
 _LEAST_LENS_IMAGES = 3
 """A single view may show landmarks that are off together."""
 
@@ -93,6 +96,16 @@ class Agreement:
     def solved(self, camera: str) -> Array:
         """(T, 4, 4) solved poses of a camera."""
         return self.world_T_solved[:, self.cameras.index(camera)]
+
+    def speeds(self) -> dict[str, tuple[float, float]]:
+        """Camera -> how fast it turned [rad/s] and moved [m/s], median; absent where it was not registered."""
+        speeds = {}
+        for camera, twists in zip(self.cameras, np.moveaxis(self.twists, 1, 0), strict=True):
+            known = twists[np.isfinite(twists[:, 0])]
+            if len(known):
+                turning, moving = (np.median(np.linalg.norm(known[:, part], axis=1)) for part in (_TURNS, _MOVES))
+                speeds[camera] = float(turning), float(moving)
+        return speeds
 
 
 class AgreementLog:

@@ -8,12 +8,12 @@ from bodycam_ros.messages.health import RegistrationHealth, timing_health
 from bodycam_ros.messages.status import HealthLevel, few
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.timing.camera_timing import CameraTiming
+from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockState
 
 
-def timing(offset_s: float, sigma_s: float = 0.001) -> CameraTiming:
-    return CameraTiming("head", (ClockState(0, 0, offset_s, 0.0, sigma_s, 1e-5),))
+def timing(offset_s: float, sigma_s: float = 0.001) -> ClockHistory:
+    return ClockHistory("head", (ClockState(0, 0, offset_s, 0.0, sigma_s, 1e-5),))
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def timing(offset_s: float, sigma_s: float = 0.001) -> CameraTiming:
     ],
 )
 def test_a_camera_that_is_off_is_named(
-    share: float, silent: bool, apart_s: float | None, clock: CameraTiming | None, level: HealthLevel, told: str
+    share: float, silent: bool, apart_s: float | None, clock: ClockHistory | None, level: HealthLevel, told: str
 ) -> None:
     health = timing_health("head", share, late=3, silent=silent, apart_s=apart_s, timing=clock)
     assert (health.name, health.level) == ("camera head", level)
@@ -72,7 +72,7 @@ def test_what_is_known_of_a_clock_is_said_in_figures() -> None:
         "clock drift [ppm]": -32.0,
         "clock drift sigma [ppm]": 4.0,
     }
-    health = timing_health("head", 1.0, 0, False, 0.0, CameraTiming("head", (state,)))
+    health = timing_health("head", 1.0, 0, False, 0.0, ClockHistory("head", (state,)))
     assert told.items() <= health.values.items()
 
 

@@ -113,16 +113,16 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
 def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path: Path) -> None:
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=60.0, info_wait=0.2)
     left, right = cameras.body.mounts
-    cameras.publish(range(30))
+    cameras.publish(range(40))
     cameras.inform(left)
-    graph.until(lambda: cameras.solved()[-1:] == [25], _SOON_S, "the solver does not wait for all cameras")
+    graph.until(lambda: cameras.solved()[-1:] == [35], _SOON_S, "the solver does not wait for all cameras")
     graph.until(
         lambda: any("solving without right" in r["text"] for r in cameras.reports("body")), _SOON_S, "it says which"
     )
     # Long after the others, the other's camera_info.
     cameras.inform(right)
     graph.until(lambda: "joins" in cameras.solver.printed, _SOON_S, "it was warned about")
-    cameras.publish(range(30, 60))
+    cameras.publish(range(40, 60))
     graph.until(lambda: cameras.solved()[-1:] == [55], _SOON_S, "the body goes on")
     assert cameras.solved() == list(range(56)), "nothing is lost when a camera joins"
     used = "cameras used per instant"
@@ -149,22 +149,31 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     assert "Traceback" not in cameras.solver.printed
 
 
-def test_a_camera_whose_trigger_is_off_is_named(graph: Any, tmp_path: Path) -> None:
+def test_a_clock_that_is_off_is_learned_and_told(graph: Any, tmp_path: Path) -> None:
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"))
     left, right = cameras.body.mounts
+    topic = f"/{right}/timing"
+    graph.listen({topic: "bodycam_msgs/msg/CameraTiming"})
     cameras.inform(left, right)
-    cameras.publish(range(60), off_ns={right: 12_000_000})
+    cameras.publish(range(300), off_ns={right: 12_000_000})
 
-    # Of two cameras nobody knows which is right.
     def named() -> list[dict[str, Any]]:
-        reports = [*cameras.reports(f"camera {left}"), *cameras.reports(f"camera {right}")]
-        return [report for report in reports if "12.0 ms" in report["text"]]
+        return [r for r in cameras.reports(f"camera {right}") if "ahead of the others', and corrected" in r["text"]]
 
-    graph.until(named, _SOON_S, "that they do not go together is named")
-    assert (named()[-1]["level"], named()[-1]["share of instants [%]"]) == (1, "0")
+    graph.until(named, _SOON_S, "the clock is named")
+    assert named()[-1]["level"] == 0
+    # With every joint at rest and a straight path, a clock is told by how far its camera lags behind.
+    assert abs(float(named()[-1]["clock ahead by [ms]"]) - 12.0) < 2.0
+    assert int(named()[-1]["share of instants [%]"]) > 90
+    graph.until(
+        lambda: any(abs(m.offset - 0.012) < 0.002 for m in graph.messages(topic)), _SOON_S, "the topic says it too"
+    )
+    said = graph.messages(topic)[-1]
+    assert (said.header.frame_id, said.source) == (f"{right}_optical_frame", "body")
+    assert np.isnan(said.readout_time) and 0.0 < said.offset_sigma < 0.004
 
-    # The clock of one of them is set.
-    cameras.publish(range(60, 120), off_ns={right: -3_600_000_000_000})
+    # Then it is set.
+    cameras.publish(range(300, 360), off_ns={right: -3_600_000_000_000})
     behind = "3600.0 s behind"
     graph.until(lambda: any(behind in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, behind)
     assert cameras.solver.end() == 0, cameras.solver.printed

@@ -183,19 +183,11 @@ def test_a_map_without_a_vertical_is_solved_with_a_word(
     assert "does not know what is up" in caplog.text
 
 
-def test_what_is_lost_or_off_is_said_of_each_camera(
+def test_what_is_lost_is_said_of_each_camera(
     sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The metadata says that there were twelve images of one camera; the clock of another is 10 ms late."""
-
-    def late(topic: str, number: int, message: object) -> object:
-        if topic == f"/{CAMERAS[2]}/image_raw/compressed":
-            stamp = message.header.stamp
-            stamp = dataclasses.replace(stamp, nanosec=stamp.nanosec + 10_000_000)
-            message = dataclasses.replace(message, header=dataclasses.replace(message.header, stamp=stamp))
-        return message
-
-    bag = write_altered_sample(sample, tmp_path / "bag", late, frames=8)
+    """The metadata says that there were twelve images of one camera."""
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=8)
     metadata = yaml.safe_load((bag / "metadata.yaml").read_text())
     for topic in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]:
         if topic["topic_metadata"]["name"] == f"/{CAMERAS[0]}/image_raw/compressed":
@@ -206,4 +198,3 @@ def test_what_is_lost_or_off_is_said_of_each_camera(
     row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
     assert [cell.strip() for cell in row.split("│")[1:-1]] == [CAMERAS[0], "12", "66.7%", "", "4"]
     assert f"camera {CAMERAS[0]}: 4 images that the recording should hold are not in it" in caplog.text
-    assert f"camera {CAMERAS[2]}: its stamps are 10 ms after the others'" in printed

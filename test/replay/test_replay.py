@@ -76,6 +76,7 @@ def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Pat
             "/skeleton": "visualization_msgs/msg/MarkerArray",
             "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
         }
+        assert types["/waist_front/timing"] == "bodycam_msgs/msg/CameraTiming"
         for topic in ("/waist_front/tracks", "/waist_front/landmarks", "/waist_front/pose"):
             assert bag.message_count(topic) == 8
         _, _, tracks = next(iter(bag.messages(["/waist_front/tracks"])))

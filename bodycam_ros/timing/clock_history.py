@@ -1,11 +1,12 @@
 """How the clock of one camera went, and how its rows are read out: what a solved recording says of it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.timing.clock_state import ClockState
 
 _SIGNIFICANT = 3.0
@@ -16,7 +17,7 @@ _LEAST_DRIFT = 5e-6
 
 
 @dataclass(frozen=True)
-class CameraTiming:
+class ClockHistory:
     """One camera's clock over a recording.
 
     Attributes:
@@ -44,6 +45,12 @@ class CameraTiming:
             or abs(clock.drift) > max(_LEAST_DRIFT, _SIGNIFICANT * clock.drift_sigma)
             for clock in self.clocks
         )
+
+    def with_readout(self, readout: Readout | None) -> "ClockHistory":
+        """With what is known in the end of how the camera's rows are read out, if anything is."""
+        if readout is None:
+            return self
+        return replace(self, readout_time=readout.seconds, readout_sigma=readout.sigma)
 
     def corrected_ns(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Stamps (N,) of the camera as times of the recording [ns]; what came before the first clock goes by it."""
