@@ -35,5 +35,7 @@ class TimingTopics:
                 continue
             self._said[camera] = timing
             now = replace(timing.latest, since_ns=max(timing.latest.since_ns, timing.latest.at_ns))
-            for _, message in timing_messages(self._make, replace(timing, clocks=(now,))):
+            # Of the rows it knows what the registration says; to say it back would make that count twice.
+            clock = ClockHistory(camera, (now,))
+            for _, message in timing_messages(self._make, clock):
                 self._publishers[camera].publish(message)
