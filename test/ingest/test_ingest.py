@@ -219,3 +219,16 @@ def test_claps_bring_cameras_that_were_started_by_hand_to_one_time(
     report = bag.with_name("bag_timing")
     assert yaml.safe_load((report / "timing.yaml").read_text())["cameras"].keys() == began_s.keys()
     assert (report / "timing.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_silent_videos_are_brought_to_one_time_by_their_motion(tmp_path: Path) -> None:
+    folder = tmp_path / "videos"
+    folder.mkdir()
+    # What their files say of the time is wrong by two seconds.
+    add_camera(folder, "head")
+    add_camera(folder, "shin", created="2024-05-01T12:00:02Z")
+    code, bag = ingest(folder)
+    assert code == 0
+    clocks = yaml.safe_load((bag.with_name("bag_timing") / "timing.yaml").read_text())["cameras"]
+    assert clocks["shin"]["source"] == "motion"
+    assert abs(clocks["shin"]["start_s"] - clocks["head"]["start_s"]) < 0.005
