@@ -18,7 +18,7 @@ from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
-from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
@@ -207,7 +207,7 @@ class _Output:
     def write_timings(self, readouts: Mapping[str, Readout]) -> None:
         """How long the rows of the cameras are read out, as known in the end."""
         for camera, readout in sorted(readouts.items()):
-            timing = timing_message(self._make, camera, CameraTiming(self._begun_ns, "motion", readout))
+            timing = timing_message(self._make, camera, SaidTiming(self._begun_ns, "motion", readout))
             self._writer.write(f"/{camera}/timing", self._begun_ns, timing)
 
     def write_registration(self, image: RegisteredImage) -> None:
