@@ -24,7 +24,7 @@ from bodycam_ros.messages.images import camera_model, compressed_image, raw_imag
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message, text_message
-from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
+from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import (
     camera_pose_message,
     landmark_matches,
@@ -149,11 +149,11 @@ def test_landmarks_survive_the_wire(
 @pytest.mark.parametrize("readout", [Readout(0.012, 0.0), Readout(-0.0123, 0.0004), None])
 def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send], readout: Readout | None) -> None:
     make, send = library
-    sent = CameraTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
+    sent = SaidTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
     message = send(timing_message(make, "head", sent))
     assert message.header.frame_id == "head_optical_frame"
     assert camera_timing(message) == sent
-    unknown = camera_timing(send(timing_message(make, "head", CameraTiming(STAMP_NS, "body", readout))))
+    unknown = camera_timing(send(timing_message(make, "head", SaidTiming(STAMP_NS, "body", readout))))
     assert unknown.readout == readout and math.isnan(unknown.offset_sigma)
 
 
@@ -161,7 +161,7 @@ def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send]
 def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
     make = recorded_messages()
     with pytest.raises(ValueError, match="a read-out time of .* expected at most 0.1 s"):
-        camera_timing(timing_message(make, "head", CameraTiming(STAMP_NS, "given", readout)))
+        camera_timing(timing_message(make, "head", SaidTiming(STAMP_NS, "given", readout)))
 
 
 def test_arrays_that_are_no_contiguous_rows_are_written_row_by_row(library: tuple[MessageFactory, Send]) -> None:

@@ -9,7 +9,7 @@ from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns
 
 
 @dataclass(frozen=True)
-class CameraTiming:
+class SaidTiming:
     """What somebody knows of a camera's clock and rows; NaN where nobody does.
 
     A time t of its stamps is the time ``t - offset - drift * (t - stamp)`` of the recording.
@@ -33,7 +33,7 @@ class CameraTiming:
     drift_sigma: float = math.nan
 
 
-def timing_message(make: MessageFactory, camera: str, timing: CameraTiming) -> Message:
+def timing_message(make: MessageFactory, camera: str, timing: SaidTiming) -> Message:
     """bodycam_msgs/CameraTiming of a camera."""
     return make(
         "bodycam_msgs/msg/CameraTiming",
@@ -48,7 +48,7 @@ def timing_message(make: MessageFactory, camera: str, timing: CameraTiming) -> M
     )
 
 
-def camera_timing(message: Message) -> CameraTiming:
+def camera_timing(message: Message) -> SaidTiming:
     """What a bodycam_msgs/CameraTiming says.
 
     Raises:
@@ -60,7 +60,7 @@ def camera_timing(message: Message) -> CameraTiming:
             f"a read-out time of {readout.seconds:g} s, give or take {readout.sigma:g} s; expected at most "
             f"{LONGEST_READOUT_S:g} s, and a standard deviation of 0 (given) or more"
         )
-    return CameraTiming(
+    return SaidTiming(
         stamp_ns=stamp_ns(message.header.stamp),
         source=message.source,
         readout=readout,

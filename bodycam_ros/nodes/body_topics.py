@@ -11,7 +11,7 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.status import text_message
-from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
@@ -61,7 +61,7 @@ class BodyTopics:
         """Tell those who register the camera how long its rows are read out."""
         if camera not in self._timings:
             self._timings[camera] = self._node.publisher("bodycam_msgs/msg/CameraTiming", f"{camera}/timing", latched())
-        self._timings[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
+        self._timings[camera].publish(timing_message(self._make, camera, SaidTiming(0, "body", readout)))
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant."""

@@ -1,5 +1,6 @@
 """The read-out times that a recording teaches, and what those that it does not may cost."""
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -7,7 +8,6 @@ import numpy as np
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_pool import ReadoutSettings, pooled
 
@@ -33,9 +33,10 @@ class TypicalSpeed:
         before, self.latest = self.latest, matches
         if before is None or before.world_T_camera is None or before.stamp_ns != matches.previous_stamp_ns:
             return
-        step: Array = log_se3(inverse(before.world_T_camera) @ matches.world_T_camera)
-        self.angle_rad += float(np.linalg.norm(step[:3]))
-        self.distance_m += float(np.linalg.norm(step[3:]))
+        # Of every image of every camera: kept to what the two numbers need.
+        cosine = 0.5 * (float(np.vdot(before.world_T_camera[:3, :3], matches.world_T_camera[:3, :3])) - 1.0)
+        self.angle_rad += math.acos(min(1.0, max(-1.0, cosine)))
+        self.distance_m += math.dist(before.world_T_camera[:3, 3], matches.world_T_camera[:3, 3])
         self.seconds += 1e-9 * (matches.stamp_ns - before.stamp_ns)
 
     def within(self, seconds: float) -> tuple[float, float]:

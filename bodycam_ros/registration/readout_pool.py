@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.settings import setting
 
+_EXACT_S = 1e-9
+"""No read-out time is known better [s]."""
+
 _TURNS = 5
 """Whom the mean of the others takes in and leaves out settles within two or three."""
 
@@ -67,7 +70,7 @@ def _agreeing(readouts: list[Readout], settings: ReadoutSettings) -> NDArray[np.
     """Which of them (N,) have one read-out time: the best known that any value finds; at least one."""
     means = np.array([readout.seconds for readout in readouts])
     variances = np.array([readout.sigma**2 + settings.spread**2 for readout in readouts])
-    weights = 1.0 / np.maximum(variances, np.finfo(float).tiny)
+    weights = 1.0 / np.maximum(variances, _EXACT_S**2)
     # A value is tried as it stands: one that is vague agrees with everybody, but few agree with it.
     agree = np.abs(means[:, None] - means) <= settings.agree * np.sqrt(variances)
     members: NDArray[np.bool_] = agree[np.argmax(agree @ weights)]
@@ -85,12 +88,10 @@ def _with_others(own: Readout, others: list[Readout], settings: ReadoutSettings)
     if own.is_given or not others:
         return own
     means = np.array([readout.seconds for readout in others])
-    weights = 1.0 / np.maximum([readout.sigma**2 + settings.spread**2 for readout in others], np.finfo(float).tiny)
+    weights = 1.0 / np.maximum([readout.sigma**2 + settings.spread**2 for readout in others], _EXACT_S**2)
     mean = float(np.average(means, weights=weights))
     # Where they scatter by more than they should, they are known less well than they say (Birge 1932).
     scatter = float(weights @ (means - mean) ** 2) / max(len(others) - 1, 1)
     variance = max(1.0, scatter) / float(weights.sum()) + settings.spread**2
-    if variance == 0.0:
-        return Readout(mean, own.sigma)
     information = own.sigma**-2 + 1.0 / variance
     return Readout((own.seconds * own.sigma**-2 + mean / variance) / information, math.sqrt(1.0 / information))

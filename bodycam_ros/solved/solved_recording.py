@@ -193,6 +193,11 @@ def read_solved(path: Path) -> SolvedRecording:
                 cameras[of_cameras[topic]].add(topic, message, of_cameras[topic])
     order = {camera: place for place, camera in enumerate(urdf.cameras)}
     records = [messages.record(camera) for camera, messages in cameras.items() if messages.landmarks]
+    if not records:
+        raise RecordingError(
+            f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
+            "replay the recording again"
+        )
     records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
     return SolvedRecording(path, urdf, body.joined(), tuple(records))
 

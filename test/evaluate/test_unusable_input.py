@@ -12,8 +12,9 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.messages.body import joint_state_message
 from bodycam_ros.messages.status import text_message
+from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 
 
 def complaint(out: Path, truth: Path | None = None) -> str:
@@ -41,6 +42,18 @@ def test_a_missing_topic_is_named(walk: Walk, tmp_path: Path, topic: str) -> Non
 def test_missing_registrations_are_named(walk: Walk, tmp_path: Path) -> None:
     out = write_solved(walk, tmp_path / "out", leave_out=("/waist/landmarks", "/shin/landmarks"))
     assert "no topic /<camera>/landmarks" in complaint(out)
+
+
+def test_registrations_of_another_version_are_named(walk: Walk, tmp_path: Path) -> None:
+    """Their messages had fewer fields, so that none of them can be decoded."""
+    make = recorded_messages()
+    short = bytes(recording_typestore().serialize_cdr(make("std_msgs/msg/Empty"), "std_msgs/msg/Empty"))
+    solved = write_solved(walk, tmp_path / "solved", leave_out=("/waist/landmarks", "/shin/landmarks"))
+    with BagFile(solved) as bag, write_recording(tmp_path / "older") as writer:
+        for topic, stamp_ns, message in bag.messages(bag.topics):
+            writer.write(topic, stamp_ns, message)
+        writer.write_serialized("/waist/landmarks", "bodycam_msgs/msg/LandmarkMatches", START_NS, short)
+    assert "no message on /<camera>/landmarks can be read; another version" in complaint(tmp_path / "older")
 
 
 def test_tracks_are_not_needed(walk: Walk, tmp_path: Path) -> None:
