@@ -99,7 +99,7 @@ class Recording:
             rows = np.round((times_s - run.phase_s) * RATE_HZ).astype(int)
             poses = _true_poses(round(1e6 * run.phase_s), self.duration_s)[camera][rows] @ exp_se3(errors)
             stamps_ns = START_NS + np.round(1e9 * (times_s + run.offset_s(times_s))).astype(np.int64)
-            previous_ns = 0
+            previous_ns = -(10**18)
             for time_s, stamp_ns, pose in zip(times_s.tolist(), stamps_ns.tolist(), poses, strict=True):
                 if stamp_ns > previous_ns:  # Trackers leave out images whose stamps do not increase.
                     yield time_s, camera, _registration(camera, stamp_ns, previous_ns, pose, np.diag(sigmas**2))

@@ -82,6 +82,9 @@ class BodyInstants:
         sharing = self._sharing
         for matches in corrected:
             self._on_corrected(matches)
+            if matches.camera in self.watch.strangers:
+                said.append(matches)  # There are no instants where it is.
+                continue
             for instant_ns in self._new_instants(matches.stamp_ns, matches.camera in sharing):
                 for camera, sampler in self._samplers.items():
                     if camera not in sharing:

@@ -5,7 +5,7 @@ Offline it looks some seconds ahead of the body; live it lets everything pass at
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockJump, ClockState
+from bodycam_ros.timing.common_time import CommonTime
 from bodycam_ros.timing.intervals import Intervals
 from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
 
@@ -36,6 +37,13 @@ class _Heard:
     latest_ns: int = -1
     readout_time: float = math.nan
     readout_sigma: float = math.nan
+
+    def begin_anew(self) -> None:
+        """Its time goes back: only what is known of its clock stays."""
+        self.images.clear()
+        self.intervals = Intervals()
+        self.first_ns = self.latest_ns = -1
+        self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
 
     def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
         """Stamps (N) of the latest images [ns]."""
@@ -70,7 +78,8 @@ class ClockWatch:
         self._window_ns = round(1e9 * settings.window)
         self._heard = {camera: _Heard() for camera in cameras}
         self._learner: ClockLearner | None = None
-        self._first_ns = self._latest_ns = self._window_from_ns = -1
+        self._first_ns = self._window_from_ns = -1
+        self._time = CommonTime()
         self.jumps: list[ClockJump] = []
         self.beat: SharedBeat | None = None
 
@@ -95,6 +104,11 @@ class ClockWatch:
         return timings
 
     @property
+    def strangers(self) -> Set[str]:
+        """Cameras that are of another time than most: nothing can be learned of their clocks."""
+        return self._time.strangers
+
+    @property
     def sharing(self) -> frozenset[str]:
         """Cameras that share their stamps with most others, and always did."""
         if self.beat is None or self._learner is None:
@@ -110,7 +124,17 @@ class ClockWatch:
         heard = self._heard.get(matches.camera)
         if heard is None:
             return []
-        passed = self._begin_anew() if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS else []
+        passed = []
+        if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS:
+            passed = self._release(None, [heard])
+            heard.begin_anew()
+        moves = self._time.moves
+        self._time.add(matches.camera, matches.stamp_ns, len(self._heard))
+        if matches.camera in self.strangers:
+            # Its clock was never set, or it is the first that goes where all will go.
+            return [*passed, matches]
+        if self._time.moves > moves:
+            passed += self._begin_anew()
         heard.intervals.add(matches.stamp_ns)
         heard.latest_ns = matches.stamp_ns
         heard.first_ns = matches.stamp_ns if heard.first_ns < 0 else heard.first_ns
@@ -118,16 +142,18 @@ class ClockWatch:
             heard.readout_time, heard.readout_sigma = matches.readout_time, matches.readout_sigma
         heard.held.append(matches)
         heard.images.append(matches)
-        self._latest_ns = max(self._latest_ns, matches.stamp_ns)
         if self._first_ns < 0:
             self._first_ns = self._window_from_ns = matches.stamp_ns
         if self._learner is None:
-            if self._latest_ns - self._first_ns < _LISTEN_NS:
+            if matches.stamp_ns - self._first_ns < _LISTEN_NS:
                 return passed
             self._listen()
         elif not heard.clocks and matches.stamp_ns - heard.images[0].stamp_ns >= _LISTEN_NS:
             self._admit(matches.camera)
-        while self._latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS:
+        while (
+            self._time.latest_ns is not None
+            and self._time.latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS
+        ):
             self._learn_until(self._window_from_ns + self._window_ns)
         return passed + self._release(self._window_from_ns - self._lookahead_ns if self._lookahead_ns else None)
 
@@ -135,19 +161,17 @@ class ClockWatch:
         """All that is held; the recording is over."""
         if self._learner is None and self._first_ns >= 0:
             self._listen()
-        while self._latest_ns - self._window_from_ns > self._window_ns // 4:
-            self._learn_until(self._latest_ns + 1)
+        latest_ns = self._time.latest_ns
+        while latest_ns is not None and latest_ns - self._window_from_ns > self._window_ns // 4:
+            self._learn_until(latest_ns + 1)
         return self._release(None)
 
     def _begin_anew(self) -> list[LandmarkMatches]:
-        """Time goes back, as when a bag is played again: what is known of clocks stays; what was held goes on."""
+        """Time is elsewhere, as when a bag is played again: what is known of clocks stays; what was held goes on."""
         passed = self._release(None)
         for heard in self._heard.values():
-            heard.images.clear()
-            heard.intervals = Intervals()
-            heard.first_ns = heard.latest_ns = -1
-            heard.clocks = [replace(clock, since_ns=0) for clock in heard.clocks[-1:]]
-        self._first_ns = self._latest_ns = self._window_from_ns = -1
+            heard.begin_anew()
+        self._first_ns = self._window_from_ns = -1
         return passed
 
     def _listen(self) -> None:
@@ -231,11 +255,13 @@ class ClockWatch:
         if abs(by_s) > max(self._settings.jump, 3.0 * after.offset_sigma):
             self.jumps.append(ClockJump(camera, after.since_ns, by_s))
 
-    def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
-        """What is held of the time before a stamp (of all time), in order of corrected stamps."""
+    def _release(self, until_ns: int | None, of: Collection[_Heard] | None = None) -> list[LandmarkMatches]:
+        """What is held of the time before a stamp (of all time), of some or all, in order of corrected stamps."""
         passed = []
         sharing = self.sharing
         for camera, heard in self._heard.items():
+            if of is not None and heard not in of:
+                continue
             # Those that are triggered together stay together: what is learned of their clocks is noise.
             clocks = [] if camera in sharing else heard.clocks
             while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):

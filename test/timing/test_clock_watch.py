@@ -1,6 +1,7 @@
 """Clocks of cameras that were started by hand, learned from a body of which everything is known."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -194,3 +195,23 @@ def test_memory_stays_bounded() -> None:
         most = max(most, count)
     assert most < 1.2 * (settings.lookahead + settings.window) * 30 * len(CAMERAS)
     assert sum(len(heard.images) for heard in watch._heard.values()) < 2 * settings.window * 30 * len(CAMERAS)
+
+
+@pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
+@pytest.mark.parametrize("live", [False, True])
+def test_a_clock_that_was_never_set_costs_the_others_nothing(ahead_s: float, live: bool) -> None:
+    """Not even where it is the first that is heard."""
+    first = CAMERAS[0]
+    others = [camera for camera in CAMERAS if camera != first]
+    runs = {first: CameraRun(ahead_s=ahead_s), "forearm_left": CameraRun(ahead_s=0.02)}
+    recording = Recording(runs=runs)
+    images = [
+        replace(image, stamp_ns=image.stamp_ns + 3600 * 10**9, previous_stamp_ns=0) for image in recording.images()
+    ]
+    watch, passed = watched(images, live=live)
+    assert watch.strangers == {first}
+    assert len(passed) == len(images)
+    assert watch.sharing == set(others) - {"forearm_left"}
+    clock = watch.clocks["forearm_left"]
+    assert clock.offset == pytest.approx(0.02, abs=3.0 * clock.offset_sigma) and clock.offset_sigma < 0.003
+    assert not watch.jumps
