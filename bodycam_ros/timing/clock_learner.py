@@ -31,14 +31,12 @@ class Clock:
         drift: by which that grows per second.
         offset_sigma: [s].
         drift_sigma: [s/s].
-        jumped: whether it was another before the window.
     """
 
     offset: float
     drift: float
     offset_sigma: float
     drift_sigma: float
-    jumped: bool
 
 
 class ClockLearner:
@@ -93,6 +91,7 @@ class ClockLearner:
         if 2 * len(off) > len(self.cameras):
             off = [self._filter.reference]  # All at once: it is the one that they are compared with.
         if off:
+            # Their stamps went on evenly, so these clocks are what they were: what was believed of them was wrong.
             for row in off:
                 self.stray(self.cameras[row])
             evidence = self._evidence(images, from_ns, to_ns) or evidence
@@ -105,7 +104,6 @@ class ClockLearner:
                 float(of.drifts[row]),
                 float(of.offset_sigmas[row]),
                 float(of.drift_sigmas[row]),
-                row in off,
             )
             for row, camera in enumerate(self.cameras)
         }

@@ -55,7 +55,7 @@ class ClockSettings:
         0.006,
         unit="s",
         limits=(0.0005, 10.0),
-        reason="a clock that is off by more than this and by five sigmas from one window to the next has jumped",
+        reason="set by less, a clock is not said to have jumped; off by more and by five sigmas, it is learned anew",
     )
     max_gap: float = setting(
         0.12,

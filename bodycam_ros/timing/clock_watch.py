@@ -209,7 +209,7 @@ class ClockWatch:
             self._look_for_strays(from_ns, until_ns)
             images = {camera: list(heard.images) for camera, heard in self._heard.items()}
             for camera, clock in self._learner.learn(images, from_ns, until_ns).items():
-                self._set(camera, clock, from_ns, until_ns)
+                self._set(camera, clock, until_ns)
         self._window_from_ns = until_ns
         for camera, heard in self._heard.items():
             if cut_ns is not None and breaks[camera] == cut_ns and heard.clocks:
@@ -231,15 +231,11 @@ class ClockWatch:
         for camera in sorted(set(lively) - together) if together else []:
             self._learner.stray(camera)
 
-    def _set(self, camera: str, clock: Clock, from_ns: int, at_ns: int) -> None:
-        """Take over what was learned of a clock; from the window's first stamp on if it jumped there."""
+    def _set(self, camera: str, clock: Clock, at_ns: int) -> None:
+        """Take over what was learned of a clock, for all the time since it was set."""
         clocks = self._heard[camera].clocks
-        since_ns = clocks[-1].since_ns
-        if clock.jumped and from_ns > max(since_ns, self._first_ns):
-            since_ns = from_ns
-            clocks.append(clocks[-1])
         clocks[-1] = ClockState(
-            since_ns,
+            clocks[-1].since_ns,
             at_ns + round(1e9 * clock.offset),
             clock.offset,
             clock.drift,
