@@ -287,6 +287,7 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
                 turned_rad=slip.turned_rad if slip else 0.0,
                 slipped_s=slipped_s,
                 warning=warning,
+                clock_s=findings.delays_s[camera],
             )
         )
     return tuple(told)

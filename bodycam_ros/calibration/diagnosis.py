@@ -89,6 +89,7 @@ class CameraDiagnosis:
             when it is alone on its segment and so nothing tells.
         slipped_s: when that change came, seconds after the start; None when it held still.
         warning: for the user; empty when nothing.
+        clock_s: by how much its clock is ahead of the first camera's [s].
     """
 
     camera: str
@@ -101,6 +102,7 @@ class CameraDiagnosis:
     turned_rad: float
     slipped_s: float | None
     warning: str = ""
+    clock_s: float = 0.0
 
 
 @dataclass(frozen=True)
