@@ -50,6 +50,7 @@ def good_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
                 moved_m=0.0,
                 turned_rad=0.0,
                 slipped_s=None,
+                clock_s=float(random.normal(0.0, 0.01)),
             )
             for camera, mount in body.mounts.items()
         ),

@@ -1,8 +1,9 @@
 """A small walking body whose motion is known; written as the bag of a replay, and as the truth of a recording."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -130,6 +131,7 @@ def write_solved(
     pixel_noise: float = 0.0,
     leave_out: tuple[str, ...] = (),
     more: Sequence[Stamped] = (),
+    clocks_ns: Mapping[str, int] = MappingProxyType({}),
 ) -> Path:
     """Write the bag that a replay would, for a walk.
 
@@ -138,12 +140,13 @@ def write_solved(
         pixel_noise: standard deviation of where landmarks are seen [px].
         leave_out: topics.
         more: messages to append.
+        clocks_ns: camera -> by how much its stamps are ahead [ns].
     """
     description = text_message(recorded_messages(), urdf_text(published or walk.body))
     messages = [
         ("/robot_description", START_NS, description),
         *_body_messages(walk),
-        *_camera_messages(walk, pixel_noise),
+        *_camera_messages(walk, pixel_noise, clocks_ns),
     ]
     kept = sorted((m for m in messages if m[0] not in leave_out), key=lambda m: m[1])
     with write_recording(path) as writer:
@@ -192,7 +195,7 @@ def _body_messages(walk: Walk) -> list[Stamped]:
     return messages
 
 
-def _camera_messages(walk: Walk, pixel_noise: float) -> list[Stamped]:
+def _camera_messages(walk: Walk, pixel_noise: float, clocks_ns: Mapping[str, int]) -> list[Stamped]:
     """Images come at the whole recording's rate, whether or not they were solved."""
     messages: list[Stamped] = []
     random = np.random.default_rng(3)
@@ -203,10 +206,11 @@ def _camera_messages(walk: Walk, pixel_noise: float) -> list[Stamped]:
         for camera, mount in walk.body.mounts.items():
             world_T_camera = poses[walk.body.segment_index[mount.segment]] @ mount.segment_T_camera
             known = frame not in LOST.get(camera, ())
-            matches = _matches(camera, stamp_ns, world_T_camera, known, random, pixel_noise)
-            tracks = tracks_message(recorded_messages(), _tracks(camera, stamp_ns))
-            messages.append((f"/{camera}/tracks", stamp_ns, tracks))
-            messages.append((f"/{camera}/landmarks", stamp_ns, landmarks_message(recorded_messages(), matches)))
+            given_ns = stamp_ns + clocks_ns.get(camera, 0)
+            matches = _matches(camera, given_ns, world_T_camera, known, random, pixel_noise)
+            tracks = tracks_message(recorded_messages(), _tracks(camera, given_ns))
+            messages.append((f"/{camera}/tracks", given_ns, tracks))
+            messages.append((f"/{camera}/landmarks", given_ns, landmarks_message(recorded_messages(), matches)))
     return messages
 
 

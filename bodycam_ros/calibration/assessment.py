@@ -212,6 +212,7 @@ def _cameras(findings: Findings, settings: AssessmentSettings) -> tuple[CameraDi
                 slipped_s=slipped_s,
                 readout=findings.readouts.get(camera),
                 warning=warning,
+                clock_s=findings.delays_s[camera],
             )
         )
     return tuple(told)

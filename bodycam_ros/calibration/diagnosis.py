@@ -92,6 +92,7 @@ class CameraDiagnosis:
         slipped_s: when that change came, seconds after the start; None when it held still.
         readout: how long its rows are read out; None if nothing is known of it.
         warning: for the user; empty when nothing.
+        clock_s: by how much its clock is ahead of the first camera's [s].
     """
 
     camera: str
@@ -105,6 +106,7 @@ class CameraDiagnosis:
     slipped_s: float | None
     readout: Readout | None = None
     warning: str = ""
+    clock_s: float = 0.0
 
 
 @dataclass(frozen=True)

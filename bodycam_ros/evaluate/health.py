@@ -44,6 +44,8 @@ def gaps(solved: SolvedRecording) -> tuple[tuple[float, float], ...]:
     # As if an instant were solved a frame before the first image and a frame after the last.
     edges = np.concatenate([[images[0] - one_frame], solved.stamps_ns, [images[-1] + one_frame]])
     wide = np.flatnonzero(np.diff(edges) > solved.longest_step_ns)
+    # Free-running cameras see a little more at either end than the instants between them.
+    wide = wide[edges[wide + 1] - edges[wide] >= 2 * one_frame - _EVEN_SHARE * one_frame]
     starts, ends = solved.seconds(edges[wide] + one_frame), solved.seconds(edges[wide + 1] - one_frame)
     return tuple(zip(starts.tolist(), ends.tolist(), strict=True))
 

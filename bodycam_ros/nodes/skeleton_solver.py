@@ -126,7 +126,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _solve_with_those_known(self) -> None:
         if self._body is not None and self._cameras.models:
-            self._pipeline = SkeletonPipeline(self._body, self._cameras.models, self.settings, live=True)
+            self._pipeline = SkeletonPipeline(
+                self._body, self._cameras.models, self.settings, live=True, on_corrected=self._on_corrected
+            )
             self._judge_anew()
 
     def _judge_anew(self) -> None:
@@ -144,10 +146,13 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _take(self, matches: LandmarkMatches) -> None:
         if self._calibration is not None:
             self._calibration.add(matches)
-        if self._verdict is not None:
-            self._verdict.add_registration(matches)
         if self._pipeline is not None:
             self._publish(self._pipeline.add(matches))
+
+    def _on_corrected(self, matches: LandmarkMatches) -> None:
+        """The verdict compares cameras at the times at which they saw, whatever their clocks say."""
+        if self._verdict is not None:
+            self._verdict.add_registration(matches)
 
     def _on_landmarks(self, camera: str, message: Message) -> None:
         try:

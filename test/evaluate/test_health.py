@@ -12,7 +12,9 @@ from known_walk import (
     LOST,
     ROOT_SIGMA_M,
     ROOT_SIGMA_RAD,
+    START_NS,
     TRACKS,
+    Stamped,
     Walk,
     write_images,
     write_solved,
@@ -22,7 +24,12 @@ from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.messages.clocks import timing_messages
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.timing.clock_history import ClockHistory
+from bodycam_ros.timing.clock_state import ClockState
 
 FRAME_S = 1e-9 * FRAME_NS
 
@@ -50,6 +57,51 @@ def test_a_camera_that_sits_elsewhere_than_the_body_says_shows_a_gap(walk: Walk,
     assert shin.position_gap.median == pytest.approx(3e-3, abs=1e-6)
     assert shin.rotation_gap.median == pytest.approx(np.radians(0.5), abs=1e-6)
     assert waist.position_gap.max < 1e-9
+
+
+def timing_of(camera: str, *clocks: ClockState) -> list[Stamped]:
+    timing = ClockHistory(camera, clocks, readout_time=0.012, readout_sigma=2e-4)
+    return [(f"/{camera}/timing", ns, message) for ns, message in timing_messages(recorded_messages(), timing)]
+
+
+def test_a_clock_that_was_off_is_told_and_costs_no_camera_its_agreement(walk: Walk, tmp_path: Path) -> None:
+    """The shin's camera is 21 ms ahead: its poses fit the body where the bag says so, and not where it does not."""
+    ahead_ns = 21_000_000
+    clocks = {"shin": ahead_ns}
+    clock = ClockState(START_NS + ahead_ns, START_NS + ahead_ns, 1e-9 * ahead_ns, 0.0, 4e-4, 1e-5)
+    told = evaluate(write_solved(walk, tmp_path / "told", clocks_ns=clocks, more=timing_of("shin", clock)))
+    untold = evaluate(write_solved(walk, tmp_path / "untold", clocks_ns=clocks))
+    gaps = {name: evaluation.cameras[1].position_gap for name, evaluation in (("told", told), ("untold", untold))}
+    assert gaps["told"].max < 1e-6 and gaps["untold"].median > 0.01
+    assert told.image_coverage == 1.0 and not told.gaps and not told.blind.any()
+    assert told.cameras[0].timing is None and "clock" not in summary(told)["cameras"]["waist"]
+    figures = summary(told)["cameras"]["shin"]["clock"]
+    assert figures.pop("held_from_s") == []
+    assert figures == pytest.approx(
+        {
+            "is_off": True,
+            "ahead_ms": 21.0,
+            "ahead_sigma_ms": 0.4,
+            "drift_ppm": 0.0,
+            "drift_sigma_ppm": 10.0,
+            "readout_ms": 12.0,
+            "readout_sigma_ms": 0.2,
+        }
+    )
+    assert summary(untold)["cameras"]["shin"]["landmarks"] == summary(told)["cameras"]["shin"]["landmarks"]
+
+
+def test_landmarks_are_judged_at_the_time_at_which_they_were_seen(walk: Walk, tmp_path: Path) -> None:
+    ahead_ns = 21_000_000
+    clock = ClockState(START_NS + ahead_ns, START_NS + ahead_ns, 1e-9 * ahead_ns, 0.0, 4e-4, 1e-5)
+    recording = write_images(tmp_path / "recording", ("shin",))
+    for name, more, least_px, most_px in (
+        ("told", timing_of("shin", clock), 0.0, 0.01),
+        ("untold", [], 1.0, 1000.0),
+    ):
+        out = write_solved(walk, tmp_path / name, clocks_ns={"shin": ahead_ns}, more=more)
+        reprojection = evaluate(out, recording_path=recording).cameras[1].reprojection
+        assert reprojection is not None and least_px <= reprojection.median < most_px
 
 
 def test_reprojection_errors_are_the_noise_of_the_pixels(walk: Walk, tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """The offline replay on real images: deterministic, complete and right."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +11,12 @@ from altered_sample import write_altered_sample
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.evaluate.comparison import compare
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.messages.header import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.replay.clock_remarks import clock_remarks
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved
 
@@ -56,6 +61,37 @@ def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_pa
         assert dict(summary.images) == {"waist_front": 45, "torso_front": 45, "thigh_left": 5}
     one, three = joint_states(tmp_path / "one"), joint_states(tmp_path / "three")
     assert all(np.array_equal(one[stamp][1], three[stamp][1]) for stamp in one)
+
+
+def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_path: Path) -> None:
+    """Two seconds of four cameras, one of them with stamps that are 20 ms ahead."""
+    cameras = ("waist_front", "torso_front", "thigh_left", "shin_left")
+
+    def late(topic: str, number: int, message: Any) -> Any:
+        if topic != "/shin_left/image_raw/compressed":
+            return message
+        stamp = time_message(recorded_messages(), stamp_ns(message.header.stamp) + 20_000_000)
+        return replace(message, header=replace(message.header, stamp=stamp))
+
+    angles = {}
+    for name, alter in (("late", late), ("right", lambda topic, number, message: message)):
+        bag = write_altered_sample(sample, tmp_path / f"{name}_bag", alter, cameras, frames=60)
+        summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs=2)
+        assert summary.solved == 60 and not summary.jumps
+        solved = read_solved(tmp_path / name)
+        angles[name] = solved.motion.joint_angles
+        (shin,) = (record for record in solved.cameras if record.camera == "shin_left")
+        assert shin.timing is not None
+        told = summary.timings["shin_left"].latest
+        assert shin.timing.latest.offset_sigma == told.offset_sigma
+        if name == "late":
+            assert shin.timing.is_off
+            assert shin.timing.latest.offset == pytest.approx(0.02, abs=min(0.008, 3.0 * told.offset_sigma))
+            (remark,) = clock_remarks(summary.timings, summary.jumps, summary.speeds)
+            assert remark.startswith("camera shin_left: its clock was ") and "ms ahead" in remark
+        else:
+            assert not any(timing.is_off for timing in summary.timings.values())
+    assert np.degrees(np.abs(angles["late"] - angles["right"])).mean() < 0.3
 
 
 def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Path) -> None:

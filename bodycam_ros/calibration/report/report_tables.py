@@ -16,9 +16,12 @@ from bodycam_ros.calibration.diagnosis import (
     RefinementGain,
 )
 
-MM_PER_M = 1000.0
+MM_PER_M, MS_PER_S = 1000.0, 1000.0
 
 _DIGITS = 4
+
+_CLOCK_OFF_S = 3e-4
+"""Clocks that are off by less are called right: triggers are no better."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ def report_tables(diagnosis: CalibrationDiagnosis) -> list[ReportTable]:
         _bones(diagnosis.bones),
         _cameras(diagnosis.cameras),
         _rows(diagnosis.cameras),
+        *_clocks(diagnosis.cameras),
     ]
     return tables if diagnosis.refinement is None else [*tables, _refinement(diagnosis.refinement)]
 
@@ -190,6 +194,16 @@ def _rows(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
             for camera, of in known
         ),
     )
+
+
+def _clocks(cameras: tuple[CameraDiagnosis, ...]) -> list[ReportTable]:
+    """The clocks that were off; no table where none was."""
+    off = [camera for camera in cameras if abs(camera.clock_s) > _CLOCK_OFF_S]
+    if not off:
+        return []
+    note = "ahead of the first camera's (+) or behind, as the body's motion tells; corrected"
+    rows = tuple((camera.camera, _number(MS_PER_S * camera.clock_s, 1, sign="+")) for camera in off)
+    return [ReportTable("clocks", note, ("camera", "clock [ms]"), frozenset({0}), rows)]
 
 
 def _refinement(gain: RefinementGain) -> ReportTable:

@@ -84,6 +84,15 @@ def test_every_camera_is_there_and_the_refinement(diagnosis: CalibrationDiagnosi
     assert "moved by 4.4 mm, median, 8.1 mm at most" in gain.note
 
 
+def test_clocks_that_were_off_are_there_and_no_others(diagnosis: CalibrationDiagnosis) -> None:
+    clocks = tables(diagnosis)["clocks"]
+    told = dict(zip(column(clocks, "camera"), column(clocks, "clock [ms]"), strict=True))
+    off = {camera.camera: camera.clock_s for camera in diagnosis.cameras if abs(camera.clock_s) > 3e-4}
+    assert told == {camera: f"{1e3 * clock_s:+.1f}" for camera, clock_s in off.items()} and 0 < len(off)
+    right = replace(diagnosis, cameras=tuple(replace(camera, clock_s=1e-4) for camera in diagnosis.cameras))
+    assert "clocks" not in tables(right)
+
+
 def test_rows_that_a_warning_speaks_of_are_flagged_and_no_others(diagnosis: CalibrationDiagnosis) -> None:
     found = tables(diagnosis)
     for title, name in (("joints: motion", STIFF_JOINT), ("joints: place", STIFF_JOINT), ("cameras", SLIPPED_CAMERA)):
