@@ -20,7 +20,7 @@ from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
 from bodycam_ros.nodes.qos import latched, reliable
-from bodycam_ros.recording.bag_writer import LATCHED_TOPICS, LATCHED_TYPES, write_recording
+from bodycam_ros.recording.bag_writer import is_latched, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
 _DEPTH = 5000
@@ -92,7 +92,7 @@ class Graph:
         """Keep what is said on topics, given with their types."""
         for topic, type_name in topics.items():
             self._types[topic] = type_name
-            quality = latched() if topic in LATCHED_TOPICS or type_name in LATCHED_TYPES else reliable(_DEPTH)
+            quality = latched() if is_latched(topic) else reliable(_DEPTH)
             self._node.create_subscription(message_class(type_name), topic, self.heard[topic].append, quality, raw=True)
 
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:

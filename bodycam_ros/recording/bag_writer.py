@@ -152,9 +152,14 @@ def _topic_types(information: dict[str, Any]) -> dict[str, str]:
     return {}
 
 
+def is_latched(topic: str) -> bool:
+    """Whether the topic's last message still reaches those that subscribe late."""
+    return topic in LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
+
+
 def _quality(topic: str) -> Qos:
     """What the publisher of a topic offers."""
-    latched = topic in LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
+    latched = is_latched(topic)
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=1 if latched else _PLAIN_DEPTH,
