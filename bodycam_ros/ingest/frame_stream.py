@@ -6,12 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
-from bodycam_ros.messages.camera_info import camera_info_message, given_timing_message
+from bodycam_ros.messages.camera_info import camera_info_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import header_message, optical_frame, time_message
+from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
 from bodycam_ros.video.upright_frames import h264_packets, jpegs
 from bodycam_ros.video.video_file import TimedPacket
@@ -120,15 +122,9 @@ class FrameStream:
 
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
-        return given_timing_message(
-            recorded_messages(),
-            self.camera.name,
-            stamp_ns,
-            time.source,
-            time.start_sigma_s,
-            time.drift_sigma,
-            self.camera.readout_s,
-        )
+        readout = None if self.camera.readout_s is None else Readout(self.camera.readout_s, 0.0)
+        said = SaidTiming(stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma)
+        return timing_message(recorded_messages(), self.camera.name, said)
 
     def _frames(self) -> Iterator[tuple[float, str, Message]]:
         """Media time [s], topic, and message without a stamp."""

@@ -1,35 +1,32 @@
-"""bodycam_msgs/CameraTiming: what is known of a camera's clock and rows, on the wire."""
+"""The history of a camera's clock as messages, bodycam_msgs/CameraTiming."""
 
 from collections.abc import Iterator
 
+from bodycam_ros.camera.readout import readout_of
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns
+from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockState
 
 TIMING, TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 """End and type of the topic."""
 
-_SOURCE = "body"
 
-
-def timing_messages(make: MessageFactory, timing: ClockHistory) -> Iterator[tuple[int, Message]]:
-    """(stamp from which it holds [ns], message) of every clock that a camera had."""
-    for clock in timing.clocks:
-        yield (
+def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tuple[int, Message]]:
+    """(stamp from which it holds [ns], message) of every clock that a camera had, as its body tells."""
+    readout = readout_of(history.readout_time, history.readout_sigma)
+    for clock in history.clocks:
+        said = SaidTiming(
             clock.since_ns,
-            make(
-                TIMING_TYPE,
-                header=header_message(make, clock.since_ns, optical_frame(timing.camera)),
-                source=_SOURCE,
-                offset=1e-9 * clock.offset_ns(clock.since_ns),
-                offset_sigma=clock.offset_sigma,
-                drift=clock.drift,
-                drift_sigma=clock.drift_sigma,
-                readout_time=timing.readout_time,
-                readout_sigma=timing.readout_sigma,
-            ),
+            "body",
+            readout,
+            1e-9 * clock.offset_ns(clock.since_ns),
+            clock.offset_sigma,
+            clock.drift,
+            clock.drift_sigma,
         )
+        yield clock.since_ns, timing_message(make, history.camera, said)
 
 
 def clock_state(message: Message) -> ClockState:

@@ -1,9 +1,7 @@
-import math
-
 import pytest
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.messages.camera_info import camera_info_message, given_timing_message
+from bodycam_ros.messages.camera_info import camera_info_message
 from bodycam_ros.messages.images import camera_model
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 
@@ -25,11 +23,3 @@ def test_a_lens_comes_back_as_it_was(model: str, d: list[float]) -> None:
     assert (read.distortion_model, read.distortion) == (model, camera.distortion)
     assert again.p.tolist() == [300.0, 0.0, 320.0, 0.0, 0.0, 301.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     assert (again.header.stamp.sec, again.header.stamp.nanosec, again.header.frame_id) == (5, 7, "head_optical_frame")
-
-
-def test_what_is_not_known_of_rows_is_not_a_number() -> None:
-    given = given_timing_message(recorded_messages(), "head", 1, "claps", 1e-4, 1e-6, 0.012)
-    assert (given.offset, given.offset_sigma, given.drift_sigma, given.source) == (0.0, 1e-4, 1e-6, "claps")
-    assert (given.readout_time, given.readout_sigma) == (0.012, 0.0)
-    unknown = given_timing_message(recorded_messages(), "head", 1, "claps", 1e-4, 1e-6, None)
-    assert math.isnan(unknown.readout_time) and math.isnan(unknown.readout_sigma)
