@@ -201,36 +201,22 @@ def test_cameras_that_leave_a_wrong_time_are_followed() -> None:
     assert assembler.restarts == 1
 
 
-def test_timings_name_the_camera_that_is_off() -> None:
-    random = np.random.default_rng(3)
-    assembler = FrameAssembler("abcde")
+def test_shares_say_who_misses_instants() -> None:
+    assembler = FrameAssembler("abcd")
     for number in range(120):
         stamp = 1000 + 33 * number
         assembler.add(heard("a", stamp))
-        assembler.add(heard("b", stamp + int(random.integers(-1, 2))))
+        assembler.add(heard("b", stamp + 1))
         assembler.add(heard("c", stamp + 12))
         if number % 2:
             assembler.add(heard("d", stamp))
-        assembler.add(heard("e", stamp + number % 33 - 16))
-    timings = assembler.synchrony.timings()
-    assert timings["a"].share == 1.0 and timings["a"].offset_ms == 0.0
-    assert timings["b"].share > 0.9 and abs(timings["b"].offset_ms) <= 1.0 and timings["b"].spread_ms <= 2.0
-    assert timings["c"].share == 0.0 and 11.0 <= timings["c"].offset_ms <= 13.0 and timings["c"].spread_ms <= 2.0
-    assert timings["d"].share == pytest.approx(0.5, abs=0.1) and timings["d"].offset_ms == 0.0
-    assert timings["e"].share == pytest.approx(0.5, abs=0.15) and timings["e"].spread_ms > 20.0
-
-
-def test_two_cameras_that_alternate_are_off_by_their_distance() -> None:
-    assembler = FrameAssembler("ab")
-    fed(assembler, (m for stamp in range(0, 2000, 33) for m in (heard("a", stamp), heard("b", stamp + 12))))
-    timings = assembler.synchrony.timings()
-    assert timings["a"].share == 1.0 and timings["b"].share == 0.0
-    assert timings["b"].offset_ms == pytest.approx(12.0)
+    shares = assembler.synchrony.shares()
+    assert shares["a"] == 1.0 and shares["b"] > 0.9 and shares["c"] == 0.0
+    assert shares["d"] == pytest.approx(0.5, abs=0.1)
 
 
 def test_a_silent_camera_has_no_share() -> None:
     assembler = FrameAssembler("ab", AssemblerSettings(max_wait=0.1))
-    assert assembler.synchrony.timings() == {}
+    assert assembler.synchrony.shares() == {}
     fed(assembler, [heard("a", stamp) for stamp in range(0, 1000, 33)])
-    timing = assembler.synchrony.timings()["b"]
-    assert timing.share == 0.0 and np.isnan(timing.offset_ms)
+    assert assembler.synchrony.shares()["b"] == 0.0
