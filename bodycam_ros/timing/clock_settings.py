@@ -28,7 +28,7 @@ class ClockSettings:
     drift_sigma: float = setting(
         1e-4,
         limits=(0.0, 0.01),
-        reason="seconds per second; quartz is good to 20 ppm, to 50 when it is cold, and a minute of motion tells 10",
+        reason="seconds per second; quartz is good to 20 ppm, to 50 when it is cold, and 100 must not be held back",
     )
     window: float = setting(
         4.0,
