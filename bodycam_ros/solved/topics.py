@@ -5,9 +5,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_history import ClockHistory
 
 ROBOT, ROBOT_TYPE = "/robot_description", "std_msgs/msg/String"
 JOINT_STATES, ODOMETRY = "/joint_states", "/odometry"
@@ -49,6 +51,20 @@ def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMat
             with contradictions_named(path, topic):
                 matches = landmark_matches(message, topics[topic])
             yield matches
+
+
+def read_clock(path: Path, camera: str) -> ClockHistory | None:
+    """How the clock of a camera went; None where the bag does not say.
+
+    Raises:
+        RecordingError: the bag is damaged.
+    """
+    topic = f"/{camera}{TIMING}"
+    with BagFile(path) as bag:
+        if bag.topics.get(topic) != TIMING_TYPE:
+            return None
+        clocks = {clock.since_ns: clock for _, _, message in bag.messages([topic]) if (clock := clock_state(message))}
+    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks))) if clocks else None
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solved.topics import read_landmarks
+from bodycam_ros.solved.topics import read_clock, read_landmarks
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.video.video_decoder import decode_last
 from bodycam_ros.view.inbox import Inbox
@@ -36,20 +36,20 @@ class Footage:
     Attributes:
         camera: its name.
         model: its lens.
-        stamps_ns: (K,) of the images, increasing [ns].
+        times_ns: (K,) of the images, increasing: their stamps, corrected by what the body told of the clock [ns].
         images: K of them, frames of a video as packets.
         matches: stamp [ns] -> landmarks found in the image of that stamp, where OUT has them.
     """
 
     camera: str
     model: CameraModel
-    stamps_ns: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
     images: tuple[CameraImage, ...]
     matches: dict[int, LandmarkMatches]
 
     def image_at(self, at_ns: int, within_ns: int) -> CameraImage | None:
         """The image nearest to a time, if there is one so near; of a video, decoded from the keyframe before it on."""
-        row = nearest(self.stamps_ns, at_ns, within_ns)
+        row = nearest(self.times_ns, at_ns, within_ns)
         if row is None:
             return None
         start = row
@@ -63,7 +63,7 @@ def read_footage(recording: Path, solved: Path | None, camera: str, is_wanted: C
 
     Args:
         recording: bag with images.
-        solved: bag with landmarks.
+        solved: bag with landmarks and clocks.
         camera: name.
         is_wanted: asked now and then.
 
@@ -78,10 +78,12 @@ def read_footage(recording: Path, solved: Path | None, camera: str, is_wanted: C
             if not is_wanted():
                 return None
             kept.add(image)
-    stamps_ns = np.array([image.stamp_ns for image in kept.images], dtype=np.int64)
+    times_ns = np.array([image.stamp_ns for image in kept.images], dtype=np.int64)
+    if solved is not None and (clock := read_clock(solved, camera)):
+        times_ns = np.maximum.accumulate(clock.corrected_ns(times_ns))
     found = () if solved is None else read_landmarks(solved, (camera,))
     matches = {matches.stamp_ns: matches for matches in found}
-    return Footage(camera, model, stamps_ns, tuple(kept.images), matches)
+    return Footage(camera, model, times_ns, tuple(kept.images), matches)
 
 
 class _Kept:

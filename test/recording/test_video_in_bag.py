@@ -61,13 +61,13 @@ def test_the_view_shows_any_frame(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     whole = read_footage(bag, None, "left", lambda: True)
     assert whole is not None and len(whole.images) == 40
     for number in (39, 0, 17):
-        image = whole.image_at(int(whole.stamps_ns[number]), 1)
+        image = whole.image_at(int(whole.times_ns[number]), 1)
         assert image is not None and number_in(decode_grey(image)) == number
     monkeypatch.setattr(footage_module, "MOST_BYTES", sum(len(image.content.data) for image in whole.images) - 1)
     shortened = read_footage(bag, None, "left", lambda: True)
     assert shortened is not None
     # Only keyframes stand for themselves.
-    assert [number_in(decode_grey(shortened.image_at(int(s), 1))) for s in shortened.stamps_ns] == [0, 10, 20, 30]
+    assert [number_in(decode_grey(shortened.image_at(int(s), 1))) for s in shortened.times_ns] == [0, 10, 20, 30]
 
 
 def test_other_formats_and_stamps_that_do_not_increase(bag: Path, tmp_path: Path) -> None:

@@ -11,7 +11,12 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
+from bodycam_ros.messages.clocks import timing_messages
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_history import ClockHistory
+from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.footage import read_footage
 from bodycam_ros.view.motion import read_motion
@@ -105,4 +110,18 @@ def test_of_a_long_recording_fewer_images_are_kept(sample: Path, monkeypatch: py
     monkeypatch.setattr("bodycam_ros.view.footage.MOST_BYTES", size // 3)
     thinned = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
     assert thinned is not None
-    assert thinned.stamps_ns.tolist() == whole.stamps_ns[::4].tolist()
+    assert thinned.times_ns.tolist() == whole.times_ns[::4].tolist()
+
+
+def test_images_are_found_by_the_time_that_the_body_knows(sample: Path, tmp_path: Path) -> None:
+    bag = sample / "sample" / "bag"
+    plain = read_footage(bag, None, "head", lambda: True)
+    assert plain is not None
+    begun_ns = int(plain.times_ns[0])
+    ahead = ClockHistory("head", (ClockState(begun_ns, begun_ns, 0.020, 0.0, 0.001, 0.0),))
+    with write_recording(tmp_path / "out") as writer:
+        for since_ns, message in timing_messages(recorded_messages(), ahead):
+            writer.write("/head/timing", since_ns, message)
+    told = read_footage(bag, tmp_path / "out", "head", lambda: True)
+    assert told is not None
+    assert (plain.times_ns - told.times_ns).tolist() == [20_000_000] * len(plain.times_ns)
