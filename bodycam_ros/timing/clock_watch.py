@@ -155,7 +155,15 @@ class ClockWatch:
             and self._time.latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS
         ):
             self._learn_until(self._window_from_ns + self._window_ns)
-        return passed + self._release(self._window_from_ns - self._lookahead_ns if self._lookahead_ns else None)
+        return passed + self._release(self._known_until_ns())
+
+    def _known_until_ns(self) -> int | None:
+        """Up to which stamp clocks are known well enough, and what is held may go on; None for all that there is."""
+        if not self._lookahead_ns:
+            return None
+        # Those who share their stamps need no correction, unless the window that is under way tells otherwise.
+        all_share = self.sharing >= set(self.clocks)
+        return self._window_from_ns - (0 if all_share else self._lookahead_ns)
 
     def flush(self) -> list[LandmarkMatches]:
         """All that is held; the recording is over."""
