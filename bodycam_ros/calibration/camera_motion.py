@@ -10,16 +10,13 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
-from bodycam_ros.timing.camera_path import CameraPath, nearest_rows
+from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.shared_beat import shared_beat
 
 Array = NDArray[np.float64]
 
 _SHORTEST_BEAT_NS = 1_000_000_000 // 480
 """Shorter than the time between two images. Its doubles hold whole images at usual rates, so that they stay even."""
-
-
-_TRIGGERED_NS = 100_000
-"""Stamps of one trigger differ by less."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ class CameraMotion:
         instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the instant: the
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
-        triggered: (C) whether a camera took its images at the instants of the others, as far as stamps tell.
+        triggered: (C) whether a camera shares its stamps with most others.
     """
 
     cameras: tuple[str, ...]
@@ -161,6 +158,7 @@ def camera_motion(
     registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
     own_stamps_ns = [np.array([m.stamp_ns for m in seen], dtype=np.int64) for seen in registered]
     delays_ns = [round(1e9 * (delays_s or {}).get(log.camera, 0.0)) for log in logs]
+    together = shared_beat({log.camera: own for log, own in zip(logs, own_stamps_ns, strict=True)}).together
     clock = max(range(len(logs)), key=lambda column: len(own_stamps_ns[column]))
     stamps_ns = own_stamps_ns[clock] - delays_ns[clock]
     shape = (len(stamps_ns), len(logs))
@@ -190,10 +188,5 @@ def camera_motion(
         matches=tuple(nearest),
         instant_T_image=instant_T_image,
         twists=twists,
-        triggered=np.array([_go_together(own_ns, own_stamps_ns[clock]) for own_ns in own_stamps_ns]),
+        triggered=np.array([log.camera in together for log in logs]),
     )
-
-
-def _go_together(own_ns: NDArray[np.int64], clock_ns: NDArray[np.int64]) -> bool:
-    """Whether most stamps of a camera are those of the one that says the time."""
-    return bool(np.median(np.abs(clock_ns[nearest_rows(clock_ns, own_ns)] - own_ns)) < _TRIGGERED_NS)

@@ -230,8 +230,8 @@ def _priors(
         columns = motion.mount_columns(c)
         is_root = motion.body.segments[carrier] == motion.body.root
         held[columns.start : columns.stop if is_root else columns.start + 3] = True
-    # All clocks together may be off by anything: the first camera's is the body's.
-    held[motion.delay_columns.start] = True
+    # All clocks together may be off by anything: that of the first camera with a shared trigger is the body's, if any.
+    held[motion.delay_columns.start + int(np.argmax(motion.triggered))] = True
     hessian[held, held] = _HELD
     sigmas = np.where(motion.triggered, clock.trigger_sigma, clock.sigma)
     delays = range(motion.delay_columns.start, motion.delay_columns.stop)

@@ -1,5 +1,6 @@
 """The history of a camera's clock as messages, bodycam_msgs/CameraTiming."""
 
+import math
 from collections.abc import Iterator
 
 from bodycam_ros.camera.readout import readout_of
@@ -27,6 +28,11 @@ def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tup
             clock.drift_sigma,
         )
         yield clock.since_ns, timing_message(make, history.camera, said)
+
+
+def says_clock(message: Message) -> bool:
+    """Whether a message speaks of a clock at all, and not of rows alone."""
+    return not math.isnan(message.offset_sigma)
 
 
 def clock_state(message: Message) -> ClockState:

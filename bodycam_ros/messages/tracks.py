@@ -80,10 +80,12 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
     """Landmark matches of a bodycam_msgs/LandmarkMatches that came on the camera's topic.
 
     Raises:
-        ValueError: the lengths of the arrays disagree.
+        ValueError: the lengths of the arrays disagree, or a registered pose is not finite.
     """
     count = len(message.track_ids)
     world_T_camera, covariance = pose_and_covariance(message.pose)
+    if message.registered and not (np.isfinite(world_T_camera).all() and np.isfinite(covariance).all()):
+        raise ValueError("a registered pose, or its covariance, is not finite")
     return LandmarkMatches(
         camera=camera,
         stamp_ns=stamp_ns(message.header.stamp),

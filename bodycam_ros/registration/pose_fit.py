@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.residual_scale import residual_scale
 from bodycam_ros.registration.rolling_shutter import ImageMotion, by_pose, row_shares, seen_later
@@ -18,9 +19,6 @@ from bodycam_ros.settings import setting
 
 _CONVERGED = 1e-4
 """A step below this [rad, m] moves landmarks by some hundredths of a pixel; the next one would be far smaller yet."""
-
-_LONGEST_READOUT = 0.05
-"""No camera reads its rows for longer [s]; a step of the fit may ask for it."""
 
 _FIXED_READOUT = 1e-7
 """Standard deviation of a read-out time that is given [s]."""
@@ -148,7 +146,7 @@ class _Point:
         pose = self.world_T_camera @ exp_se3(np.clip(step[:6], -0.5, 0.5))
         if len(step) == 6:
             return _Point(pose, self.bend, self.readout_time)
-        readout_time = float(np.clip(self.readout_time + step[12], -_LONGEST_READOUT, _LONGEST_READOUT))
+        readout_time = float(np.clip(self.readout_time + step[12], -LONGEST_READOUT_S, LONGEST_READOUT_S))
         return _Point(pose, self.bend + step[6:12], readout_time)
 
 

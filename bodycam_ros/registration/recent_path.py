@@ -58,8 +58,9 @@ class RecentPath:
     def motion(self, frame: TrackFrame, readout: ReadoutTime) -> ImageMotion | None:
         """The motion while a new frame is taken; None if nothing is known of it, or all rows are exposed together.
 
-        From the mean twists of the last two steps the twist at the end of the second is 3/2 of the second less 1/2 of
-        the first; with one step alone it is taken for the mean; with none the tracks say how the camera turns.
+        From the mean twists of the last two steps, if equally long, the twist at the end of the second is 3/2 of the
+        second less 1/2 of the first; with one step alone it is taken for the mean; with none the tracks say how the
+        camera turns.
         """
         seconds = readout.in_use
         if seconds == 0.0:
@@ -74,7 +75,9 @@ class RecentPath:
         else:
             return None
         if before is not None:
-            return ImageMotion(seconds, 0.0, views[-1].world_T_camera, 1.5 / dt_s, -0.5 * before, self._sigmas, turning)
+            bend = dt_s / (dt_s + 1e-9 * (views[-1].stamp_ns - views[-2].stamp_ns))
+            gain, rest = (1.0 + bend) / dt_s, -bend * before
+            return ImageMotion(seconds, 0.0, views[-1].world_T_camera, gain, rest, self._sigmas, turning)
         wide = _UNKNOWN * self._sigmas
         if views:
             return ImageMotion(seconds, 0.0, views[-1].world_T_camera, 1.0 / dt_s, np.zeros(6), wide, turning)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state
+from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state, says_clock
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.recording.bag_file import BagFile
@@ -236,9 +236,11 @@ class _CameraMessages:
             self._tracks[frame.stamp_ns] = (len(frame.track_ids), self._motion.add(frame.track_ids, frame.pixels))
             return
         if topic.endswith(TIMING):
-            clock = clock_state(message)
-            self._clocks[clock.since_ns] = clock
-            self._readout = message.readout_time, message.readout_sigma
+            if says_clock(message):
+                clock = clock_state(message)
+                self._clocks[clock.since_ns] = clock
+            if not math.isnan(message.readout_sigma):
+                self._readout = message.readout_time, message.readout_sigma
             return
         matches = landmark_matches(message, camera)
         self.landmarks[matches.stamp_ns] = (len(matches.landmark_ids), matches.world_T_camera)

@@ -54,7 +54,8 @@ class BodyInstants:
         self._samplers = {
             name: InstantSampler(model, settings.max_gap) for name, model in cameras.items() if name in body.mounts
         }
-        self._last_ns = -1
+        self._last_ns = self._shared_ns = -1
+        self._moves = 0
 
     def join(self, camera: str, model: CameraModel) -> None:
         """One more camera, or another model of one."""
@@ -97,15 +98,16 @@ class BodyInstants:
 
     def _new_instants(self, stamp_ns: int, shares: bool) -> list[int]:
         """Instants up to a stamp that were not there before."""
-        if stamp_ns < self._last_ns - _LEFT_ALONE_NS:
-            self._last_ns = -1  # Time begins anew.
+        if self.watch.moves > self._moves:
+            self._moves, self._last_ns, self._shared_ns = self.watch.moves, -1, -1
         if shares:
+            self._shared_ns = max(self._shared_ns, stamp_ns)
             if stamp_ns <= self._last_ns + _SAME_NS:
                 return []
             self._last_ns = stamp_ns
             return [stamp_ns]
         period_ns = self._period_ns
-        if not period_ns or (self._sharing and not 0 <= self._last_ns < stamp_ns - _LEFT_ALONE_NS):
+        if not period_ns or (self._sharing and not 0 <= self._shared_ns < stamp_ns - _LEFT_ALONE_NS):
             return []
         if self._last_ns < 0:
             self._last_ns = (stamp_ns // period_ns) * period_ns

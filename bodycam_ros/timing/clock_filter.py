@@ -70,6 +70,8 @@ class ClockFilter:
         F[:count, count:] = seconds * np.eye(count)
         self.offsets = self.offsets + seconds * self.drifts
         self._covariance = F @ self._covariance @ F.T
+        walking = np.arange(count, 2 * count)[np.arange(count) != self.reference]
+        self._covariance[walking, walking] += seconds * self._settings.drift_walk**2
 
     def free(self, camera: int) -> None:
         """Forget what is known of one clock: it jumped, or its camera is not triggered after all."""

@@ -19,6 +19,9 @@ MARGIN_NS = 300_000_000
 _SURPRISE = 5.0
 """Sigmas; tracks keep their errors, so three are not rare."""
 
+_MOST_TURNS = 6
+"""Of a window with clocks that moved; each leaves a fifth of what a clock is off by."""
+
 Images = Mapping[str, Sequence[LandmarkMatches]]
 
 
@@ -59,6 +62,11 @@ class ClockLearner:
         self._at_ns = start_ns
         self.cameras: list[str] = []
         self.strayed: set[str] = set()
+
+    @property
+    def reference(self) -> str:
+        """The camera whose clock is the body's."""
+        return self.cameras[self._filter.reference]
 
     def admit(self, camera: str, triggered: bool) -> None:
         """Learn the clock of one more camera, which shares its stamps with the reference's group or does not."""
@@ -109,12 +117,12 @@ class ClockLearner:
         }
 
     def _evidence(self, images: Images, from_ns: int, to_ns: int) -> ClockEvidence | None:
-        """What a window says beyond what is believed; clocks that are far off are asked twice."""
+        """What a window says beyond what is believed; clocks that are far off are asked again."""
         evidence = None
         shifts = np.zeros(len(self.cameras))
         stamps_ns = np.arange(from_ns, to_ns, round(1e9 / self._settings.instants), dtype=np.int64)
         prior = self._filter.prior_information * self._settings.instants_alike
-        for _ in range(2):
+        for _ in range(_MOST_TURNS):
             tracks = {}
             for row, camera in enumerate(self.cameras):
                 ahead_ns = round(1e9 * float(self._filter.offsets[row] + shifts[row]))

@@ -30,6 +30,9 @@ class ClockSettings:
         limits=(0.0, 0.01),
         reason="seconds per second; quartz is good to 20 ppm, to 50 when it is cold, and 100 must not be held back",
     )
+    drift_walk: float = setting(
+        4e-8, limits=(0.0, 1e-4), reason="by how much a drift changes in a second: 1 ppm in ten minutes as cameras warm"
+    )
     window: float = setting(
         4.0,
         unit="s",

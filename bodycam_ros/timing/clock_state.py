@@ -1,6 +1,9 @@
 """What is known of one camera's clock."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
 @dataclass(frozen=True)
@@ -35,3 +38,16 @@ class ClockJump:
     camera: str
     stamp_ns: int
     by_s: float
+
+
+def corrected(matches: LandmarkMatches, clocks: Sequence[ClockState]) -> LandmarkMatches:
+    """With stamps of the recording's time, by the clock that held then."""
+    clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
+    if clock is None:
+        return matches
+    # To the nanosecond what the image before was given: who looks for that image looks for its stamp.
+    previous_ns = matches.previous_stamp_ns
+    previous_ns -= clock.offset_ns(previous_ns) if previous_ns else 0
+    return replace(
+        matches, stamp_ns=matches.stamp_ns - clock.offset_ns(matches.stamp_ns), previous_stamp_ns=previous_ns
+    )

@@ -16,13 +16,16 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.timing.clock_state import ClockJump, ClockState
+from bodycam_ros.timing.clock_state import ClockJump, ClockState, corrected
 from bodycam_ros.timing.common_time import CommonTime
 from bodycam_ros.timing.intervals import Intervals
 from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
 
 _LISTEN_NS = 1_000_000_000
-"""Before anything is said of the beat, cameras are listened to for so long."""
+"""Before anything is said of the beat, most cameras are listened to for so long."""
+
+_LISTEN_AT_MOST_NS = 5_000_000_000
+"""Cameras that are silent are not waited for any longer."""
 
 
 @dataclass
@@ -80,6 +83,7 @@ class ClockWatch:
         self._learner: ClockLearner | None = None
         self._first_ns = self._window_from_ns = -1
         self._time = CommonTime()
+        self._astray: deque[LandmarkMatches] = deque()
         self.jumps: list[ClockJump] = []
         self.beat: SharedBeat | None = None
 
@@ -109,6 +113,11 @@ class ClockWatch:
         return self._time.strangers
 
     @property
+    def moves(self) -> int:
+        """How often the time of most cameras went elsewhere."""
+        return self._time.moves
+
+    @property
     def sharing(self) -> frozenset[str]:
         """Cameras that share their stamps with most others, and always did."""
         if self.beat is None or self._learner is None:
@@ -131,10 +140,12 @@ class ClockWatch:
         moves = self._time.moves
         self._time.add(matches.camera, matches.stamp_ns, len(self._heard))
         if matches.camera in self.strangers:
-            # Its clock was never set, or it is the first that goes where all will go.
-            return [*passed, matches]
+            return passed + self._keep_stranger(matches)
         if self._time.moves > moves:
             passed += self._begin_anew()
+            first, self._astray = list(self._astray), deque()
+            for image in first:
+                passed += self.add(image)
         heard.intervals.add(matches.stamp_ns)
         heard.latest_ns = matches.stamp_ns
         heard.first_ns = matches.stamp_ns if heard.first_ns < 0 else heard.first_ns
@@ -145,7 +156,7 @@ class ClockWatch:
         if self._first_ns < 0:
             self._first_ns = self._window_from_ns = matches.stamp_ns
         if self._learner is None:
-            if matches.stamp_ns - self._first_ns < _LISTEN_NS:
+            if not self._has_listened(matches.stamp_ns):
                 return passed
             self._listen()
         elif not heard.clocks and matches.stamp_ns - heard.images[0].stamp_ns >= _LISTEN_NS:
@@ -162,7 +173,7 @@ class ClockWatch:
         if not self._lookahead_ns:
             return None
         # Those who share their stamps need no correction, unless the window that is under way tells otherwise.
-        all_share = self.sharing >= set(self.clocks)
+        all_share = self.sharing >= {camera for camera, heard in self._heard.items() if heard.held}
         return self._window_from_ns - (0 if all_share else self._lookahead_ns)
 
     def flush(self) -> list[LandmarkMatches]:
@@ -172,7 +183,20 @@ class ClockWatch:
         latest_ns = self._time.latest_ns
         while latest_ns is not None and latest_ns - self._window_from_ns > self._window_ns // 4:
             self._learn_until(latest_ns + 1)
-        return self._release(None)
+        return self._release(None) + list(self._astray)
+
+    def _keep_stranger(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
+        """A clock that was never set goes its own way; or it is the first to go where all will, and waits for them."""
+        if not self._lookahead_ns:
+            return [matches]
+        self._astray.append(matches)
+        return [self._astray.popleft()] if len(self._astray) > self._time.most_votes(len(self._heard)) else []
+
+    def _has_listened(self, stamp_ns: int) -> bool:
+        """Whether most cameras were heard for long enough, or one for so long that the others are not waited for."""
+        spans_ns = [heard.latest_ns - heard.first_ns for heard in self._heard.values() if heard.first_ns >= 0]
+        long_enough = sum(span >= _LISTEN_NS for span in spans_ns)
+        return 2 * long_enough > len(self._heard) or stamp_ns - self._first_ns >= _LISTEN_AT_MOST_NS
 
     def _begin_anew(self) -> list[LandmarkMatches]:
         """Time is elsewhere, as when a bag is played again: what is known of clocks stays; what was held goes on."""
@@ -185,7 +209,7 @@ class ClockWatch:
     def _listen(self) -> None:
         """Find out who goes with whom, and begin to learn."""
         stamps = {camera: own for camera, heard in self._heard.items() if len(own := heard.stamps_ns())}
-        self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root))
+        self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root), alone=len(self._heard) == 1)
         self._learner = ClockLearner(self._body, self._settings, self._floor, self._first_ns)
         for camera in sorted(stamps, key=lambda camera: (camera != self.beat.reference, camera)):  # type: ignore[union-attr]
             self._enter(camera, camera in self.beat.together)
@@ -233,10 +257,10 @@ class ClockWatch:
         assert self._learner is not None
         stamps = {camera: self._heard[camera].stamps_ns(from_ns) for camera in self.sharing}
         lively = {camera: own[own < to_ns] for camera, own in stamps.items() if np.sum(own < to_ns) > 1}
-        if len(lively) < 3:
+        if len(lively) < 2:
             return
-        together = shared_beat(lively).together
-        for camera in sorted(set(lively) - together) if together else []:
+        together = shared_beat(lively).together or {self._learner.reference}
+        for camera in sorted(set(lively) - together):
             self._learner.stray(camera)
 
     def _set(self, camera: str, clock: Clock, at_ns: int) -> None:
@@ -269,15 +293,5 @@ class ClockWatch:
             # Those that are triggered together stay together: what is learned of their clocks is noise.
             clocks = [] if camera in sharing else heard.clocks
             while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):
-                passed.append(_corrected(heard.held.popleft(), clocks))
+                passed.append(corrected(heard.held.popleft(), clocks))
         return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))
-
-
-def _corrected(matches: LandmarkMatches, clocks: list[ClockState]) -> LandmarkMatches:
-    """With stamps of the recording's time, by the clock that held then."""
-    clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
-    ahead_ns = clock.offset_ns(matches.stamp_ns) if clock else 0
-    if ahead_ns == 0:
-        return matches
-    previous_ns = matches.previous_stamp_ns - ahead_ns if matches.previous_stamp_ns else 0
-    return replace(matches, stamp_ns=matches.stamp_ns - ahead_ns, previous_stamp_ns=previous_ns)

@@ -22,6 +22,10 @@ class CommonTime:
         self.strangers: set[str] = set()
         self._votes = 0
 
+    def most_votes(self, cameras: int) -> int:
+        """Images from elsewhere after which time is there."""
+        return _VOTES * cameras
+
     def add(self, camera: str, stamp_ns: int, cameras: int) -> None:
         """Note an image of one of some cameras."""
         latest_ns = stamp_ns if self.latest_ns is None else self.latest_ns
@@ -32,7 +36,7 @@ class CommonTime:
             return
         self.strangers.add(camera)
         self._votes += 1
-        if self._votes >= _VOTES * cameras:
+        if self._votes >= self.most_votes(cameras):
             self.latest_ns, self._votes = stamp_ns, 0
             self.moves += 1
             self.strangers.clear()

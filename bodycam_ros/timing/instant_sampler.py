@@ -18,8 +18,11 @@ from bodycam_ros.timing.camera_path import CameraPath
 
 Array = NDArray[np.float64]
 
-_REMEMBERED = 6
-"""Images: two on either side of an instant make a curve; the others wait."""
+_REMEMBERED_NS = 1_000_000_000
+"""Images are kept for so long: live, instants may be known only after the camera has gone on."""
+
+_FORGOTTEN_NS = 30_000_000_000
+"""A camera that says nothing for so long will not speak of that time any more."""
 
 _BEND = np.repeat([60.0, 15.0], 3)
 """Accelerations of a limb [rad/s^2, m/s^2]: what a twist does not know of the way to an instant."""
@@ -36,7 +39,7 @@ class InstantSampler:
     def __init__(self, camera: CameraModel, max_gap_s: float) -> None:
         self._camera = camera
         self._max_gap_ns = round(1e9 * max_gap_s)
-        self._images: deque[LandmarkMatches] = deque(maxlen=_REMEMBERED)
+        self._images: deque[LandmarkMatches] = deque()
         self._instants: deque[int] = deque()
         self._previous: tuple[int, int] | None = None
 
@@ -44,6 +47,8 @@ class InstantSampler:
         """One more instant, later than those before; what can be said by now."""
         if not self._instants or stamp_ns > self._instants[-1]:
             self._instants.append(stamp_ns)
+        while self._instants[0] < stamp_ns - _FORGOTTEN_NS:
+            self._instants.popleft()
         return self._speak(last=False)
 
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
@@ -54,6 +59,8 @@ class InstantSampler:
             self._previous = None
             self._instants = deque(stamp for stamp in self._instants if stamp >= matches.stamp_ns)
         self._images.append(matches)
+        while self._images[0].stamp_ns < matches.stamp_ns - _REMEMBERED_NS:
+            self._images.popleft()
         return self._speak(last=False)
 
     def flush(self) -> list[LandmarkMatches]:
@@ -82,8 +89,14 @@ class InstantSampler:
             return self._with_turn(nearest, nearest, instant_ns)
         if abs(off_ns) > self._max_gap_ns // 2:
             return None
-        near = [image for image in images if abs(image.stamp_ns - instant_ns) <= 2 * self._max_gap_ns]
-        registered = [image for image in near if image.world_T_camera is not None]
+        registered = [image for image in images if image.world_T_camera is not None]
+        # Two on either side make a curve.
+        after = sum(image.stamp_ns <= instant_ns for image in registered)
+        registered = [
+            image
+            for image in registered[max(0, after - 2) : after + 2]
+            if abs(image.stamp_ns - instant_ns) <= 2 * self._max_gap_ns
+        ]
         if nearest.world_T_camera is None or len(registered) < 2:
             return self._turned(nearest, instant_ns)
         path = CameraPath(

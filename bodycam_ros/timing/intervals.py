@@ -4,8 +4,8 @@ from collections import deque
 
 import numpy as np
 
-_BREAK_NS = 4_000_000
-"""So far from a multiple; ordinary stamps wander by less."""
+_BREAK_NS, _BREAK_SHARE = 4_000_000, 0.2
+"""So far from a multiple, or by such a share of it where images come faster; ordinary stamps wander by less."""
 
 _STEADY_SHARE = 0.9
 """Of the intervals that must be multiples, or the camera's rate varies and a gap says nothing."""
@@ -27,7 +27,11 @@ class Intervals:
         first, self._latest_ns = self._latest_ns < 0, stamp_ns
         if first:
             return
-        if self._intervals and abs(interval - self._intervals[-1]) > _BREAK_NS and self._is_break(interval):
+        if (
+            self._intervals
+            and abs(interval - self._intervals[-1]) > min(_BREAK_NS, _BREAK_SHARE * self._intervals[-1])
+            and self._is_break(interval)
+        ):
             self._breaks.append(stamp_ns)
         else:
             self._intervals.append(interval)
@@ -37,9 +41,10 @@ class Intervals:
             return False
         usual = np.array(self._intervals, np.float64)
         period = float(np.median(usual))
+        least_ns = min(_BREAK_NS, _BREAK_SHARE * period)
         off = np.abs(usual - np.maximum(1.0, np.rint(usual / period)) * period)
         off_now = abs(interval - max(1.0, round(interval / period)) * period)
-        return bool(off_now > _BREAK_NS and np.mean(off < _BREAK_NS) > _STEADY_SHARE)
+        return bool(off_now > least_ns and np.mean(off < least_ns) > _STEADY_SHARE)
 
     def first_break(self, after_ns: int, before_ns: int) -> int | None:
         """The first stamp between two that comes at an odd interval [ns]; those before are forgotten."""

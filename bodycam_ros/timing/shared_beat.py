@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 from bodycam_ros.timing.camera_path import nearest_rows
 
 _TOGETHER_NS = 500_000
-"""Stamps of one trigger differ by less; clocks that are started by hand meet so closely once in thirty."""
+"""Stamps of one trigger differ by less."""
+
+_TOGETHER_SHARE = 0.015
+"""Of the time between two images; clocks that are started by hand meet so closely once in thirty."""
 
 
 @dataclass(frozen=True)
@@ -27,21 +30,24 @@ class SharedBeat:
     reference: str
 
 
-def shared_beat(stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str, ...] = ()) -> SharedBeat:
+def shared_beat(
+    stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str, ...] = (), alone: bool = False
+) -> SharedBeat:
     """Find the cameras that go together.
 
     Args:
         stamps_ns: camera -> its stamps, ascending; at least one of one camera [ns].
         preferred: cameras that should be the reference, the first that goes with the others.
+        alone: whether there is only one camera at all, whose stamps are the instants.
     """
     heard = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
     if not heard:
-        return SharedBeat(frozenset(stamps_ns), 0, next(iter(stamps_ns)))
+        return SharedBeat(frozenset(stamps_ns) if alone else frozenset(), 0, next(iter(stamps_ns)))
     groups = [
         frozenset(other for other in heard if go_together(heard[other], heard[camera])) for camera in sorted(heard)
     ]
     largest = max(groups, key=len)
-    together = largest if 2 * len(largest) > len(heard) else frozenset[str]()
+    together = largest if alone or 2 * len(largest) > max(2, len(heard)) else frozenset[str]()
     candidates = [camera for camera in (*preferred, *sorted(heard)) if camera in (together or heard)]
     periods = [float(np.median(np.diff(stamps))) for stamps in heard.values()]
     return SharedBeat(together, round(float(np.median(periods))), candidates[0])
@@ -49,7 +55,9 @@ def shared_beat(stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str
 
 def go_together(own_ns: NDArray[np.int64], other_ns: NDArray[np.int64]) -> bool:
     """Whether most stamps (N) of a camera are those (M) of another, where both were heard [ns]."""
+    period_ns = float(np.median(np.diff(own_ns))) if len(own_ns) > 1 else np.inf
+    near_ns = min(_TOGETHER_NS, _TOGETHER_SHARE * period_ns)
     inside = own_ns[(own_ns >= other_ns[0] - _TOGETHER_NS) & (own_ns <= other_ns[-1] + _TOGETHER_NS)]
     if not len(inside):
         return False
-    return bool(np.median(np.abs(other_ns[nearest_rows(other_ns, inside)] - inside)) < _TOGETHER_NS)
+    return bool(np.median(np.abs(other_ns[nearest_rows(other_ns, inside)] - inside)) < near_ns)

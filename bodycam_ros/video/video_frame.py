@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 from av import VideoFrame
 from av.error import FFmpegError
-from av.video.plane import VideoPlane
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
@@ -70,7 +69,3 @@ def bgr_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
         return np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
     except (FFmpegError, ValueError) as error:
         raise RecordingError(f"a video frame of the format {frame.format.name} cannot be converted: {error}") from error
-
-
-def _rows(plane: VideoPlane) -> NDArray[np.uint8]:
-    return np.frombuffer(memoryview(plane), dtype=np.uint8).reshape(-1, plane.line_size)[: plane.height, : plane.width]
