@@ -40,14 +40,22 @@ class ClockJump:
     by_s: float
 
 
-def corrected(matches: LandmarkMatches, clocks: Sequence[ClockState]) -> LandmarkMatches:
-    """With stamps of the recording's time, by the clock that held then."""
+def corrected(matches: LandmarkMatches, clocks: Sequence[ClockState], before: tuple[int, int]) -> LandmarkMatches:
+    """With stamps of the recording's time, by the clock that held then.
+
+    Args:
+        matches: what an image said.
+        clocks: of its camera, in order of time.
+        before: the stamp of its image before, as given and as corrected [ns].
+    """
     clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
     if clock is None:
         return matches
-    # To the nanosecond what the image before was given: who looks for that image looks for its stamp.
     previous_ns = matches.previous_stamp_ns
-    previous_ns -= clock.offset_ns(previous_ns) if previous_ns else 0
+    if previous_ns == before[0]:
+        previous_ns = before[1]  # Who looks for that image looks for its stamp, and more may be known of the clock now.
+    elif previous_ns:
+        previous_ns -= clock.offset_ns(previous_ns)
     return replace(
         matches, stamp_ns=matches.stamp_ns - clock.offset_ns(matches.stamp_ns), previous_stamp_ns=previous_ns
     )

@@ -38,6 +38,7 @@ class _Heard:
     intervals: Intervals = field(default_factory=Intervals)
     first_ns: int = -1
     latest_ns: int = -1
+    passed: tuple[int, int] = (-1, -1)
     readout_time: float = math.nan
     readout_sigma: float = math.nan
 
@@ -161,10 +162,7 @@ class ClockWatch:
             self._listen()
         elif not heard.clocks and matches.stamp_ns - heard.images[0].stamp_ns >= _LISTEN_NS:
             self._admit(matches.camera)
-        while (
-            self._time.latest_ns is not None
-            and self._time.latest_ns > self._window_from_ns + self._window_ns + MARGIN_NS
-        ):
+        while (self._time.latest_ns or 0) > self._window_from_ns + self._window_ns + MARGIN_NS:
             self._learn_until(self._window_from_ns + self._window_ns)
         return passed + self._release(self._known_until_ns())
 
@@ -293,5 +291,8 @@ class ClockWatch:
             # Those that are triggered together stay together: what is learned of their clocks is noise.
             clocks = [] if camera in sharing else heard.clocks
             while heard.held and (until_ns is None or heard.held[0].stamp_ns < until_ns):
-                passed.append(corrected(heard.held.popleft(), clocks))
+                given = heard.held.popleft()
+                image = corrected(given, clocks, heard.passed)
+                heard.passed = given.stamp_ns, image.stamp_ns
+                passed.append(image)
         return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))

@@ -1,5 +1,7 @@
 """The instants at which a body is solved, and what its cameras say of them."""
 
+from dataclasses import replace
+
 import numpy as np
 from range_of_motion import START_NS, range_of_motion, wide_cameras
 from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
@@ -8,6 +10,7 @@ from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.instant_sampler import InstantSampler
 
 DURATION_S = 8.0
 
@@ -68,3 +71,25 @@ def test_one_late_camera_is_brought_to_the_instants_of_the_others() -> None:
     own = [each.stamp_ns for each in said if each.camera == "foot_left"]
     assert set(own) <= of_others and len(own) >= len(of_others) - 2
     assert of_others == {image.stamp_ns for image in recording.images() if image.camera != "foot_left"}
+
+
+def test_the_beat_goes_on_without_those_who_shared_it() -> None:
+    alone = CAMERAS[:4]
+    runs = free_running() | {camera: CameraRun(on_s=(-1.0, 5.0)) for camera in CAMERAS[4:]}
+    said = brought(Recording(12.0, runs={c: r for c, r in runs.items() if c in alone or c in CAMERAS[4:]}))
+    late = [each for each in said if each.stamp_ns > START_NS + 7_000_000_000]
+    assert len(late) > 0.9 * len(alone) * 5.0 * 30.0
+
+
+def test_free_running_cameras_keep_how_they_turned() -> None:
+    images = [replace(image, rotation_inliers=30) for image in Recording(DURATION_S, runs=free_running()).images()]
+    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=False)
+    said = [each for image in images for each in instants.add(image)] + instants.flush()
+    assert np.mean([each.rotation_inliers > 0 for each in said]) > 0.95
+
+
+def test_a_camera_that_never_speaks_is_no_burden() -> None:
+    sampler = InstantSampler(next(iter(wide_cameras(CAMERAS[:1]).values())), 0.12)
+    for number in range(20_000):
+        sampler.add_instant(START_NS + number * 33_333_333)
+    assert len(sampler._instants) < 1000

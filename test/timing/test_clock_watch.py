@@ -58,11 +58,37 @@ def test_a_camera_that_is_late_is_found_and_corrected_from_its_first_image_on(ah
     assert not watch.jumps
 
 
-def test_previous_stamps_are_corrected_along() -> None:
-    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
-    passed = [image for image in watched(recording.images())[1] if image.camera == "forearm_left"]
-    before = [image.stamp_ns for image in passed[:-1]]
-    assert np.abs(np.subtract([image.previous_stamp_ns for image in passed[1:]], before)).max() < 1_000_000
+def test_previous_stamps_are_those_of_the_images_before_to_the_nanosecond() -> None:
+    """Rotations since the image before are found by its stamp."""
+    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02, drift=5e-5)})
+    watch, images = watched(recording.images())
+    assert watch.clocks["forearm_left"].drift != 0.0
+    passed = [image for image in images if image.camera == "forearm_left"]
+    assert [image.previous_stamp_ns for image in passed[1:]] == [image.stamp_ns for image in passed[:-1]]
+
+
+def test_a_pause_of_all_cameras_costs_nothing_that_was_said_before() -> None:
+    for runs in ({}, free_running()):
+        pause = {camera: replace(runs.get(camera, CameraRun()), off_s=(5.0, 11.5)) for camera in CAMERAS}
+        images = Recording(14.0, runs=pause).images()
+        passed = watched(images)[1]
+        assert len(passed) == len(images)
+        stamps = {camera: [each.stamp_ns for each in passed if each.camera == camera] for camera in CAMERAS}
+        assert all(own == sorted(own) for own in stamps.values())
+
+
+def test_one_that_begins_long_before_the_others_is_not_their_beat() -> None:
+    runs = {camera: CameraRun(on_s=(2.0, 1e9)) for camera in CAMERAS[1:]}
+    watch, _ = watched(Recording(10.0, runs=runs).images())
+    assert watch.sharing == set(CAMERAS)
+    runs |= {CAMERAS[0]: CameraRun(phase_s=0.011)}
+    watch, _ = watched(Recording(10.0, runs=runs).images())
+    assert watch.sharing == set(CAMERAS[1:])
+
+
+def test_a_clock_seconds_ahead_does_not_end_listening() -> None:
+    watch, _ = watched(Recording(10.0, runs=free_running(head=CameraRun(ahead_s=2.0))).images())
+    assert watch.sharing == frozenset() and watch.beat is not None and watch.beat.period_ns > 0
 
 
 def test_a_drift_of_100_ppm_is_found_over_a_minute() -> None:
