@@ -26,12 +26,21 @@ from bodycam_ros.video.sound import SoundBlock, SoundSource
 
 _MOST_NAMED = 4
 
+_ROUGH_S = 0.05
+"""The motion of the body finds the rest of a clock that is off by no more."""
+
 
 class TimeSource(Protocol):
     """Somebody else who can tell cameras' clocks."""
 
     name: str
     """As ``CameraTime.source`` has it."""
+
+    confidence: Mapping[str, float]
+    """After a call: camera -> 0 to 1, see ``Offsets``; 0 of one that is not in it."""
+
+    remarks: Sequence[str]
+    """After a call: what a person should know."""
 
     def __call__(self, known: Mapping[str, CameraTime]) -> Mapping[str, CameraTime]:
         """Clocks of the cameras that it can tell, in the time of those known, or in one of its own if none is.
@@ -226,12 +235,14 @@ def _ask(
 ) -> None:
     """Let another source place who is not placed, and refine or contradict who is."""
     told = in_time_of(source(dict(times)), times)
+    remarks += source.remarks
     for name, time in told.items():
         if name not in heard:
             continue
         if name not in times:
-            times[name], confidence[name] = time, 1.0
-            remarks.append(f"{name}: sound does not tell when it started, {source.name} does")
+            times[name], confidence[name] = time, source.confidence.get(name, 0.0)
+            within = f"to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
+            remarks.append(f"{name}: sound does not tell when it started, {source.name} does {within}".strip())
             continue
         middle_s = 0.5 * (heard[name].start_s + heard[name].end_s)
         if agree(times[name], time, middle_s):
@@ -251,7 +262,9 @@ def _doubts(
     sounds: Sequence[CommonSound],
 ) -> list[str]:
     doubts = [
-        f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})" for n in names if confidence[n] < 0.3
+        f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})"
+        for n in names
+        if confidence[n] < 0.3 and times[n].start_sigma_s <= _ROUGH_S
     ]
     claps = [sound for sound in sounds if sound.clap]
     for name in names:

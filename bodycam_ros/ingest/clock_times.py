@@ -4,7 +4,7 @@ Claps, sound and motion know a hundred times better; this is for cameras that th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -31,11 +31,14 @@ class FileClock:
         name: as ``CameraTime.source`` has it.
         began_s: camera -> UTC at its media time 0 [s since 1970]; cameras that do not know it are not in it.
         sigma_s: how far two of them may differ from each other [s].
+        confidence, remarks: see ``TimeSource``; a clock on a wall has none of either.
     """
 
     name: str
     began_s: Mapping[str, float]
     sigma_s: float
+    confidence: Mapping[str, float] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
 
     def __call__(self, known: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
         """Clocks of the cameras that it can tell, in the time of those known, or of the first if none is."""

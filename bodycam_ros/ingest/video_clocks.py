@@ -3,7 +3,8 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,25 +31,40 @@ class MotionClock:
         cameras: all of them.
         rig: which camera is on which segment, if that is known.
         on_progress: told how far it is.
-        name: as ``CameraTime.source`` has it.
+        name, confidence, remarks: see ``TimeSource``.
     """
 
     cameras: Sequence[IngestCamera]
     rig: Rig | None
     on_progress: Progress
     name: str = "motion"
+    confidence: Mapping[str, float] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
 
     def __call__(self, known: Mapping[str, CameraTime]) -> Mapping[str, CameraTime]:
         """Clocks of the cameras that it can tell."""
         if all(camera.name in known for camera in self.cameras):
             return {}
+        told = motion_times(self._speeds(), self.rig)
+        self.confidence, self.remarks = told.confidence, told.remarks
+        return told.times
+
+    def _speeds(self) -> dict[str, AngularSpeed]:
+        """How the cameras turned, those whose videos can be decoded; several at once."""
         speeds: dict[str, AngularSpeed] = {}
+        ended = Event()
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            for done, (camera, speed) in enumerate(zip(self.cameras, pool.map(_speed, self.cameras), strict=True)):
-                self.on_progress("following how cameras turn", done, len(self.cameras))
-                if speed is not None:
-                    speeds[camera.name] = speed
-        return motion_times(speeds, self.rig).times
+            waiting = {camera.name: pool.submit(_speed, camera, ended) for camera in self.cameras}
+            try:
+                for done, (name, speed) in enumerate(waiting.items(), start=1):
+                    if (turned := speed.result()) is not None:
+                        speeds[name] = turned
+                    self.on_progress("following how cameras turn", done, len(waiting))
+            except BaseException:
+                ended.set()  # Ctrl-C must not wait for whole videos
+                pool.shutdown(cancel_futures=True)
+                raise
+        return speeds
 
 
 def video_clocks(
@@ -68,14 +84,16 @@ def video_clocks(
     return camera_times(sounds, None if rig is None else rig.cameras, others, settings, on_progress)
 
 
-def _speed(camera: IngestCamera) -> AngularSpeed | None:
+def _speed(camera: IngestCamera, ended: Event) -> AngularSpeed | None:
     """How a camera turned; None of a video that cannot be decoded, which is named when it is written."""
     try:
-        return angular_speed(camera.lens, _grey_images(camera))
+        return angular_speed(camera.lens, _grey_images(camera, ended))
     except RecordingError:
         return None
 
 
-def _grey_images(camera: IngestCamera) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+def _grey_images(camera: IngestCamera, ended: Event) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     for media_s, frame in camera.video.frames(threads=1):
+        if ended.is_set():
+            return
         yield media_s, grey_pixels(frame)

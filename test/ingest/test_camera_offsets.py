@@ -129,6 +129,8 @@ class Known:
 
     def __init__(self, starts: dict[str, float], sigma_s: float = 1e-4) -> None:
         self._starts, self._sigma_s = starts, sigma_s
+        self.confidence = dict.fromkeys(starts, 0.8)
+        self.remarks = ["deaf: fits at two offsets"] if "deaf" in starts else []
 
     def __call__(self, known: object) -> dict[str, CameraTime]:
         return {n: CameraTime(n, s, 0.0, self._sigma_s, 1e-5, self.name) for n, s in self._starts.items()}
@@ -141,7 +143,8 @@ def test_another_source_places_who_is_deaf_and_refines_the_others() -> None:
     assert not offsets.unplaced
     for name, time in offsets.times.items():
         assert abs(time.start_s - (starts[name] - starts[offsets.reference])) < 0.2e-3
-    assert offsets.times["deaf"].source == "motion"
+    assert offsets.times["deaf"].source == "motion" and offsets.confidence["deaf"] == 0.8
+    assert "deaf: fits at two offsets" in offsets.remarks
 
 
 def test_a_source_that_contradicts_is_left_out_and_named() -> None:
@@ -203,3 +206,10 @@ def test_the_reference_is_at_zero_even_if_no_sound_placed_anybody() -> None:
     offsets = camera_times(silent, others=[Known({"one": 5.0, "two": 6.5, "three": 4.0})])
     assert offsets.times[offsets.reference].start_s == 0.0
     assert offsets.times["two"].start_s - offsets.times["three"].start_s == pytest.approx(2.5)
+
+
+def test_who_is_placed_by_a_rough_clock_alone_is_named() -> None:
+    heard = sources(RECORDERS, CLAPS) | {"deaf": lambda: iter(())}
+    starts = {name: recorder.start_s for name, recorder in RECORDERS.items()} | {"deaf": 1.7}
+    offsets = camera_times(heard, others=[Known({"deaf": starts["deaf"]} | starts, sigma_s=1.0)])
+    assert "deaf: sound does not tell when it started, motion does to 1 s only: record a clap" in offsets.remarks
