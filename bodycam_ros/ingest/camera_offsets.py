@@ -4,9 +4,7 @@ Other sources (the motion of cameras, a GoPro's telemetry, a file's time of crea
 cameras that nobody has placed yet, and for their opinion about those that somebody has.
 """
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from threading import Event
 from typing import Protocol
@@ -18,6 +16,7 @@ from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.claps import CommonSound, find_claps
 from bodycam_ros.ingest.clock_fit import SOUND_SPEED
 from bodycam_ros.ingest.combined_times import agree, combined, gap_s, in_time_of, relative_to
+from bodycam_ros.ingest.side_by_side import for_each_camera
 from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.ingest.sound_travel import OWN_CLAP_SIGMA_M, travel_s
@@ -158,11 +157,12 @@ def _scan(
     sounds: Mapping[str, SoundSource], settings: SoundSettings, on_progress: Progress
 ) -> tuple[dict[str, CameraSound], list[str]]:
     """Listen to all cameras, as many at once as there are cores; of a sound that breaks off, what was heard counts."""
-    heard: dict[str, CameraSound] = {}
     faults: dict[str, str] = {}
-    ended = Event()
 
-    def blocks(name: str) -> Iterator[SoundBlock]:
+    def scan(name: str, ended: Event) -> CameraSound:
+        return scan_sound(blocks(name, ended), settings.sound_peaks)
+
+    def blocks(name: str, ended: Event) -> Iterator[SoundBlock]:
         try:
             for block in sounds[name]():
                 if ended.is_set():
@@ -171,17 +171,7 @@ def _scan(
         except RecordingError as error:
             faults[name] = str(error)
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        waiting = {name: pool.submit(lambda n: scan_sound(blocks(n), settings.sound_peaks), name) for name in sounds}
-        try:
-            for done, (name, result) in enumerate(waiting.items()):
-                on_progress("listening", done, len(waiting))
-                heard[name] = result.result()
-        except BaseException:
-            ended.set()  # Ctrl-C must not wait for two hours of sound
-            pool.shutdown(cancel_futures=True)
-            raise
-        on_progress("listening", len(waiting), len(waiting))
+    heard = for_each_camera(sounds, scan, lambda done, of: on_progress("listening", done, of))
     return heard, [f"{name}: {faults[name]}" for name in sounds if name in faults]
 
 

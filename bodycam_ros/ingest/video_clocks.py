@@ -1,8 +1,6 @@
 """Where cameras' videos lie in one time: by their sound, by their motion where that is silent, else by their files."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from threading import Event
 
@@ -17,6 +15,7 @@ from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.clock_times import creation_clock, satellite_clock
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.ingest.motion_sync import motion_times
+from bodycam_ros.ingest.side_by_side import for_each_camera
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.video.video_frame import grey_pixels
 
@@ -51,20 +50,13 @@ class MotionClock:
 
     def _speeds(self) -> dict[str, AngularSpeed]:
         """How the cameras turned, those whose videos can be decoded; several at once."""
-        speeds: dict[str, AngularSpeed] = {}
-        ended = Event()
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            waiting = {camera.name: pool.submit(_speed, camera, ended) for camera in self.cameras}
-            try:
-                for done, (name, speed) in enumerate(waiting.items(), start=1):
-                    if (turned := speed.result()) is not None:
-                        speeds[name] = turned
-                    self.on_progress("following how cameras turn", done, len(waiting))
-            except BaseException:
-                ended.set()  # Ctrl-C must not wait for whole videos
-                pool.shutdown(cancel_futures=True)
-                raise
-        return speeds
+        by_name = {camera.name: camera for camera in self.cameras}
+        turned = for_each_camera(
+            by_name,
+            lambda name, ended: _speed(by_name[name], ended),
+            lambda done, of: self.on_progress("following how cameras turn", done, of),
+        )
+        return {name: speed for name, speed in turned.items() if speed is not None}
 
 
 def video_clocks(
