@@ -107,6 +107,9 @@ class LiveCalibration:
         """Give up what is being worked at."""
         if self._thread is not None:
             self._thread.stop(_STOP_S)
+            if self._thread.body is not None:
+                # Who is writing a body already is not interrupted: it is there.
+                self._calibrate.answer(True, self._thread.text)
         self._calibrate.answer(False, "the node was stopped")
 
     def health(self) -> Health:
