@@ -92,7 +92,7 @@ class CameraDiagnosis:
         slipped_s: when that change came, seconds after the start; None when it held still.
         readout: how long its rows are read out; None if nothing is known of it.
         warning: for the user; empty when nothing.
-        clock_s: by how much its clock is ahead of the first camera's [s].
+        clock_s: by how much its clock is ahead of the reference's [s], the first that shares its stamps if any.
     """
 
     camera: str

@@ -57,7 +57,7 @@ class Findings:
 
     @property
     def delays_s(self) -> dict[str, float]:
-        """Camera -> by how much its clock is ahead of that of the first [s]."""
+        """Camera -> by how much its clock is ahead of the reference's [s]; see ``CameraDiagnosis.clock_s``."""
         motion = self.refined.motion
         return {
             camera: self.delays_before_s[camera] + float(delay)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion
+from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
 from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
 from bodycam_ros.settings import setting
@@ -23,9 +24,6 @@ Array = NDArray[np.float64]
 
 _HELD = 1e12
 """Information on what is a matter of choice: each segment's axes, and the root's origin."""
-
-_STIFFENING = 1e-6
-"""Relative to the diagonal: keeps the inverse of an instant in which a segment was not seen."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +146,13 @@ def refine(
             images = images.with_landmarks_refined(world_T_camera, settings.landmark_sigma)
             hessians, gradients = images.linearised(world_T_camera)
         weights = trust * _cauchy(hessians, gradients, settings)
-        equations, back_substitute = _eliminate_instants(
-            motion, start, weights[..., None, None] * hessians, weights[..., None] * gradients, limbs, settings, clock
+        eliminated = eliminate_instants(
+            *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
         )
+        prior = _priors(motion, start, limbs, settings, clock)
+        equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
         lasting = equations.step()
-        motion = motion.moved(back_substitute(lasting), lasting)
+        motion = motion.moved(eliminated.moving(lasting), lasting)
         on_progress((iteration + 1) / total)
     return Refined(motion, images, jackknife_covariance(equations, settings.sigma_blocks), weights, total)
 
@@ -169,48 +169,6 @@ def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:
     apart = steps - steps.mean(axis=0)
     covariance: Array = (blocks - 1) / blocks * apart.T @ apart
     return covariance
-
-
-def _eliminate_instants(
-    motion: ArticulatedMotion,
-    start: ArticulatedMotion,
-    hessians: Array,
-    gradients: Array,
-    limbs: Sequence[StraightLimb],
-    settings: RefinementSettings,
-    clock: ClockSettings,
-) -> tuple[NormalEquations, Callable[[Array], Array]]:
-    """Normal equations of the lasting unknowns, and the function that gives the moving ones' step for theirs."""
-    J_moving, J_lasting = motion.jacobians()
-    instants = len(J_moving)
-    HJ_moving, HJ_lasting = hessians @ J_moving, hessians @ J_lasting
-    flat = (instants, -1)
-
-    def product(left: Array, right: Array) -> Array:
-        columns = left.shape[-1], right.shape[-1]
-        rows = left.reshape(*flat, columns[0]), right.reshape(*flat, columns[1])
-        out: Array = np.swapaxes(rows[0], 1, 2) @ rows[1]
-        return out
-
-    gradient_column = gradients[..., None]
-    A = product(J_moving, HJ_moving)
-    B = product(J_moving, HJ_lasting)
-    C = product(J_lasting, HJ_lasting)
-    a = product(J_moving, gradient_column)[..., 0]
-    c = product(J_lasting, gradient_column)[..., 0]
-    diagonal = np.einsum("tii->ti", A)
-    A = A + (_STIFFENING * diagonal.mean() * np.eye(A.shape[-1]))
-    A_inverse_B = np.linalg.solve(A, B)
-    A_inverse_a = np.linalg.solve(A, a[..., None])[..., 0]
-    B_transposed = np.swapaxes(B, 1, 2)
-    prior_hessian, prior_gradient = _priors(motion, start, limbs, settings, clock)
-    equations = NormalEquations(
-        hessians=C - B_transposed @ A_inverse_B,
-        gradients=c - (B_transposed @ A_inverse_a[..., None])[..., 0],
-        prior_hessian=prior_hessian,
-        prior_gradient=prior_gradient,
-    )
-    return equations, lambda lasting: -A_inverse_a - A_inverse_B @ lasting
 
 
 def _priors(
@@ -252,10 +210,4 @@ def _cauchy(hessians: Array, gradients: Array, settings: RefinementSettings) -> 
     traces = np.trace(hessians, axis1=-2, axis2=-1)
     regular = hessians + (1e-12 * traces + (traces == 0))[..., None, None] * np.eye(6)
     squared = np.einsum("tci,tci->tc", gradients, np.linalg.solve(regular, gradients[..., None])[..., 0])
-    distances = np.sqrt(np.maximum(squared, 0.0))
-    known = traces > 0
-    usual = float(np.median(distances[known])) if known.any() else 1.0
-    # While the body is far from right all cameras are far from it; then the usual distance is no outlier's.
-    scale = settings.outlier_sigmas * max(1.0, usual)
-    weights: Array = known / (1.0 + (distances / scale) ** 2)
-    return weights
+    return distance_weights(np.maximum(squared, 0.0), traces > 0, settings.outlier_sigmas)

@@ -2,7 +2,7 @@
 
 Between two images the pose is ``first @ exp(h(s))``, ``h`` a cubic Hermite curve of tangent vectors whose slopes at
 both ends are the twists there, each from the parabola through three images (Kim et al. 1995 do so with quaternions).
-At 24 images a second and 100 rad/s^2 it is off by 0.1 deg where a straight line is off by 1.2.
+At 24 images a second, in swings of 1 to 3 Hz that reach 100 rad/s^2, it is off by up to 0.14 deg, a line by 1.2.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Learns the clocks of all cameras, a window of images at a time."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.clock_filter import ClockFilter
 from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
 
 MARGIN_NS = 300_000_000
@@ -23,23 +24,6 @@ _MOST_TURNS = 6
 """Of a window with clocks that moved; each leaves a fifth of what a clock is off by."""
 
 Images = Mapping[str, Sequence[LandmarkMatches]]
-
-
-@dataclass(frozen=True)
-class Clock:
-    """A clock at the end of a window.
-
-    Attributes:
-        offset: by how much it is ahead [s].
-        drift: by which that grows per second.
-        offset_sigma: [s].
-        drift_sigma: [s/s].
-    """
-
-    offset: float
-    drift: float
-    offset_sigma: float
-    drift_sigma: float
 
 
 class ClockLearner:
@@ -78,7 +62,7 @@ class ClockLearner:
         self._filter.free(self.cameras.index(camera))
         self.strayed.add(camera)
 
-    def learn(self, images: Images, from_ns: int, to_ns: int) -> dict[str, Clock]:
+    def learn(self, images: Images, from_ns: int, to_ns: int) -> dict[str, ClockState]:
         """Learn from a window of images.
 
         Args:
@@ -86,7 +70,7 @@ class ClockLearner:
             from_ns, to_ns: the window [ns].
 
         Returns:
-            Camera -> its clock; empty where nothing could be learned.
+            Camera -> its clock, as if it had never been set; empty where nothing could be learned.
         """
         self._filter.advance(1e-9 * (to_ns - self._at_ns))
         self._at_ns = to_ns
@@ -105,16 +89,16 @@ class ClockLearner:
             evidence = self._evidence(images, from_ns, to_ns) or evidence
             told = evidence.information / self._settings.instants_alike
         self._filter.learn(evidence.delays, told)
+        return {camera: self._clock(row) for row, camera in enumerate(self.cameras)}
+
+    def _clock(self, row: int) -> ClockState:
+        """What is believed of a clock at the time of the filter."""
         of = self._filter
-        return {
-            camera: Clock(
-                float(of.offsets[row]),
-                float(of.drifts[row]),
-                float(of.offset_sigmas[row]),
-                float(of.drift_sigmas[row]),
-            )
-            for row, camera in enumerate(self.cameras)
-        }
+        offset = float(of.offsets[row])
+        at_ns = self._at_ns + round(1e9 * offset)
+        return ClockState(
+            0, at_ns, offset, float(of.drifts[row]), float(of.offset_sigmas[row]), float(of.drift_sigmas[row])
+        )
 
     def _evidence(self, images: Images, from_ns: int, to_ns: int) -> ClockEvidence | None:
         """What a window says beyond what is believed; clocks that are far off are asked again."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_learner import MARGIN_NS, Clock, ClockLearner
+from bodycam_ros.timing.clock_learner import MARGIN_NS, ClockLearner
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockJump, ClockState, corrected
 from bodycam_ros.timing.common_time import CommonTime
@@ -239,7 +239,7 @@ class ClockWatch:
             self._look_for_strays(from_ns, until_ns)
             images = {camera: list(heard.images) for camera, heard in self._heard.items()}
             for camera, clock in self._learner.learn(images, from_ns, until_ns).items():
-                self._set(camera, clock, until_ns)
+                self._set(camera, clock)
         self._window_from_ns = until_ns
         for camera, heard in self._heard.items():
             if cut_ns is not None and breaks[camera] == cut_ns and heard.clocks:
@@ -261,17 +261,10 @@ class ClockWatch:
         for camera in sorted(set(lively) - together):
             self._learner.stray(camera)
 
-    def _set(self, camera: str, clock: Clock, at_ns: int) -> None:
+    def _set(self, camera: str, clock: ClockState) -> None:
         """Take over what was learned of a clock, for all the time since it was set."""
         clocks = self._heard[camera].clocks
-        clocks[-1] = ClockState(
-            clocks[-1].since_ns,
-            at_ns + round(1e9 * clock.offset),
-            clock.offset,
-            clock.drift,
-            clock.offset_sigma,
-            clock.drift_sigma,
-        )
+        clocks[-1] = replace(clock, since_ns=clocks[-1].since_ns)
         if len(clocks) > 1:
             self._note_jump(camera, clocks[-2], clocks[-1])
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion, articulated
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing.camera_path import CameraPath
 
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 _ITERATIONS = 4
 _OUTLIER_SIGMAS = 4.0
 _LEAST_INSTANTS = 5
-_STIFFENING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +87,21 @@ def clock_evidence(
     for _ in range(_ITERATIONS):
         errors = log_se3(inverse(poses) @ motion.world_T_camera())
         gradients = (information @ errors[..., None])[..., 0]
-        weights = _cauchy(np.einsum("tci,tci->tc", gradients, errors), told)
-        equations = _eliminated(motion, weights[..., None, None] * information, weights[..., None] * gradients)
-        delays = np.asarray(
-            -np.linalg.solve(
-                equations.hessian + prior_information,
-                equations.gradient + prior_information @ (motion.delays - prior_delays),
-            )
+        squared = np.einsum("tci,tci->tc", gradients, errors)
+        weights = distance_weights(squared, told, _OUTLIER_SIGMAS)
+        J_moving, J_lasting = motion.jacobians()
+        eliminated = eliminate_instants(
+            J_moving,
+            J_lasting[..., motion.delay_columns],
+            weights[..., None, None] * information,
+            weights[..., None] * gradients,
         )
-        motion = motion.moved(equations.moving(delays), _lasting(motion, delays))
-    return ClockEvidence(cameras, motion.delays, equations.hessian, told.sum(axis=0))
+        hessian, gradient = eliminated.hessians.sum(axis=0), eliminated.gradients.sum(axis=0)
+        step = -np.linalg.solve(
+            hessian + prior_information, gradient + prior_information @ (motion.delays - prior_delays)
+        )
+        motion = motion.moved(eliminated.moving(step), _lasting(motion, step))
+    return ClockEvidence(cameras, motion.delays, 0.5 * (hessian + hessian.T), told.sum(axis=0))
 
 
 def _at_instants(
@@ -161,49 +166,6 @@ def _filled(rotations: Array, told: NDArray[np.bool_], otherwise: Array) -> Arra
     nearest = known[np.argmin(np.abs(np.arange(len(told))[:, None] - known), axis=1)]
     filled: Array = first[nearest]
     return filled
-
-
-def _cauchy(squared: Array, told: NDArray[np.bool_]) -> Array:
-    """Weights (T, C) by each camera's squared distance from where the body puts it, in its own sigmas."""
-    usual = float(np.sqrt(np.median(squared[told])))
-    weights: Array = told / (1.0 + squared / (_OUTLIER_SIGMAS * max(1.0, usual)) ** 2)
-    return weights
-
-
-@dataclass(frozen=True, eq=False)
-class _Eliminated:
-    """Normal equations of the delays (C, C) and (C), and what the instants do for a step of them."""
-
-    hessian: Array
-    gradient: Array
-    own_step: Array
-    by_delay: Array
-
-    def moving(self, delays: Array) -> Array:
-        """Step (T, moving_count) of the instants for a step (C) of the delays."""
-        step: Array = -self.own_step - self.by_delay @ delays
-        return step
-
-
-def _eliminated(motion: ArticulatedMotion, hessians: Array, gradients: Array) -> _Eliminated:
-    """Eliminate each instant's unknowns by a Schur complement."""
-    J_moving = motion.jacobians()[0]
-    instants, cameras, _, count = J_moving.shape
-    HJ = hessians @ J_moving
-    A = (np.swapaxes(J_moving.reshape(instants, -1, count), 1, 2)) @ HJ.reshape(instants, -1, count)
-    A += _STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(count)
-    # A delay moves its own camera alone, against its twist.
-    H_twist = (hessians @ motion.twists[..., None])[..., 0]
-    B = -np.einsum("tcik,tci->tkc", J_moving, H_twist)
-    C = np.einsum("tci,tci->tc", motion.twists, H_twist)
-    a = np.einsum("tcik,tci->tk", J_moving, gradients)
-    c = -np.einsum("tci,tci->tc", motion.twists, gradients)
-    solved = np.linalg.solve(A, np.concatenate([B, a[..., None]], axis=2))
-    by_delay, own_step = solved[..., :cameras], solved[..., cameras]
-    hessian = np.diag(C.sum(axis=0)) - np.einsum("tkc,tkd->cd", B, by_delay)
-    return _Eliminated(
-        0.5 * (hessian + hessian.T), c.sum(axis=0) - np.einsum("tkc,tk->c", B, own_step), own_step, by_delay
-    )
 
 
 def _lasting(motion: ArticulatedMotion, delays: Array) -> Array:

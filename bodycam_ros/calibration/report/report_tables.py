@@ -201,7 +201,7 @@ def _clocks(cameras: tuple[CameraDiagnosis, ...]) -> list[ReportTable]:
     off = [camera for camera in cameras if abs(camera.clock_s) > _CLOCK_OFF_S]
     if not off:
         return []
-    note = "ahead of the first camera's (+) or behind, as the body's motion tells; corrected"
+    note = "ahead of the reference's (+) or behind, as the body's motion tells; corrected"
     rows = tuple((camera.camera, _number(MS_PER_S * camera.clock_s, 1, sign="+")) for camera in off)
     return [ReportTable("clocks", note, ("camera", "clock [ms]"), frozenset({0}), rows)]
 
