@@ -89,6 +89,7 @@ setup(
         "av>=17.1",
         "gtsam>=4.3",
         "matplotlib>=3.6",
+        "numba>=0.68",
         "numpy>=1.26",
         "opencv-python-headless>=4.6",
         "pycolmap>=4",

@@ -17,7 +17,12 @@ _TINY = 1e-300  # added to a squared distance from the axis: makes 0/0 the exact
 
 
 class AngularCamera(CameraModel):
-    """A camera whose distorted radius is ``_radius(angle)``, the same in all directions about the axis."""
+    """A camera whose distorted radius is ``_radius(angle)``, the same in all directions about the axis.
+
+    Attributes:
+        regular_angle: up to which the radius grows with the angle [rad]; ``max_angle`` or more.
+        max_radius: the distorted radius at ``max_angle`` [focal lengths].
+    """
 
     def __init__(
         self,
@@ -31,9 +36,9 @@ class AngularCamera(CameraModel):
         distortion: tuple[float, ...],
     ) -> None:
         super().__init__(name, width, height, fx, fy, cx, cy, distortion)
-        self._regular_angle = largest_regular_angle(self._is_regular, _WIDEST)
-        self.max_angle = min(self._regular_angle, max(np.pi / 2.0, self._corner_angle()))
-        self._max_radius = float(self._radius(np.array([self.max_angle]))[0])
+        self.regular_angle = largest_regular_angle(self._is_regular, _WIDEST)
+        self.max_angle = min(self.regular_angle, max(np.pi / 2.0, self._corner_angle()))
+        self.max_radius = float(self._radius(np.array([self.max_angle]))[0])
 
     @abstractmethod
     def _radius(self, angle: Array) -> Array:
@@ -45,7 +50,7 @@ class AngularCamera(CameraModel):
 
     @abstractmethod
     def _angle(self, radius: Array) -> Array:
-        """Inverse of ``_radius`` for radii that angles up to ``_regular_angle`` have."""
+        """Inverse of ``_radius`` for radii that angles up to ``regular_angle`` have."""
 
     def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
         from_axis_squared = x * x + y * y + _TINY
@@ -76,7 +81,7 @@ class AngularCamera(CameraModel):
 
     def _undistort(self, x_distorted: Array, y_distorted: Array) -> tuple[Array, Mask]:
         radius = np.sqrt(x_distorted**2 + y_distorted**2 + _TINY)
-        valid = radius <= self._max_radius + EDGE
+        valid = radius <= self.max_radius + EDGE
         angle = np.minimum(self._angle(np.where(valid, radius, 0.0)), self.max_angle)
         gain = np.sin(angle) / radius
         return np.column_stack([gain * x_distorted, gain * y_distorted, np.cos(angle)]), valid
@@ -93,7 +98,7 @@ class AngularCamera(CameraModel):
         """Angle [rad] of the image corner farthest from the axis, as far as the model is regular."""
         x = max(self.cx + 0.5, self.width - 0.5 - self.cx) / self.fx
         y = max(self.cy + 0.5, self.height - 0.5 - self.cy) / self.fy
-        largest = float(self._radius(np.array([self._regular_angle]))[0])
+        largest = float(self._radius(np.array([self.regular_angle]))[0])
         return float(self._angle(np.array([min(np.hypot(x, y), largest)]))[0])
 
 
@@ -125,19 +130,20 @@ class EquidistantCamera(AngularCamera):
         return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4)))), slope
 
     def _angle(self, radius: Array) -> Array:
-        """Newton from a table; the radius grows strictly with the angle up to ``_regular_angle``."""
-        angle = np.interp(radius, *self._start_table)
+        """Newton from a table; the radius grows strictly with the angle up to ``regular_angle``."""
+        angle = np.interp(radius, *self.start_table)
         for _ in range(_MAX_STEPS):
             reached, slope = self._radius_and_slope(angle)
             missing = radius - reached
             if np.max(np.abs(missing), initial=0.0) < _CONVERGED:
                 break
-            angle = np.clip(angle + missing / slope, 0.0, self._regular_angle)
+            angle = np.clip(angle + missing / slope, 0.0, self.regular_angle)
         return angle
 
     @cached_property
-    def _start_table(self) -> tuple[Array, Array]:
-        angles = np.linspace(0.0, self._regular_angle, _START_SAMPLES)
+    def start_table(self) -> tuple[Array, Array]:
+        """Distorted radii [focal lengths], ascending, and the angles [rad] that have them: where the inverse starts."""
+        angles = np.linspace(0.0, self.regular_angle, _START_SAMPLES)
         return self._radius(angles), angles
 
 
@@ -156,20 +162,22 @@ class FovCamera(AngularCamera):
     coefficients = ("omega",)
 
     @property
-    def _omega(self) -> float:
+    def omega(self) -> float:
+        """The coefficient, not quite zero [rad]."""
         return max(self.distortion[0], _SMALLEST_OMEGA)
 
     @property
-    def _stretch(self) -> float:
-        return float(2.0 * np.tan(self._omega / 2.0))
+    def stretch(self) -> float:
+        """2 tan(omega / 2)."""
+        return float(2.0 * np.tan(self.omega / 2.0))
 
     def _radius(self, angle: Array) -> Array:
-        return np.arctan2(self._stretch * np.sin(angle), np.cos(angle)) / self._omega
+        return np.arctan2(self.stretch * np.sin(angle), np.cos(angle)) / self.omega
 
     def _radius_and_slope(self, angle: Array) -> tuple[Array, Array]:
-        sin, cos = self._stretch * np.sin(angle), np.cos(angle)
-        return np.arctan2(sin, cos) / self._omega, self._stretch / self._omega / (sin * sin + cos * cos)
+        sin, cos = self.stretch * np.sin(angle), np.cos(angle)
+        return np.arctan2(sin, cos) / self.omega, self.stretch / self.omega / (sin * sin + cos * cos)
 
     def _angle(self, radius: Array) -> Array:
-        phase = self._omega * radius
-        return np.arctan2(np.sin(phase), self._stretch * np.cos(phase))
+        phase = self.omega * radius
+        return np.arctan2(np.sin(phase), self.stretch * np.cos(phase))

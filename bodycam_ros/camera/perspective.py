@@ -22,7 +22,13 @@ _ACCEPTED = 1e-11
 
 
 class PerspectiveCamera(CameraModel):
-    """A camera with a radial ``_gain`` and the tangential coefficients p1 and p2."""
+    """A camera with a radial ``_gain`` and the tangential coefficients p1 and p2.
+
+    Attributes:
+        max_radius: the undistorted radius at ``max_angle`` [focal lengths].
+        start_table: distorted radii, ascending, and the undistorted ones that have them without tangential terms: where
+            the inverse starts.
+    """
 
     def __init__(
         self,
@@ -38,9 +44,9 @@ class PerspectiveCamera(CameraModel):
         super().__init__(name, width, height, fx, fy, cx, cy, distortion)
         self._p1, self._p2 = distortion[2:4]
         self.max_angle = largest_regular_angle(self._is_regular, _WIDEST)
-        self._max_radius = float(np.tan(self.max_angle))
+        self.max_radius = float(np.tan(self.max_angle))
         radii = np.tan(np.linspace(0.0, self.max_angle, _START_SAMPLES))
-        self._start_table = radii * self._gain(radii * radii), radii
+        self.start_table = radii * self._gain(radii * radii), radii
 
     @abstractmethod
     def _gain(self, r2: Array) -> Array:
@@ -72,7 +78,7 @@ class PerspectiveCamera(CameraModel):
         x_wanted, y_wanted = np.where(finite, x_distorted, 0.0), np.where(finite, y_distorted, 0.0)
         radius = np.hypot(x_wanted, y_wanted)
         scale = 1.0 + radius
-        start = np.interp(radius, *self._start_table) / np.maximum(radius, NEAREST)
+        start = np.interp(radius, *self.start_table) / np.maximum(radius, NEAREST)
         x, y = x_wanted * start, y_wanted * start
         for _ in range(_MAX_STEPS):
             x_reached, y_reached, xx, xy, yy = self._distort_plane(x, y)
@@ -83,7 +89,7 @@ class PerspectiveCamera(CameraModel):
             determinant = xx * yy - xy * xy
             x = x + (yy * x_missing - xy * y_missing) / determinant
             y = y + (xx * y_missing - xy * x_missing) / determinant
-            back_into_cone = np.minimum(1.0, self._max_radius / np.maximum(np.hypot(x, y), NEAREST))
+            back_into_cone = np.minimum(1.0, self.max_radius / np.maximum(np.hypot(x, y), NEAREST))
             x, y = x * back_into_cone, y * back_into_cone
         bearings = np.column_stack([x, y, np.ones_like(x)])
         bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
@@ -113,7 +119,7 @@ class PerspectiveCamera(CameraModel):
         return regular
 
     def _in_cone(self, r2: Array, z: Array) -> Mask:
-        return (z > NEAREST) & (z < FARTHEST) & (r2 <= self._max_radius**2 * (1.0 + EDGE))
+        return (z > NEAREST) & (z < FARTHEST) & (r2 <= self.max_radius**2 * (1.0 + EDGE))
 
 
 class PlumbBobCamera(PerspectiveCamera):

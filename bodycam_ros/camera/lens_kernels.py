@@ -1,0 +1,291 @@
+"""The lens models as kernels: a point to its pixel, with derivatives, and a pixel to its bearing.
+
+The equations are those of ``PerspectiveCamera``, ``EquidistantCamera`` and ``FovCamera``, where they are explained.
+Every kernel takes the lens as a vector, ``lens_parameters``. What is not valid is NaN.
+"""
+
+import math
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
+from bodycam_ros.camera.model import EDGE, FARTHEST, NEAREST, CameraModel
+from bodycam_ros.camera.perspective import PerspectiveCamera
+from bodycam_ros.kernels.kernel import kernel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_PERSPECTIVE, _EQUIDISTANT, _FOV = 0.0, 1.0, 2.0
+_MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, _MAX_ANGLE, _MAX_RADIUS, _REGULAR_ANGLE = range(10)
+_COEFFICIENTS = 10
+_TABLE = (
+    18  # distorted radii, then what has them: undistorted radii of a perspective lens, angles of an equidistant one
+)
+
+_TINY = 1e-300
+_MAX_STEPS = 20
+_CONVERGED = 1e-14
+_ACCEPTED = 1e-11
+
+_parameters: WeakKeyDictionary[CameraModel, Array] = WeakKeyDictionary()
+
+
+def lens_parameters(camera: CameraModel) -> Array:
+    """The lens of a camera as all kernels take it: a vector, made once per camera; not to be changed."""
+    parameters = _parameters.get(camera)
+    if parameters is None:
+        parameters = _parameters[camera] = _made_parameters(camera)
+    return parameters
+
+
+def _made_parameters(camera: CameraModel) -> Array:
+    head = np.zeros(_TABLE)
+    head[_WIDTH : _CY + 1] = camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
+    head[_MAX_ANGLE] = camera.max_angle
+    head[_COEFFICIENTS : _COEFFICIENTS + len(camera.distortion)] = camera.distortion
+    table: tuple[Array, ...] = ()
+    match camera:
+        case PerspectiveCamera():
+            head[_MODEL], head[_MAX_RADIUS] = _PERSPECTIVE, camera.max_radius
+            table = camera.start_table
+        case EquidistantCamera():
+            head[_MODEL], head[_MAX_RADIUS], head[_REGULAR_ANGLE] = (
+                _EQUIDISTANT,
+                camera.max_radius,
+                camera.regular_angle,
+            )
+            table = camera.start_table
+        case FovCamera():
+            head[_MODEL], head[_MAX_RADIUS] = _FOV, camera.max_radius
+            head[_COEFFICIENTS : _COEFFICIENTS + 2] = camera.omega, camera.stretch
+        case _:
+            raise TypeError(f"there is no kernel for {type(camera).__name__}")
+    return np.concatenate([head, *table])
+
+
+@kernel("(f8[::1], f8[:, ::1])")
+def project_points(lens: Array, points: Array) -> tuple[Array, Mask]:
+    """Pixels (N, 2) of points (N, 3) [m] in the camera frame, and which of them are valid (N,)."""
+    pixels = np.empty((len(points), 2))
+    valid = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        pixels[i, 0], pixels[i, 1], valid[i] = project_point(lens, points[i, 0], points[i, 1], points[i, 2])
+    return pixels, valid
+
+
+@kernel("(f8[::1], f8[:, ::1])")
+def project_points_with_jacobian(lens: Array, points: Array) -> tuple[Array, Array, Mask]:
+    """Pixels (N, 2), their derivatives (N, 2, 3) [px/m] by the points (N, 3), and validity (N,)."""
+    pixels = np.empty((len(points), 2))
+    jacobian = np.empty((len(points), 2, 3))
+    valid = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        u, v, valid[i], u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(
+            lens, points[i, 0], points[i, 1], points[i, 2]
+        )
+        pixels[i, 0], pixels[i, 1] = u, v
+        jacobian[i, 0, 0], jacobian[i, 0, 1], jacobian[i, 0, 2] = u_x, u_y, u_z
+        jacobian[i, 1, 0], jacobian[i, 1, 1], jacobian[i, 1, 2] = v_x, v_y, v_z
+    return pixels, jacobian, valid
+
+
+@kernel("(f8[::1], f8[:, ::1])")
+def unproject_pixels(lens: Array, pixels: Array) -> tuple[Array, Mask]:
+    """Unit bearings (N, 3) in the camera frame of pixels (N, 2), and which of them are valid (N,)."""
+    bearings = np.empty((len(pixels), 3))
+    valid = np.empty(len(pixels), np.bool_)
+    for i in range(len(pixels)):
+        x, y, z, valid[i] = unproject_pixel(lens, pixels[i, 0], pixels[i, 1])
+        bearings[i, 0], bearings[i, 1], bearings[i, 2] = x, y, z
+    return bearings, valid
+
+
+@kernel()
+def project_point(lens: Array, x: float, y: float, z: float) -> tuple[float, float, bool]:
+    """Pixel (u, v) of a point [m] in the camera frame, and whether it is valid."""
+    if lens[_MODEL] == _PERSPECTIVE:
+        px, py = x / z, y / z
+        r2 = px * px + py * py
+        gain = _gain(lens, r2) + 2.0 * lens[_COEFFICIENTS + 2] * py + 2.0 * lens[_COEFFICIENTS + 3] * px
+        x_distorted = gain * px + lens[_COEFFICIENTS + 3] * r2
+        y_distorted = gain * py + lens[_COEFFICIENTS + 2] * r2
+        valid = _in_perspective_cone(lens, r2, z)
+    else:
+        from_axis_squared = x * x + y * y + _TINY
+        from_axis = math.sqrt(from_axis_squared)
+        angle = math.atan2(from_axis, z)
+        gain = _radius_and_slope(lens, angle)[0] / from_axis
+        x_distorted, y_distorted = gain * x, gain * y
+        valid = _in_angular_cone(lens, angle, from_axis_squared + z * z)
+    if not valid:
+        return math.nan, math.nan, False
+    return lens[_FX] * x_distorted + lens[_CX], lens[_FY] * y_distorted + lens[_CY], True
+
+
+@kernel()
+def project_point_with_jacobian(
+    lens: Array, x: float, y: float, z: float
+) -> tuple[float, float, bool, float, float, float, float, float, float]:
+    """As ``project_point``, then the derivatives [px/m] of u by x, y and z, and those of v."""
+    fx, fy = lens[_FX], lens[_FY]
+    if lens[_MODEL] == _PERSPECTIVE:
+        px, py = x / z, y / z
+        x_distorted, y_distorted, xx, xy, yy = _distort_plane(lens, px, py)
+        xx, xy, yy = xx / z, xy / z, yy / z
+        x_z, y_z = -(xx * px + xy * py), -(xy * px + yy * py)
+        valid = _in_perspective_cone(lens, px * px + py * py, z)
+    else:
+        from_axis_squared = x * x + y * y + _TINY
+        squared_distance = from_axis_squared + z * z
+        from_axis = math.sqrt(from_axis_squared)
+        angle = math.atan2(from_axis, z)
+        radius, slope = _radius_and_slope(lens, angle)
+        gain = radius / from_axis
+        slope /= squared_distance
+        bend = (slope * z - gain) / from_axis_squared
+        x_distorted, y_distorted = gain * x, gain * y
+        xx, xy, yy = gain + bend * (x * x), bend * x * y, gain + bend * (y * y)
+        x_z, y_z = -slope * x, -slope * y
+        valid = _in_angular_cone(lens, angle, squared_distance)
+    if not valid:
+        nan = math.nan
+        return nan, nan, False, nan, nan, nan, nan, nan, nan
+    u, v = fx * x_distorted + lens[_CX], fy * y_distorted + lens[_CY]
+    return u, v, True, fx * xx, fx * xy, fx * x_z, fy * xy, fy * yy, fy * y_z
+
+
+@kernel()
+def unproject_pixel(lens: Array, u: float, v: float) -> tuple[float, float, float, bool]:
+    """Unit bearing (x, y, z) in the camera frame of a pixel, and whether it is valid."""
+    x_distorted, y_distorted = (u - lens[_CX]) / lens[_FX], (v - lens[_CY]) / lens[_FY]
+    if lens[_MODEL] == _PERSPECTIVE:
+        return _undistort_perspective(lens, x_distorted, y_distorted)
+    radius = math.sqrt(x_distorted**2 + y_distorted**2 + _TINY)
+    if not radius <= lens[_MAX_RADIUS] + EDGE:
+        return math.nan, math.nan, math.nan, False
+    angle = min(_angle(lens, radius), lens[_MAX_ANGLE])
+    gain = math.sin(angle) / radius
+    return gain * x_distorted, gain * y_distorted, math.cos(angle), True
+
+
+@kernel()
+def in_image(lens: Array, u: float, v: float) -> bool:
+    """Whether the sensor covers a pixel, to the outer borders of its outermost pixels; NaN is outside."""
+    return u >= -0.5 and u <= lens[_WIDTH] - 0.5 and v >= -0.5 and v <= lens[_HEIGHT] - 0.5
+
+
+@kernel()
+def _in_perspective_cone(lens: Array, r2: float, z: float) -> bool:
+    return z > NEAREST and z < FARTHEST and r2 <= lens[_MAX_RADIUS] ** 2 * (1.0 + EDGE)
+
+
+@kernel()
+def _in_angular_cone(lens: Array, angle: float, squared_distance: float) -> bool:
+    has_direction = squared_distance > NEAREST**2 and squared_distance < FARTHEST**2
+    return has_direction and angle <= lens[_MAX_ANGLE] + EDGE
+
+
+@kernel()
+def _gain(lens: Array, r2: float) -> float:
+    """Of the rational polynomial, which with k4 = k5 = k6 = 0 is plumb_bob."""
+    k1, k2, k3 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1], lens[_COEFFICIENTS + 4]
+    k4, k5, k6 = lens[_COEFFICIENTS + 5], lens[_COEFFICIENTS + 6], lens[_COEFFICIENTS + 7]
+    gain: float = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    return gain
+
+
+@kernel()
+def _distort_plane(lens: Array, x: float, y: float) -> tuple[float, float, float, float, float]:
+    k1, k2, k3 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1], lens[_COEFFICIENTS + 4]
+    p1, p2 = lens[_COEFFICIENTS + 2], lens[_COEFFICIENTS + 3]
+    k4, k5, k6 = lens[_COEFFICIENTS + 5], lens[_COEFFICIENTS + 6], lens[_COEFFICIENTS + 7]
+    r2 = x * x + y * y
+    denominator = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    gain = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / denominator
+    numerator_slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3))
+    denominator_slope = k4 + r2 * (2.0 * k5 + r2 * (3.0 * k6))
+    slope = 2.0 * ((numerator_slope - gain * denominator_slope) / denominator)
+    slope_x = slope * x
+    gain += 2.0 * p1 * y + 2.0 * p2 * x
+    return (
+        gain * x + p2 * r2,
+        gain * y + p1 * r2,
+        gain + (slope_x + 4.0 * p2) * x,
+        slope_x * y + 2.0 * p1 * x + 2.0 * p2 * y,
+        gain + (slope * y + 4.0 * p1) * y,
+    )
+
+
+@kernel()
+def _undistort_perspective(lens: Array, x_wanted: float, y_wanted: float) -> tuple[float, float, float, bool]:
+    if not (math.isfinite(x_wanted) and math.isfinite(y_wanted)):
+        return math.nan, math.nan, math.nan, False
+    radius = math.hypot(x_wanted, y_wanted)
+    scale = 1.0 + radius
+    start = _in_table(lens, radius) / max(radius, NEAREST)
+    x, y = x_wanted * start, y_wanted * start
+    missing = math.inf
+    for _ in range(_MAX_STEPS):
+        x_reached, y_reached, xx, xy, yy = _distort_plane(lens, x, y)
+        x_missing, y_missing = x_wanted - x_reached, y_wanted - y_reached
+        missing = math.hypot(x_missing, y_missing) / scale
+        if missing < _CONVERGED:
+            break
+        determinant = xx * yy - xy * xy
+        x = x + (yy * x_missing - xy * y_missing) / determinant
+        y = y + (xx * y_missing - xy * x_missing) / determinant
+        back_into_cone = min(1.0, lens[_MAX_RADIUS] / max(math.hypot(x, y), NEAREST))
+        x, y = x * back_into_cone, y * back_into_cone
+    if not missing < _ACCEPTED:
+        return math.nan, math.nan, math.nan, False
+    length = math.sqrt(x * x + y * y + 1.0)
+    return x / length, y / length, 1.0 / length, True
+
+
+@kernel()
+def _radius_and_slope(lens: Array, angle: float) -> tuple[float, float]:
+    if lens[_MODEL] == _FOV:
+        omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
+        sin, cos = stretch * math.sin(angle), math.cos(angle)
+        return math.atan2(sin, cos) / omega, stretch / omega / (sin * sin + cos * cos)
+    k1, k2 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
+    k3, k4 = lens[_COEFFICIENTS + 2], lens[_COEFFICIENTS + 3]
+    a2 = angle * angle
+    slope = 1.0 + a2 * (3.0 * k1 + a2 * (5.0 * k2 + a2 * (7.0 * k3 + a2 * (9.0 * k4))))
+    return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4)))), slope
+
+
+@kernel()
+def _angle(lens: Array, radius: float) -> float:
+    if lens[_MODEL] == _FOV:
+        omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
+        phase = omega * radius
+        return math.atan2(math.sin(phase), stretch * math.cos(phase))
+    angle: float = _in_table(lens, radius)
+    for _ in range(_MAX_STEPS):
+        reached, slope = _radius_and_slope(lens, angle)
+        missing = radius - reached
+        if abs(missing) < _CONVERGED:
+            break
+        angle = min(max(angle + missing / slope, 0.0), lens[_REGULAR_ANGLE])
+    return angle
+
+
+@kernel()
+def _in_table(lens: Array, radius: float) -> float:
+    """What has a distorted radius, by linear interpolation."""
+    count = (len(lens) - _TABLE) // 2
+    radii, values = lens[_TABLE : _TABLE + count], lens[_TABLE + count :]
+    low, high = 0, count - 1
+    radius = min(radius, radii[high])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if radii[middle] <= radius:
+            low = middle
+        else:
+            high = middle
+    value: float = values[low] + (values[high] - values[low]) / (radii[high] - radii[low]) * (radius - radii[low])
+    return value
