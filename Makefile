@@ -54,6 +54,7 @@ $(VENV)/python.stamp:
 $(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt setup.py
 	$(PIP_INSTALL) -r requirements.txt
 	$(PIP_INSTALL) --no-build-isolation --no-deps -e .
+	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 
 $(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt

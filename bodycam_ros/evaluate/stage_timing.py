@@ -14,6 +14,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.kernels.preparation import load_kernels, prepare_kernels
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline, feature_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -70,6 +71,8 @@ def time_stages(
         BodycamError: see the stages.
     """
     cv2.setNumThreads(1)
+    prepare_kernels()
+    load_kernels()
     body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
     timing = StageTiming()

@@ -5,10 +5,14 @@ it is compiled for, so that all kernels can be compiled beforehand, and once.
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.sigutils import normalize_signature
+
+from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE, kernel_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,9 +30,11 @@ def kernel(*signatures: str) -> Callable[[F], F]:
     """
 
     def compiled(function: F) -> F:
-        dispatcher = numba.njit(function, cache=bool(signatures), nogil=True, error_model="numpy")
-        if signatures:
+        dispatcher = numba.njit(function, nogil=True, error_model="numpy")
+        if signatures and dispatcher is not function:  # as it is under NUMBA_DISABLE_JIT
             _entries.append((dispatcher, signatures))
+            if _is_kept(function):
+                dispatcher._cache = _KernelCache(function)
         return cast(F, dispatcher)
 
     return compiled
@@ -40,3 +46,45 @@ def compile_all() -> None:
         for signature in signatures:
             arguments, _ = normalize_signature(signature)
             dispatcher.compile(tuple(arguments))
+
+
+def _is_kept(function: Callable[..., Any]) -> bool:
+    """Whether there is a folder, whose name changes with the kernel's source."""
+    known = {PACKAGE / file for file in KERNEL_FILES}
+    return Path(function.__code__.co_filename) in known and kernel_folder() is not None
+
+
+class _KernelLocator(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Says that a kernel is kept in ``kernel_folder``, which may be read-only."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        super().__init__(function, file)
+        folder = kernel_folder()
+        assert folder is not None
+        self._cache_path = str(folder / Path(file).parent.name)
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> "_KernelLocator":
+        return cls(function, file)
+
+
+class _KernelCacheFiles(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = [_KernelLocator]
+
+
+class _KernelCache(FunctionCache):  # type: ignore[misc]
+    """Files that are damaged, and a disk that is full, cost time and nothing else."""
+
+    _impl_class = _KernelCacheFiles
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(signature, target_context)
+        except Exception:  # what a damaged file makes of unpickling
+            return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        try:
+            super().save_overload(signature, data)
+        except OSError:
+            return

@@ -39,6 +39,8 @@ def _run(name: str) -> NoReturn:
     # Every camera has a process, so threads inside one would only get in the others' way.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    if name != "player":
+        import_module("bodycam_ros.kernels.preparation").prepare_kernels()
     code: int = import_module(f"bodycam_ros.nodes.{name}").main()
     for stream in (sys.stdout, sys.stderr):
         # The terminal may be gone.

@@ -12,6 +12,7 @@ from multiprocessing.context import SpawnProcess
 from multiprocessing.queues import Queue
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.kernels.preparation import prepare_kernels
 from bodycam_ros.replay.camera_worker import (
     RegistrationTask,
     Result,
@@ -36,6 +37,7 @@ def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int
         BodycamError: what went wrong for the user in a worker.
         RecordingError: a worker was killed.
     """
+    prepare_kernels()
     shares = [tuple(cameras[start::jobs]) for start in range(min(jobs, len(cameras)))]
     with _workers(task, shares) as workers:
         pending = {worker: item for worker in range(len(workers)) if (item := _next_result(*workers[worker]))}

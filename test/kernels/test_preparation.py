@@ -1,0 +1,181 @@
+"""Kernels are compiled once, wherever that can be kept: real processes on an installation with two small kernels."""
+
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE
+
+INNER = """
+from bodycam_ros.kernels.kernel import kernel
+@kernel()
+def inner(x: float) -> float:
+    return x + 1.0
+"""
+OUTER = """
+from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.inner import inner
+@kernel("(f8,)")
+def outer(x: float) -> float:
+    return 2.0 * inner(x)
+"""
+PROGRAM = """
+import logging
+logging.basicConfig(format="%(message)s")
+from bodycam_ros.kernels.preparation import prepare_kernels
+prepare_kernels()
+from bodycam_ros.outer import outer
+print(outer(3.0), "compiled" if outer.stats.cache_misses or not outer.stats.cache_hits else "loaded")
+"""
+WITHOUT_PRIVILEGES = ["setpriv", "--inh-caps=-all", "--bounding-set=-all"]
+"""Runs a program as a root that file permissions hold for."""
+
+
+@pytest.fixture
+def installation(tmp_path: Path) -> Path:
+    """A package of its own with the real code of ``kernels``, and two kernels in two files."""
+    package = tmp_path / "site" / "bodycam_ros"
+    shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "__init__.py").touch()
+    (package / "inner.py").write_text(INNER)
+    (package / "outer.py").write_text(OUTER)
+    folder = package / "kernels" / "kernel_folder.py"
+    source, count = re.subn(
+        r"^KERNEL_FILES = \(.*?\)$", 'KERNEL_FILES = ("inner.py", "outer.py")', folder.read_text(), flags=re.S | re.M
+    )
+    assert count == 1
+    folder.write_text(source)
+    return package
+
+
+def start(installation: Path, *prefix: str, **environment: str) -> "subprocess.Popen[str]":
+    place = installation.parent.parent
+    surroundings = {name: text for name, text in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
+    surroundings |= {"PYTHONPATH": str(installation.parent), "HOME": str(place / "home"), "TMPDIR": str(place / "tmp")}
+    surroundings |= {"PYTHONDONTWRITEBYTECODE": "1", **environment}
+    (place / "tmp").mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [*prefix, sys.executable, "-c", PROGRAM],
+        cwd=place,
+        env=surroundings,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def run(installation: Path, *prefix: str, **environment: str) -> tuple[str, str]:
+    """What the program printed, and what it said."""
+    return result(start(installation, *prefix, **environment))
+
+
+def result(process: "subprocess.Popen[str]") -> tuple[str, str]:
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    return out.strip(), error
+
+
+def kept(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.nbc"))
+
+
+def forbid(folder: Path) -> None:
+    """Keep everybody, root too, from making a folder."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.touch()
+
+
+def test_the_first_run_says_that_it_compiles_and_the_next_loads(installation: Path) -> None:
+    out, said = run(installation)
+    assert out == "8.0 compiled"
+    assert said.startswith("compiling the numerical kernels for this machine, once") and said.count("\n") == 1
+    assert kept(installation / "__pycache__") and not (installation.parent.parent / "home").exists()
+    assert run(installation) == ("8.0 loaded", "")
+
+
+def test_a_kernel_that_another_calls_is_no_longer_as_it_was(installation: Path) -> None:
+    run(installation)
+    before = kept(installation)
+    (installation / "inner.py").write_text(INNER.replace("1.0", "2.0"))
+    out, said = run(installation)
+    assert out.startswith("10.0") and "compiling" in said
+    assert not any(file.exists() for file in before)
+
+
+@pytest.mark.parametrize("harm", ["cut", "scribbled"])
+def test_what_is_damaged_is_compiled_again(installation: Path, harm: str) -> None:
+    run(installation)
+    file = kept(installation)[0]
+    content = file.read_bytes()
+    file.write_bytes(content[:100] if harm == "cut" else bytes(len(content)))
+    out, said = run(installation)
+    assert out.startswith("8.0")
+    assert ("compiling" in said) == (harm == "cut")  # the size alone is looked at beforehand
+    assert run(installation) == ("8.0 loaded", "")
+
+
+def test_two_that_start_at_once_compile_once(installation: Path) -> None:
+    processes = [start(installation) for _ in range(2)]
+    results = [result(process) for process in processes]
+    assert sorted(out for out, _ in results) == ["8.0 compiled", "8.0 loaded"]
+    assert "".join(said for _, said in results).count("compiling") == 1
+
+
+def test_a_read_only_installation_keeps_them_with_the_user(installation: Path) -> None:
+    forbid(installation / "__pycache__")
+    out, said = run(installation)
+    assert out == "8.0 compiled" and "compiling" in said
+    assert kept(installation.parent.parent / "home" / ".cache" / "bodycam_ros")
+    assert run(installation) == ("8.0 loaded", "")
+
+
+def test_without_a_home_they_are_kept_among_the_users_temporary_files(installation: Path) -> None:
+    forbid(installation / "__pycache__")
+    assert "compiling" in run(installation, HOME="/dev/null")[1]
+    assert run(installation, HOME="/dev/null") == ("8.0 loaded", "")
+    (folder,) = (installation.parent.parent / "tmp").iterdir()
+    assert kept(folder) and stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_without_any_place_they_are_compiled_in_memory_and_that_is_said(installation: Path) -> None:
+    forbid(installation / "__pycache__")
+    others = installation.parent.parent / "tmp" / f"bodycam_ros-{os.getuid()}"
+    others.mkdir(parents=True)
+    others.chmod(0o777)  # anybody could put code here
+    out, said = run(installation, HOME="/dev/null")
+    assert out == "8.0 compiled"
+    assert "there is no folder to keep them in; set NUMBA_CACHE_DIR" in said
+
+
+def test_numbas_own_folder_comes_first(installation: Path, tmp_path: Path) -> None:
+    out, _ = run(installation, NUMBA_CACHE_DIR=str(tmp_path / "numba"))
+    assert out == "8.0 compiled" and kept(tmp_path / "numba") and not (installation / "__pycache__").exists()
+
+
+def test_a_read_only_installation_that_came_with_them_is_enough(installation: Path) -> None:
+    prefix = WITHOUT_PRIVILEGES if os.getuid() == 0 else []
+    if prefix and (shutil.which(prefix[0]) is None or subprocess.run([*prefix, "true"]).returncode):
+        pytest.skip("root may write everywhere here")
+    run(installation)
+    there = sorted(installation.rglob("*"))
+    for path in [installation, *there]:
+        path.chmod(0o555)
+    try:
+        with pytest.raises(AssertionError, match="Permission denied"):
+            run(installation, *prefix, sys.executable, "-c", f"open({str(installation / 'x')!r}, 'w')")
+        assert run(installation, *prefix, HOME="/dev/null") == ("8.0 loaded", "")
+    finally:
+        for path in [installation, *there]:
+            path.chmod(0o755)
+    assert sorted(installation.rglob("*")) == there
+
+
+def test_every_file_with_kernels_is_known() -> None:
+    holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
+    assert holding == set(KERNEL_FILES)
