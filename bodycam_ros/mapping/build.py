@@ -17,6 +17,7 @@ from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs, in_parallel
 from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
+from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _LOG = logging.getLogger(__name__)
@@ -75,6 +76,9 @@ def build_map(
         seen = [by_name[name] for name in structure.names]
         chosen = choose_descriptors(structure, seen, camera, settings.descriptors)
         advance()
+    kept = None
+    if settings.kept.keep:
+        kept = small_photographs(photographs.folder, structure, camera, settings.kept, workers, timed)
     registrations = registration_table([image.name for image in features], structure, camera, tags)
     residual = None if alignment is None else alignment.residual
     reference_map = ReferenceMap(
@@ -89,6 +93,7 @@ def build_map(
         image_names=tuple(structure.names),
         metric=alignment is not None,
         gravity_aligned=board is not None and board.map_R_board is not None,
+        photographs=kept,
         summary=map_summary(photographs, structure, camera, settings, residual, registrations),
     )
     return BuiltMap(reference_map, structure, camera, registrations, residual, timed.seconds)

@@ -7,6 +7,7 @@ from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
+from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
 from bodycam_ros.settings import SettingsGroups, setting
 
 
@@ -49,5 +50,6 @@ class MapSettings(SettingsGroups):
     pairs: PairSettings = PairSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     descriptors: DescriptorSettings = DescriptorSettings()
+    kept: SmallPhotographSettings = SmallPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -25,7 +26,7 @@ from bodycam_ros.yaml_file import read_yaml
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
-_PARTS = re.compile(r"map\.yaml|landmarks\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)")
+_PARTS = re.compile(r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)")
 
 _REMEDY = "build it with photographs of the AprilTag board (bodycam map)"
 
@@ -49,6 +50,7 @@ class ReferenceMap:
         image_names: their K file names.
         metric: whether lengths are metres; without a board the scale is arbitrary.
         gravity_aligned: whether z points up.
+        photographs: what the landmarks look like; None in maps that were made without.
         summary: what ``map.yaml`` says: how and from what the map was made.
     """
 
@@ -63,6 +65,7 @@ class ReferenceMap:
     image_names: tuple[str, ...]
     metric: bool
     gravity_aligned: bool
+    photographs: MapPhotographs | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -94,6 +97,7 @@ class ReferenceMap:
             image_names=tuple(map(str, names.ravel())),
             metric=_flag(summary, "metric", path),
             gravity_aligned=_flag(summary, "gravity_aligned", path),
+            photographs=MapPhotographs.load(path, arrays["world_T_camera"], len(arrays["landmark_ids"])),
             summary=summary,
         )
         reference_map._check(path)
@@ -116,6 +120,8 @@ class ReferenceMap:
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
             folder.mkdir()
             np.savez_compressed(folder / _ARRAYS_FILE, **arrays)
+            if self.photographs is not None:
+                self.photographs.save(folder)
             (folder / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))
             if also is not None:
                 also(folder)
