@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.sigutils import normalize_signature
+from numpy.typing import NDArray
 
 from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE, kernel_folder
 
@@ -38,6 +40,11 @@ def kernel(*signatures: str) -> Callable[[F], F]:
         return cast(F, dispatcher)
 
     return compiled
+
+
+def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
+    """An array as the kernels are compiled for it: float64, row by row, writable; itself if it is that already."""
+    return np.require(values, np.float64, ("C", "A", "W", "E"))
 
 
 def compile_all() -> None:

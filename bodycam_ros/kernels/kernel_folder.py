@@ -22,7 +22,12 @@ import numpy as np
 
 PACKAGE = Path(__file__).parent.parent
 
-KERNEL_FILES = ("camera/lens_kernels.py",)
+KERNEL_FILES = (
+    "camera/lens_kernels.py",
+    "geometry_kernels.py",
+    "registration/residual_scale.py",
+    "registration/pose_kernels.py",
+)
 """All that hold kernels, in the order in which they are compiled."""
 
 _CONTENTS = "complete.json"
