@@ -23,8 +23,8 @@ def fit_pose_in_numpy(
     settings: PoseFitSettings,
     motion: ImageMotion | None = None,
 ) -> PoseFit:
-    problem = _Problem(camera, np.asarray(points_world, np.float64), pixels, settings, motion)
-    at = _Point(world_T_camera, np.zeros(6), motion.readout_time if motion else 0.0)
+    problem = Problem(camera, np.asarray(points_world, np.float64), pixels, settings, motion)
+    at = Point(world_T_camera, np.zeros(6), motion.readout_time if motion else 0.0)
     scale = None
     for _ in range(settings.iterations):
         equations = problem.linearise(at, scale)
@@ -53,7 +53,7 @@ def fit_pose_in_numpy(
 
 
 @dataclass(frozen=True)
-class _Point:
+class Point:
     """Where the fit is.
 
     Attributes:
@@ -66,23 +66,23 @@ class _Point:
     bend: NDArray[np.float64]
     readout_time: float
 
-    def moved(self, step: NDArray[np.float64]) -> "_Point":
+    def moved(self, step: NDArray[np.float64]) -> "Point":
         """After a step of the pose (6), or of all (13)."""
         pose = self.world_T_camera @ exp_se3(np.clip(step[:6], -0.5, 0.5))
         if len(step) == 6:
-            return _Point(pose, self.bend, self.readout_time)
+            return Point(pose, self.bend, self.readout_time)
         readout_time = float(np.clip(self.readout_time + step[12], -LONGEST_READOUT_S, LONGEST_READOUT_S))
-        return _Point(pose, self.bend + step[6:12], readout_time)
+        return Point(pose, self.bend + step[6:12], readout_time)
 
 
 @dataclass(frozen=True)
-class _Equations:
+class Equations:
     """The fit linearised at a point: pose (6) and, where rows are read out one by one, bend (6) and read-out time (1).
 
     ``jacobian`` (2V, K), ``weights`` (2V,) and ``residuals`` (2V,) are those of the V landmarks in view.
     """
 
-    at: _Point
+    at: Point
     hessian: NDArray[np.float64]
     gradient: NDArray[np.float64]
     errors_px: NDArray[np.float64]
@@ -106,7 +106,7 @@ class _Equations:
         return np.asarray(self.hessian[:6, :6] - across @ np.linalg.solve(self.hessian[6:, 6:], across.T))
 
 
-class _Problem:
+class Problem:
     """One image's landmarks, and how the camera moves meanwhile."""
 
     def __init__(
@@ -125,7 +125,7 @@ class _Problem:
             sigmas = np.append(self._motion.sigmas, max(self._motion.readout_sigma, _FIXED_READOUT))
             self._stiffness = (settings.pixel_sigma / sigmas) ** 2
 
-    def linearise(self, at: _Point, scale_px: float | None) -> _Equations:
+    def linearise(self, at: Point, scale_px: float | None) -> Equations:
         """The equations at a point.
 
         Without a scale [px] of the kernel the errors give it: twice their median, which the right landmarks lie within.
@@ -159,9 +159,9 @@ class _Problem:
         if motion is not None:
             hessian[range(6, 13), range(6, 13)] += self._stiffness
             gradient[6:] += self._stiffness * np.append(at.bend, at.readout_time - motion.readout_time)
-        return _Equations(at, hessian, gradient, errors, scale_px, jacobian, weights, residuals.ravel())
+        return Equations(at, hessian, gradient, errors, scale_px, jacobian, weights, residuals.ravel())
 
-    def shifts(self, at: _Point) -> NDArray[np.float64]:
+    def shifts(self, at: Point) -> NDArray[np.float64]:
         """How far (N, 2) the read-out of the rows moves the landmarks in the image [px]."""
         if self._motion is None:
             return np.zeros((len(self._pixels), 2))
@@ -170,7 +170,7 @@ class _Problem:
         moved = seen_later(points, twist, at.readout_time * self._shares)
         return np.nan_to_num(self._camera.project(moved)[0] - self._camera.project(points)[0])
 
-    def readout(self, equations: _Equations) -> tuple[float, float]:
+    def readout(self, equations: Equations) -> tuple[float, float]:
         """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""
         motion = self._motion
         if motion is None or motion.readout_sigma == 0.0 or not len(equations.residuals):
