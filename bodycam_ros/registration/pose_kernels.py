@@ -92,11 +92,17 @@ def fit_kernel(
         step, found = _gauss_newton_step(hessian, gradient)
         if not found:
             break
-        pose = compose(pose, exp_se3(np.clip(step[:6], -_LONGEST_STEP, _LONGEST_STEP)))
+        largest, step_of_pose = 0.0, np.empty(6)
+        for k in range(6):
+            largest = max(largest, abs(step[k]))
+            step_of_pose[k] = min(max(step[k], -_LONGEST_STEP), _LONGEST_STEP)
+        pose = compose(pose, exp_se3(step_of_pose))
         if len(motion):
-            bend = bend + step[6:12]
+            bend = bend.copy()
+            for k in range(6):
+                bend[k] += step[6 + k]
             readout_time = min(max(readout_time + step[12], -LONGEST_READOUT_S), LONGEST_READOUT_S)
-        if scale_px <= inlier_px and np.abs(step[:6]).max() < _CONVERGED:
+        if scale_px <= inlier_px and largest < _CONVERGED:
             break
     inliers = errors_px < inlier_px
     variance = (pixel_sigma * residual_scale(errors_px, inliers, pixel_sigma)) ** 2
