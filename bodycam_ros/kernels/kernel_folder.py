@@ -31,6 +31,9 @@ KERNEL_FILES = (
 )
 """All that hold kernels, in the order in which they are compiled."""
 
+CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels/kernel.py")
+"""All else that is compiled into them."""
+
 _CONTENTS = "complete.json"
 
 
@@ -63,7 +66,7 @@ def folder_name() -> str:
         numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name(),
         numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten(),
     )
-    sources = [(PACKAGE / file).read_bytes() for file in ("kernels/kernel.py", *KERNEL_FILES)]
+    sources = [(PACKAGE / file).read_bytes() for file in (*KERNEL_FILES, *CONSTANT_FILES)]
     return f"{_short_hash(*(text.encode() for text in machine))}-{_short_hash(*sources)}"
 
 

@@ -1,5 +1,6 @@
 """Kernels are compiled once, wherever that can be kept: real processes on an installation with two small kernels."""
 
+import ast
 import os
 import re
 import shutil
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE
+from bodycam_ros.kernels.kernel_folder import CONSTANT_FILES, KERNEL_FILES, PACKAGE
 
 INNER = """
 from bodycam_ros.kernels.kernel import kernel
@@ -43,6 +44,9 @@ def installation(tmp_path: Path) -> Path:
     package = tmp_path / "site" / "bodycam_ros"
     shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
     (package / "__init__.py").touch()
+    for file in CONSTANT_FILES:
+        (package / file).parent.mkdir(exist_ok=True)
+        shutil.copy(PACKAGE / file, package / file)
     (package / "inner.py").write_text(INNER)
     (package / "outer.py").write_text(OUTER)
     folder = package / "kernels" / "kernel_folder.py"
@@ -179,3 +183,11 @@ def test_a_read_only_installation_that_came_with_them_is_enough(installation: Pa
 def test_every_file_with_kernels_is_known() -> None:
     holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
     assert holding == set(KERNEL_FILES)
+
+
+def test_everything_that_is_compiled_into_kernels_is_known() -> None:
+    for file in KERNEL_FILES:
+        for node in ast.parse((PACKAGE / file).read_text()).body:  # not what is imported for types alone
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("bodycam_ros."):
+                source = str(node.module).removeprefix("bodycam_ros.").replace(".", "/") + ".py"
+                assert source in (*KERNEL_FILES, *CONSTANT_FILES), f"{file} imports {source}"
