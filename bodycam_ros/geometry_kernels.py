@@ -37,7 +37,7 @@ def inverse(a_T_b: Array) -> Array:
     return b_T_a
 
 
-@kernel()
+@kernel("(f8[::1],)")
 def exp_se3(xi: Array) -> Array:
     """Transform of a tangent vector, rotation [rad] then translation."""
     x, y, z = xi[0], xi[1], xi[2]
@@ -60,9 +60,16 @@ def exp_se3(xi: Array) -> Array:
     return T
 
 
+@kernel("(f8[:, ::1],)")
+def log_so3(R: Array) -> Array:
+    """Rotation vector (3,) [rad], at most pi long, of a rotation (3, 3), or of a transform's."""
+    w = np.empty(3)
+    w[0], w[1], w[2] = _rotation_vector(R)
+    return w
+
+
 @kernel()
-def log_so3(R: Array) -> tuple[float, float, float]:
-    """Rotation vector [rad], at most pi long, of a rotation (3, 3), or of a transform's."""
+def _rotation_vector(R: Array) -> tuple[float, float, float]:
     xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
     sums = (1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz, 1.0 + xx + yy + zz)
     # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
@@ -83,11 +90,11 @@ def log_so3(R: Array) -> tuple[float, float, float]:
     return gain * x, gain * y, gain * z
 
 
-@kernel()
+@kernel("(f8[:, ::1],)")
 def log_se3(T: Array) -> Array:
     """Tangent vector (6,) of a transform, rotation [rad] then translation."""
     xi = np.empty(6)
-    x, y, z = log_so3(T)
+    x, y, z = _rotation_vector(T)
     xi[0], xi[1], xi[2] = x, y, z
     squared = x * x + y * y + z * z
     angle = math.sqrt(squared) + _TINY
