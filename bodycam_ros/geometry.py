@@ -116,6 +116,8 @@ def nearest_rotation(M: NDArray[np.floating]) -> Array:
 
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
+    if R.ndim == 2:
+        return geometry_kernels.quaternion_xyzw(as_rows(R))
     M = R.reshape(-1, 9).T
     xx, yy, zz = M[0], M[4], M[8]
     # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.

@@ -68,8 +68,24 @@ def log_so3(R: Array) -> Array:
     return w
 
 
+@kernel("(f8[:, ::1],)")
+def quaternion_xyzw(R: Array) -> Array:
+    """Unit quaternion (4,), x y z w with w >= 0, of a rotation (3, 3), or of a transform's."""
+    q = np.empty(4)
+    q[0], q[1], q[2], q[3] = _quaternion(R)
+    return q
+
+
 @kernel()
 def _rotation_vector(R: Array) -> tuple[float, float, float]:
+    x, y, z, w = _quaternion(R)
+    sine = math.sqrt(x * x + y * y + z * z) + _TINY
+    gain = 2.0 * math.atan2(sine, w) / sine
+    return gain * x, gain * y, gain * z
+
+
+@kernel()
+def _quaternion(R: Array) -> tuple[float, float, float, float]:
     xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
     sums = (1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz, 1.0 + xx + yy + zz)
     # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
@@ -84,10 +100,7 @@ def _rotation_vector(R: Array) -> tuple[float, float, float]:
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if w < 0.0:
         length = -length
-    x, y, z, w = x / length, y / length, z / length, w / length
-    sine = math.sqrt(x * x + y * y + z * z) + _TINY
-    gain = 2.0 * math.atan2(sine, w) / sine
-    return gain * x, gain * y, gain * z
+    return x / length, y / length, z / length, w / length
 
 
 @kernel("(f8[:, ::1],)")

@@ -44,6 +44,8 @@ def test_one_alone_is_as_among_others(poses: np.ndarray) -> None:
         np.testing.assert_allclose([geometry.log_se3(T) for T in Ts], geometry.log_se3(Ts), atol=1e-14)
         Rs = Ts[:, :3, :3]
         np.testing.assert_allclose([geometry.log_so3(R) for R in Rs], geometry.log_so3(Rs), atol=1e-14)
+        quaternions = [geometry.quaternion_xyzw(R) for R in Rs]
+        np.testing.assert_allclose(quaternions, geometry.quaternion_xyzw(Rs), atol=1e-15)
 
 
 def test_half_turn_has_a_logarithm() -> None:
