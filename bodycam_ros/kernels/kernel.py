@@ -19,6 +19,7 @@ from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE, kernel_fold
 F = TypeVar("F", bound=Callable[..., Any])
 
 _entries: list[tuple[Any, tuple[str, ...]]] = []
+_unsaved: list[str] = []
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
@@ -53,6 +54,11 @@ def compile_all() -> None:
         for signature in signatures:
             arguments, _ = normalize_signature(signature)
             dispatcher.compile(tuple(arguments))
+
+
+def all_saved() -> bool:
+    """Whether the disk took all that was compiled by this process."""
+    return not _unsaved
 
 
 def _is_kept(function: Callable[..., Any]) -> bool:
@@ -93,5 +99,5 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
             super().save_overload(signature, data)
-        except OSError:
-            return
+        except OSError as error:
+            _unsaved.append(str(error))

@@ -56,7 +56,7 @@ def estimate_rotation(
     if count < settings.min_inliers:
         return np.eye(3), np.zeros(count, bool)
     samples = np.random.default_rng(seed).integers(0, count, (2, settings.hypotheses))
-    max_chord = 2 * np.sin(np.radians(settings.inlier_angle_deg) / 2)
+    max_chord = float(2 * np.sin(np.radians(settings.inlier_angle_deg) / 2))
     return agreed_rotation(
         as_rows(bearings_previous), as_rows(bearings_current), samples, max_chord, settings.min_inliers
     )

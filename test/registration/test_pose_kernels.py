@@ -7,6 +7,7 @@ from numpy_pose_fit import fit_pose_in_numpy
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, inverse, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.registration.pose_kernels import fit_kernel
 from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares, seen_later
 
 LENSES = {
@@ -92,7 +93,8 @@ def test_what_is_given_is_left_as_it_is(camera: CameraModel) -> None:
         array.flags.writeable = False
     fit = fit_pose(camera, points.astype(np.float32), pixels.astype(np.float32), start, PoseFitSettings(), moving)
     assert fit.inliers.sum() > 15
-    fit_pose(camera, points, pixels, start, PoseFitSettings(), moving)
+    fit_pose(camera, points, pixels, start, PoseFitSettings(pixel_sigma=1, inlier_px=3, start_px=9), moving)
+    assert len(fit_kernel.signatures) == 1  # for other types it would be compiled again
     for array, copy in zip(given, before, strict=True):
         np.testing.assert_array_equal(array, copy)
     assert inverse(fit.world_T_camera).flags.writeable
