@@ -175,6 +175,15 @@ def test_without_any_place_they_are_compiled_in_memory_and_that_is_said(installa
     assert "there is no folder to keep them in; set NUMBA_CACHE_DIR" in said and said.count("\n") == 1
 
 
+def test_a_full_disk_costs_time_and_nothing_else(installation: Path) -> None:
+    if shutil.which("prlimit") is None:
+        pytest.skip("there is no prlimit here")
+    assert run(installation, "prlimit", "--fsize=4096")[0] == "8.0 compiled"
+    out, said = run(installation)
+    assert out == "8.0 compiled" and "compiling" in said
+    assert run(installation) == ("8.0 loaded", "")
+
+
 def test_numbas_own_folder_comes_first(installation: Path, tmp_path: Path) -> None:
     out, _ = run(installation, NUMBA_CACHE_DIR=str(tmp_path / "numba"))
     assert out == "8.0 compiled" and kept(tmp_path / "numba") and not (installation / "__pycache__").exists()
