@@ -1,12 +1,16 @@
 """Rigid transforms, rotations and their averages, as plain NumPy arrays.
 
 ``a_T_b`` is a (4, 4) matrix that maps coordinates in frame b to frame a. Tangent vectors are gtsam's: rotation [rad]
-first, then translation, in the moving frame: ``a_T_b @ exp_se3(xi)``. Functions marked (...) work on any leading shape.
+first, then translation, in the moving frame: ``a_T_b @ exp_se3(xi)``. Functions marked (...) work on any leading shape;
+where it costs most, one alone is left to ``geometry_kernels``.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from bodycam_ros import geometry_kernels
+from bodycam_ros.kernels.kernel import as_rows
 
 Array = NDArray[np.float64]
 
@@ -56,6 +60,8 @@ def exp_so3(w: Array) -> Array:
 
 def log_so3(R: Array) -> Array:
     """Rotation vector (..., 3) [rad], at most pi long, of a rotation (..., 3, 3)."""
+    if R.ndim == 2:
+        return geometry_kernels.log_so3(as_rows(R))
     q = quaternion_xyzw(R)
     sine = np.sqrt((q[..., :3] ** 2).sum(axis=-1, keepdims=True)) + _TINY
     w: Array = q[..., :3] * (2.0 * np.arctan2(sine, q[..., 3:]) / sine)
@@ -64,6 +70,8 @@ def log_so3(R: Array) -> Array:
 
 def exp_se3(xi: Array) -> Array:
     """Transform (..., 4, 4) of a tangent vector (..., 6); gtsam's ``Pose3.Expmap``."""
+    if xi.ndim == 1:
+        return geometry_kernels.exp_se3(as_rows(xi))
     angle = _length(xi[..., :3])
     W = hat(xi[..., :3])
     W2 = W @ W
@@ -76,6 +84,8 @@ def exp_se3(xi: Array) -> Array:
 
 def log_se3(T: Array) -> Array:
     """Tangent vector (..., 6) of a transform (..., 4, 4); gtsam's ``Pose3.Logmap``."""
+    if T.ndim == 2:
+        return geometry_kernels.log_se3(as_rows(T))
     w = log_so3(T[..., :3, :3])
     angle = _length(w)
     half = np.maximum(angle, _SMALL_ANGLE) / 2.0
@@ -106,6 +116,8 @@ def nearest_rotation(M: NDArray[np.floating]) -> Array:
 
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
+    if R.ndim == 2:
+        return geometry_kernels.quaternion_xyzw(as_rows(R))
     M = R.reshape(-1, 9).T
     xx, yy, zz = M[0], M[4], M[8]
     # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.

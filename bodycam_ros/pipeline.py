@@ -29,7 +29,6 @@ from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
@@ -153,6 +152,9 @@ class SkeletonPipeline:
 
     def _begin(self) -> None:
         """Nothing is known of the motion."""
+        # Loads gtsam, which trackers and registrations do without.
+        from bodycam_ros.solving.body_smoother import BodySmoother
+
         of = self._settings
         self._smoother = BodySmoother(
             self.body,

@@ -34,6 +34,20 @@ def test_exponential_and_logarithm_are_gtsams(xi: np.ndarray) -> None:
     np.testing.assert_allclose(geometry.log_so3(T[:3, :3]), xi[:3], atol=1e-8)
 
 
+def test_one_alone_is_as_among_others(poses: np.ndarray) -> None:
+    rng = np.random.default_rng(3)
+    xis = np.concatenate([TANGENTS, rng.normal(size=(20, 6)), rng.normal(size=(20, 6)) * 1e-5])
+    diagonals = [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
+    half_turns = geometry.rigid(np.array([np.diag(diagonal) for diagonal in diagonals]), poses[:3, :3, 3])
+    np.testing.assert_allclose([geometry.exp_se3(xi) for xi in xis], geometry.exp_se3(xis), atol=1e-15)
+    for Ts in (poses, geometry.exp_se3(xis), half_turns):
+        np.testing.assert_allclose([geometry.log_se3(T) for T in Ts], geometry.log_se3(Ts), atol=1e-14)
+        Rs = Ts[:, :3, :3]
+        np.testing.assert_allclose([geometry.log_so3(R) for R in Rs], geometry.log_so3(Rs), atol=1e-14)
+        quaternions = [geometry.quaternion_xyzw(R) for R in Rs]
+        np.testing.assert_allclose(quaternions, geometry.quaternion_xyzw(Rs), atol=1e-15)
+
+
 def test_half_turn_has_a_logarithm() -> None:
     T = geometry.rigid(np.diag([1.0, -1.0, -1.0]), np.array([1.0, 2.0, 3.0]))
     xi = geometry.log_se3(T)

@@ -10,7 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from bodycam_ros.camera.model import EDGE, FARTHEST, NEAREST, Array, CameraModel, Mask, largest_regular_angle
+from bodycam_ros.camera.lens_kernels import EQUIDISTANT, FOV, lens_vector
+from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
+from bodycam_ros.camera.model import Array, CameraModel, Mask, largest_regular_angle
 
 _WIDEST = np.radians(179.0)  # straight behind the camera the direction in the image is not defined
 _TINY = 1e-300  # added to a squared distance from the axis: makes 0/0 the exact limit and vanishes elsewhere
@@ -118,6 +120,9 @@ class EquidistantCamera(AngularCamera):
     distortion_model = "equidistant"
     coefficients = ("k1", "k2", "k3", "k4")
 
+    def _parameters(self) -> Array:
+        return lens_vector(EQUIDISTANT, self, self.max_radius, self.regular_angle, self.distortion, *self.start_table)
+
     def _radius(self, angle: Array) -> Array:
         k1, k2, k3, k4 = self.distortion
         a2 = angle * angle
@@ -170,6 +175,9 @@ class FovCamera(AngularCamera):
     def stretch(self) -> float:
         """2 tan(omega / 2)."""
         return float(2.0 * np.tan(self.omega / 2.0))
+
+    def _parameters(self) -> Array:
+        return lens_vector(FOV, self, self.max_radius, self.regular_angle, (self.omega, self.stretch))
 
     def _radius(self, angle: Array) -> Array:
         return np.arctan2(self.stretch * np.sin(angle), np.cos(angle)) / self.omega

@@ -5,20 +5,21 @@ Every kernel takes the lens as a vector, ``lens_parameters``. What is not valid 
 """
 
 import math
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
-from bodycam_ros.camera.model import EDGE, FARTHEST, NEAREST, CameraModel
-from bodycam_ros.camera.perspective import PerspectiveCamera
+from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
 from bodycam_ros.kernels.kernel import kernel
+
+if TYPE_CHECKING:
+    from bodycam_ros.camera.model import CameraModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_PERSPECTIVE, _EQUIDISTANT, _FOV = 0.0, 1.0, 2.0
+PERSPECTIVE, EQUIDISTANT, FOV = 0.0, 1.0, 2.0
 _MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, _MAX_ANGLE, _MAX_RADIUS, _REGULAR_ANGLE = range(10)
 _COEFFICIENTS = 10
 _TABLE = (
@@ -30,40 +31,26 @@ _MAX_STEPS = 20
 _CONVERGED = 1e-14
 _ACCEPTED = 1e-11
 
-_parameters: WeakKeyDictionary[CameraModel, Array] = WeakKeyDictionary()
 
-
-def lens_parameters(camera: CameraModel) -> Array:
+def lens_parameters(camera: "CameraModel") -> Array:
     """The lens of a camera as all kernels take it: a vector, made once per camera; not to be changed."""
-    parameters = _parameters.get(camera)
-    if parameters is None:
-        parameters = _parameters[camera] = _made_parameters(camera)
-    return parameters
+    return camera.parameters
 
 
-def _made_parameters(camera: CameraModel) -> Array:
+def lens_vector(
+    model: float,
+    camera: "CameraModel",
+    max_radius: float,
+    regular_angle: float,
+    coefficients: tuple[float, ...],
+    *start_table: Array,
+) -> Array:
+    """Put together what the kernels of a model need of a camera; see the models for what it is."""
     head = np.zeros(_TABLE)
-    head[_WIDTH : _CY + 1] = camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
-    head[_MAX_ANGLE] = camera.max_angle
-    head[_COEFFICIENTS : _COEFFICIENTS + len(camera.distortion)] = camera.distortion
-    table: tuple[Array, ...] = ()
-    match camera:
-        case PerspectiveCamera():
-            head[_MODEL], head[_MAX_RADIUS] = _PERSPECTIVE, camera.max_radius
-            table = camera.start_table
-        case EquidistantCamera():
-            head[_MODEL], head[_MAX_RADIUS], head[_REGULAR_ANGLE] = (
-                _EQUIDISTANT,
-                camera.max_radius,
-                camera.regular_angle,
-            )
-            table = camera.start_table
-        case FovCamera():
-            head[_MODEL], head[_MAX_RADIUS] = _FOV, camera.max_radius
-            head[_COEFFICIENTS : _COEFFICIENTS + 2] = camera.omega, camera.stretch
-        case _:
-            raise TypeError(f"there is no kernel for {type(camera).__name__}")
-    return np.concatenate([head, *table])
+    head[: _CY + 1] = model, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
+    head[_MAX_ANGLE : _REGULAR_ANGLE + 1] = camera.max_angle, max_radius, regular_angle
+    head[_COEFFICIENTS : _COEFFICIENTS + len(coefficients)] = coefficients
+    return np.concatenate([head, *start_table])
 
 
 @kernel("(f8[::1], f8[:, ::1])")
@@ -106,7 +93,7 @@ def unproject_pixels(lens: Array, pixels: Array) -> tuple[Array, Mask]:
 @kernel()
 def project_point(lens: Array, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Pixel (u, v) of a point [m] in the camera frame, and whether it is valid."""
-    if lens[_MODEL] == _PERSPECTIVE:
+    if lens[_MODEL] == PERSPECTIVE:
         px, py = x / z, y / z
         r2 = px * px + py * py
         gain = _gain(lens, r2) + 2.0 * lens[_COEFFICIENTS + 2] * py + 2.0 * lens[_COEFFICIENTS + 3] * px
@@ -131,7 +118,7 @@ def project_point_with_jacobian(
 ) -> tuple[float, float, bool, float, float, float, float, float, float]:
     """As ``project_point``, then the derivatives [px/m] of u by x, y and z, and those of v."""
     fx, fy = lens[_FX], lens[_FY]
-    if lens[_MODEL] == _PERSPECTIVE:
+    if lens[_MODEL] == PERSPECTIVE:
         px, py = x / z, y / z
         x_distorted, y_distorted, xx, xy, yy = _distort_plane(lens, px, py)
         xx, xy, yy = xx / z, xy / z, yy / z
@@ -161,7 +148,7 @@ def project_point_with_jacobian(
 def unproject_pixel(lens: Array, u: float, v: float) -> tuple[float, float, float, bool]:
     """Unit bearing (x, y, z) in the camera frame of a pixel, and whether it is valid."""
     x_distorted, y_distorted = (u - lens[_CX]) / lens[_FX], (v - lens[_CY]) / lens[_FY]
-    if lens[_MODEL] == _PERSPECTIVE:
+    if lens[_MODEL] == PERSPECTIVE:
         return _undistort_perspective(lens, x_distorted, y_distorted)
     radius = math.sqrt(x_distorted**2 + y_distorted**2 + _TINY)
     if not radius <= lens[_MAX_RADIUS] + EDGE:
@@ -247,7 +234,7 @@ def _undistort_perspective(lens: Array, x_wanted: float, y_wanted: float) -> tup
 
 @kernel()
 def _radius_and_slope(lens: Array, angle: float) -> tuple[float, float]:
-    if lens[_MODEL] == _FOV:
+    if lens[_MODEL] == FOV:
         omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
         sin, cos = stretch * math.sin(angle), math.cos(angle)
         return math.atan2(sin, cos) / omega, stretch / omega / (sin * sin + cos * cos)
@@ -260,7 +247,7 @@ def _radius_and_slope(lens: Array, angle: float) -> tuple[float, float]:
 
 @kernel()
 def _angle(lens: Array, radius: float) -> float:
-    if lens[_MODEL] == _FOV:
+    if lens[_MODEL] == FOV:
         omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
         phase = omega * radius
         return math.atan2(math.sin(phase), stretch * math.cos(phase))

@@ -3,21 +3,25 @@
 The camera frame is ROS' optical frame: x right, y down, z along the optical axis. Pixels are OpenCV's: the centre of
 the top left pixel is (0, 0). A model distorts a point to coordinates in units of the focal length; this class turns
 those to pixels and keeps what lies outside the model's valid cone from passing as a measurement.
+
+``lens_kernels`` compute all this. The same in NumPy, where the models are explained, is there under names that say so;
+tests hold the two together.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.lens_kernels import project_points, project_points_with_jacobian, unproject_pixels
+from bodycam_ros.kernels.kernel import as_rows
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-NEAREST = 1e-9  # [m] a point closer to the projection centre has no direction
-EDGE = 1e-9  # of an angle [rad] or radius, the rounding allowed at the cone's edge: what was unprojected projects again
-FARTHEST = 1e100  # [m] beyond it squares overflow
 _SAMPLES = 1000
 _REFINEMENTS = 4  # each divides the bracket by _SAMPLES
 
@@ -59,11 +63,34 @@ class CameraModel(ABC):
         self.distortion = distortion
         self._focal_lengths = np.array([[fx], [fy]])
 
+    @cached_property
+    def parameters(self) -> Array:
+        """The lens as ``lens_kernels`` take it; not to be changed."""
+        return self._parameters()
+
     def project(self, points_camera: NDArray[np.floating]) -> tuple[Array, Mask]:
         """Pixels (N, 2) of points (N, 3) [m] in the camera frame, and which of them are valid (N,).
 
         A point outside the valid cone is a row of NaN. A valid pixel may lie outside the image: see ``in_image``.
         """
+        return project_points(self.parameters, _rows(points_camera, 3))
+
+    def project_with_jacobian(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
+        """Pixels (N, 2), their derivatives (N, 2, 3) [px/m] by the points (N, 3), and validity (N,).
+
+        Rows of pixels and derivatives outside the valid cone are NaN.
+        """
+        return project_points_with_jacobian(self.parameters, _rows(points_camera, 3))
+
+    def unproject(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
+        """Unit bearings (N, 3) in the camera frame of pixels (N, 2), and which of them are valid (N,).
+
+        A pixel that no point of the valid cone projects to is a row of NaN.
+        """
+        return unproject_pixels(self.parameters, _rows(pixels, 2))
+
+    def project_in_numpy(self, points_camera: NDArray[np.floating]) -> tuple[Array, Mask]:
+        """The same as ``project``."""
         x, y, z = _columns(points_camera, 3)
         with np.errstate(all="ignore"):
             x_distorted, y_distorted, valid = self._distort(x, y, z)
@@ -71,11 +98,8 @@ class CameraModel(ABC):
         _blank_invalid(valid, pixels)
         return pixels, valid
 
-    def project_with_jacobian(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
-        """Pixels (N, 2), their derivatives (N, 2, 3) [px/m] by the points (N, 3), and validity (N,).
-
-        Rows of pixels and derivatives outside the valid cone are NaN.
-        """
+    def project_with_jacobian_in_numpy(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
+        """The same as ``project_with_jacobian``."""
         x, y, z = _columns(points_camera, 3)
         jacobian = np.empty((len(x), 2, 3))
         with np.errstate(all="ignore"):
@@ -85,11 +109,8 @@ class CameraModel(ABC):
         _blank_invalid(valid, pixels, jacobian)
         return pixels, jacobian, valid
 
-    def unproject(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
-        """Unit bearings (N, 3) in the camera frame of pixels (N, 2), and which of them are valid (N,).
-
-        A pixel that no point of the valid cone projects to is a row of NaN.
-        """
+    def unproject_in_numpy(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
+        """The same as ``unproject``."""
         u, v = _columns(pixels, 2)
         with np.errstate(all="ignore"):
             bearings, valid = self._undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
@@ -101,6 +122,10 @@ class CameraModel(ABC):
         u, v = _columns(pixels, 2)
         inside: Mask = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         return inside
+
+    @abstractmethod
+    def _parameters(self) -> Array:
+        """Made by ``lens_kernels.lens_vector``."""
 
     @abstractmethod
     def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
@@ -137,6 +162,11 @@ def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> 
         first = max(int(np.argmin(regular)), 1)
         low, high = float(angles[first - 1]), float(angles[first])
     return low
+
+
+def _rows(values: NDArray[np.floating], count: int) -> Array:
+    """Rows (N, count) as the kernels take them, whatever singleton axes OpenCV put between."""
+    return as_rows(np.asarray(values).reshape(-1, count))
 
 
 def _columns(values: NDArray[np.floating], count: int) -> Array:

@@ -47,7 +47,7 @@ def _run(argv: Sequence[str] | None, ending: Ending) -> int:
         if isinstance(stream, TextIOWrapper):
             with suppress(OSError):  # put in the place of one that could seek
                 stream.reconfigure(errors="backslashreplace")
-    arguments = _parser().parse_args(argv)
+    arguments = _parser(sys.argv[1:] if argv is None else argv).parse_args(argv)
     import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run
     try:
@@ -82,7 +82,8 @@ def _message(error: BaseException) -> str | None:
     return None
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(argv: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Knows the command that is asked for; only where there is none does it take the time to import all."""
     parser = argparse.ArgumentParser(
         prog="bodycam",
         description="Motion capture from body-mounted cameras: images in, a metric skeleton in the world out.",
@@ -90,7 +91,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"bodycam {__version__}")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more about what happens")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
+    asked = next((word for word in argv if not word.startswith("-")), None)
+    for command in (asked,) if asked in COMMANDS else COMMANDS:
         import_module(f"bodycam_ros.cli.{command}").add_parser(subparsers)
     return parser
 

@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.sigutils import normalize_signature
+from numpy.typing import NDArray
 
 from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE, kernel_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _entries: list[tuple[Any, tuple[str, ...]]] = []
+_unsaved: list[str] = []
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
@@ -40,12 +43,22 @@ def kernel(*signatures: str) -> Callable[[F], F]:
     return compiled
 
 
+def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
+    """An array as the kernels are compiled for it: float64, row by row, writable; itself if it is that already."""
+    return np.require(values, np.float64, ("C", "A", "W", "E"))
+
+
 def compile_all() -> None:
     """Compile, or load from where they were kept, all kernels of the modules imported so far."""
     for dispatcher, signatures in _entries:
         for signature in signatures:
             arguments, _ = normalize_signature(signature)
             dispatcher.compile(tuple(arguments))
+
+
+def all_saved() -> bool:
+    """Whether the disk took all that was compiled by this process."""
+    return not _unsaved
 
 
 def _is_kept(function: Callable[..., Any]) -> bool:
@@ -86,5 +99,5 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
             super().save_overload(signature, data)
-        except OSError:
-            return
+        except OSError as error:
+            _unsaved.append(str(error))

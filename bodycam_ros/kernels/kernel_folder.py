@@ -22,8 +22,17 @@ import numpy as np
 
 PACKAGE = Path(__file__).parent.parent
 
-KERNEL_FILES = ("camera/lens_kernels.py",)
+KERNEL_FILES = (
+    "camera/lens_kernels.py",
+    "geometry_kernels.py",
+    "registration/residual_scale.py",
+    "registration/pose_kernels.py",
+    "tracking/rotation_kernels.py",
+)
 """All that hold kernels, in the order in which they are compiled."""
+
+CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels/kernel.py")
+"""All else that is compiled into them."""
 
 _CONTENTS = "complete.json"
 
@@ -57,7 +66,7 @@ def folder_name() -> str:
         numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name(),
         numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten(),
     )
-    sources = [(PACKAGE / file).read_bytes() for file in ("kernels/kernel.py", *KERNEL_FILES)]
+    sources = [(PACKAGE / file).read_bytes() for file in (*KERNEL_FILES, *CONSTANT_FILES)]
     return f"{_short_hash(*(text.encode() for text in machine))}-{_short_hash(*sources)}"
 
 

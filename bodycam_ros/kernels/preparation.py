@@ -5,10 +5,11 @@ import logging
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from bodycam_ros.kernels.kernel import compile_all
+from bodycam_ros.kernels.kernel import all_saved, compile_all
 from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, complete, is_complete, kernel_folder, stale_folders
 
 logger = logging.getLogger(__name__)
@@ -23,12 +24,7 @@ def prepare_kernels() -> None:
     """
     folder = kernel_folder()
     if folder is None:
-        logger.warning(
-            "compiling the numerical kernels takes %s at every start, for there is no folder to keep them in; set "
-            "NUMBA_CACHE_DIR to one that can be written to",
-            _HOW_LONG,
-        )
-        load_kernels()
+        _compile_for_this_process()
         return
     if is_complete(folder):
         return
@@ -37,6 +33,8 @@ def prepare_kernels() -> None:
             return
         logger.warning("compiling the numerical kernels for this machine, once; takes %s", _HOW_LONG)
         load_kernels()
+        if not all_saved():
+            return
         with suppress(OSError):
             complete(folder)
             for stale in stale_folders(folder):
@@ -48,6 +46,16 @@ def load_kernels() -> None:
     for file in KERNEL_FILES:
         import_module(f"bodycam_ros.{file.removesuffix('.py').replace('/', '.')}")
     compile_all()
+
+
+@cache
+def _compile_for_this_process() -> None:
+    logger.warning(
+        "compiling the numerical kernels takes %s at every start, for there is no folder to keep them in; set "
+        "NUMBA_CACHE_DIR to one that can be written to",
+        _HOW_LONG,
+    )
+    load_kernels()
 
 
 @contextmanager

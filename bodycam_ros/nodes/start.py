@@ -40,7 +40,9 @@ def _run(name: str) -> NoReturn:
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     if name != "player":
-        import_module("bodycam_ros.kernels.preparation").prepare_kernels()
+        preparation = import_module("bodycam_ros.kernels.preparation")
+        preparation.prepare_kernels()
+        preparation.load_kernels()
     code: int = import_module(f"bodycam_ros.nodes.{name}").main()
     for stream in (sys.stdout, sys.stderr):
         # The terminal may be gone.

@@ -1,10 +1,17 @@
-"""Arrays of an npz file of which nothing is believed until it was checked against the file's size."""
+"""Arrays of an npz file of which nothing is believed until it was checked against the file's size.
+
+What compresses badly is stored as it is, where a processor can reach it: such arrays are mapped, and shared by all
+processes that read the file.
+"""
 
 import io
 import math
+import mmap
 import os
 import stat
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,14 +23,23 @@ from bodycam_ros.errors import MapError
 
 _MOST_INFLATED = 100  # times its compressed size; descriptors shrink by a fifth, names of photographs by nine tenths
 _SMALL = 10_000_000  # [bytes] what needs no such check
+_LONGEST_HEADER = 100_000  # [bytes] of an array; numpy's own limit is below it
+_WORTH_COMPRESSING = 0.7  # of its size
+_ALIGNMENT = 64  # [bytes] of numpy's headers and of a cache line
+_LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip file: lengths of name and extra field
+_PADDING = struct.Struct("<HH")  # of an extra field: an identifier, and its length
+_PADDING_ID = 0xBC0D  # nobody's
 
 
 def read_arrays(path: Path, dtypes: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     """Read arrays without pickle, with their checksums, and without allocating more than the file can hold.
 
     Args:
-        path: an npz file.
+        path: an npz file, by ``write_arrays`` or any other.
         dtypes: name of a wanted array -> its dtype without byte order ("u4", "f8"); "U" for text of any length.
+
+    Returns:
+        The arrays. What is written to one is seen by nobody else, and stays in memory.
 
     Raises:
         MapError: the file is damaged, encrypted, or does not hold these arrays; the message names file and array.
@@ -32,10 +48,11 @@ def read_arrays(path: Path, dtypes: Mapping[str, str]) -> dict[str, NDArray[Any]
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise MapError("it is a folder, pipe or device")
-        with zipfile.ZipFile(path) as archive:
+        with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+            mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
             arrays = {}
             for name, dtype in dtypes.items():
-                arrays[name] = _array(archive, f"{name}.npy", dtype)
+                arrays[name] = _array(archive, mapped, f"{name}.npy", dtype)
             return arrays
     except MemoryError as error:
         raise MapError(f"{path}: {name}: there is not enough memory for it") from error
@@ -45,14 +62,30 @@ def read_arrays(path: Path, dtypes: Mapping[str, str]) -> dict[str, NDArray[Any]
         raise MapError(f"{path}: damaged or incomplete ({place}{problem}); build the map again") from error
 
 
-def _array(archive: zipfile.ZipFile, member: str, wanted: str) -> NDArray[Any]:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write an npz file, as ``np.savez_compressed`` does but for what is stored; raises OSError."""
+    with path.open("wb") as file, zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            stream = io.BytesIO()
+            np.save(stream, array, allow_pickle=False)
+            content = stream.getvalue()
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            if len(zlib.compress(content)) > _WORTH_COMPRESSING * len(content):
+                entry.compress_type = zipfile.ZIP_STORED
+                padding = -(file.tell() + _LOCAL_HEADER.size + len(entry.filename) + _PADDING.size) % _ALIGNMENT
+                entry.extra = _PADDING.pack(_PADDING_ID, padding) + bytes(padding)
+            archive.writestr(entry, content)
+
+
+def _array(archive: zipfile.ZipFile, mapped: memoryview, member: str, wanted: str) -> NDArray[Any]:
     entry = archive.getinfo(member)
     if entry.flag_bits & 1:
         raise MapError("it is encrypted")
     if entry.file_size > max(_SMALL, _MOST_INFLATED * entry.compress_size):
         raise MapError(f"it claims {entry.file_size} bytes of {entry.compress_size} compressed ones")
-    content = archive.read(entry)  # checks the checksum
-    stream = io.BytesIO(content)
+    content = _content(archive, mapped, entry)
+    stream = io.BytesIO(content[:_LONGEST_HEADER])
     version = np.lib.format.read_magic(stream)
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, dtype = read_header(stream)
@@ -62,4 +95,18 @@ def _array(archive: zipfile.ZipFile, member: str, wanted: str) -> NDArray[Any]:
     if claimed != there:
         raise MapError(f"its header claims {claimed} bytes, there are {there}")
     flat = np.frombuffer(content, dtype, offset=stream.tell())
-    return flat.reshape(shape, order="F" if by_columns else "C").astype(dtype.newbyteorder("="))
+    array = flat.reshape(shape, order="F" if by_columns else "C")
+    return np.require(array, dtype.newbyteorder("="), ["A", "W"])
+
+
+def _content(archive: zipfile.ZipFile, mapped: memoryview, entry: zipfile.ZipInfo) -> memoryview:
+    """What a member holds, its checksum checked: mapped if it is stored as it is."""
+    if entry.compress_type != zipfile.ZIP_STORED:
+        return memoryview(archive.read(entry))  # checks the checksum
+    archive.open(entry).close()  # checks the member's own header
+    name_length, extra_length = _LOCAL_HEADER.unpack_from(mapped, entry.header_offset)
+    start = entry.header_offset + _LOCAL_HEADER.size + name_length + extra_length
+    content = mapped[start : start + entry.file_size]
+    if len(content) != entry.file_size or zlib.crc32(content) != entry.CRC:
+        raise MapError("its checksum is another")
+    return content

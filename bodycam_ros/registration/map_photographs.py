@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import MapError
-from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 
 PHOTOGRAPHS_FILE = "photographs.npz"
@@ -105,8 +105,7 @@ class MapPhotographs:
     def save(self, folder: Path) -> None:
         """Write them into a map folder."""
         camera = self.camera
-        np.savez_compressed(
-            folder / PHOTOGRAPHS_FILE,
+        arrays = dict(
             jpegs=np.frombuffer(b"".join(self.jpegs), np.uint8),
             jpeg_ends=np.cumsum([len(jpeg) for jpeg in self.jpegs], dtype=np.int64),
             observation_landmark=self.observation_landmark,
@@ -117,6 +116,7 @@ class MapPhotographs:
             intrinsics=np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             distortion=np.array(camera.distortion, np.float64),
         )
+        write_arrays(folder / PHOTOGRAPHS_FILE, arrays)
 
     @cached_property
     def levels(self) -> NDArray[np.int64]:

@@ -1,6 +1,8 @@
 """Which landmark does a described track show: near its predicted place, or anywhere in the map."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,8 @@ from scipy.spatial import cKDTree
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
+
+_BLOCK = 4096
 
 
 @dataclass(frozen=True)
@@ -120,23 +124,44 @@ def match_everywhere(
     if len(descriptors) == 0 or len(reference_map.descriptors) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     landmark_of_look = reference_map.descriptor_landmark.astype(np.int64)
-    looks = np.arange(len(landmark_of_look)) if every_view else np.flatnonzero(np.diff(landmark_of_look, prepend=-1))
-    landmark_of_look = landmark_of_look[looks]
+    starts = np.flatnonzero(np.diff(landmark_of_look, prepend=-1))
+    looks = np.arange(len(landmark_of_look)) if every_view else starts
+    firsts = starts if every_view else np.arange(len(starts))
     query = descriptors[: settings.max_features_lost].astype(np.float32)
-    known = reference_map.descriptors[looks].astype(np.float32)
-    # Squared distances less the query's own length, which does not change which is nearest.
-    squared = np.einsum("ij,ij->i", known, known) - 2 * query @ known.T
     rows = np.arange(len(query))
-    nearest = np.argmin(squared, axis=1)
-    landmark = landmark_of_look[nearest]
+    best, rival = np.full((2, len(query)), np.inf, np.float32)
+    landmark = np.zeros(len(query), np.int64)
+    for first, last in _blocks(firsts, len(looks)):
+        known = reference_map.descriptors[looks[first:last]].astype(np.float32)
+        landmark_of_known = landmark_of_look[looks[first:last]]
+        # Squared distances less the query's own length, which does not change which is nearest.
+        squared = (-2.0 * query) @ known.T
+        squared += np.einsum("ij,ij->i", known, known)
+        nearest = np.argmin(squared, axis=1)
+        best_here, landmark_here = squared[rows, nearest], landmark_of_known[nearest]
+        # The other descriptors of the same landmark are no rivals of its best.
+        row, own = _looks_of(landmark_of_known, rows, landmark_here)
+        squared[row, own] = np.inf
+        nearer = best_here < best
+        rival = np.minimum(np.minimum(rival, squared.min(axis=1)), np.where(nearer, best, best_here))
+        landmark = np.where(nearer, landmark_here, landmark)
+        best = np.minimum(best, best_here)
     lengths = np.einsum("ij,ij->i", query, query)
-    best = np.sqrt(np.maximum(squared[rows, nearest] + lengths, 0))
-    # The other descriptors of the same landmark are no rivals of its best.
-    row, own = _looks_of(landmark_of_look, rows, landmark)
-    squared[row, own] = np.inf
-    rival = np.sqrt(np.maximum(squared.min(axis=1) + lengths, 0))
+    best, rival = np.sqrt(np.maximum(best + lengths, 0)), np.sqrt(np.maximum(rival + lengths, 0))
     good = (best < settings.max_distance_lost) & (best < settings.ratio * rival)
     return _one_feature_per_landmark(rows[good], landmark[good], best[good])
+
+
+def _blocks(firsts: NDArray[np.int64], count: int) -> Iterator[tuple[int, int]]:
+    """Ranges of looks, each of whole landmarks, whose distances fit into a processor's cache.
+
+    Args:
+        firsts: the first look of every landmark.
+        count: of looks.
+    """
+    edges = firsts[np.searchsorted(firsts, np.arange(0, count, _BLOCK), side="right") - 1].tolist()
+    edges = sorted({*edges, count})
+    yield from pairwise(edges)
 
 
 def _looks_of(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
-from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
@@ -119,7 +119,7 @@ class ReferenceMap:
         document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
             folder.mkdir()
-            np.savez_compressed(folder / _ARRAYS_FILE, **arrays)
+            write_arrays(folder / _ARRAYS_FILE, arrays)
             if self.photographs is not None:
                 self.photographs.save(folder)
             (folder / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))

@@ -4,8 +4,12 @@ Weights follow: the information of a pose counts pixels of one size for all imag
 this.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+
+from bodycam_ros.kernels.kernel import kernel
 
 _LEAST_LANDMARKS = 15
 """Fewer residuals tell their own size to a fifth at best, and six of them went into the pose."""
@@ -19,6 +23,7 @@ _MEDIAN_OF_RAYLEIGH = 1.1774
 _POSE = 6
 
 
+@kernel("(f8[::1], b1[::1], f8)")
 def residual_scale(errors_px: NDArray[np.float64], inliers: NDArray[np.bool_], pixel_sigma: float) -> float:
     """Factor from 1 up by which an image's errors exceed those that were assumed, from the median of its inliers.
 
@@ -27,10 +32,10 @@ def residual_scale(errors_px: NDArray[np.float64], inliers: NDArray[np.bool_], p
         inliers: (N,) which of them are measurements.
         pixel_sigma: what was assumed of one axis [px].
     """
-    count = int(inliers.sum())
+    count = inliers.sum()
     if count < _LEAST_LANDMARKS:
         return 1.0
-    sigma = float(np.median(errors_px[inliers])) / _MEDIAN_OF_RAYLEIGH
+    sigma = np.median(errors_px[inliers]) / _MEDIAN_OF_RAYLEIGH
     # The pose has taken six of the residuals' degrees of freedom for itself.
-    sigma *= np.sqrt(2 * count / (2 * count - _POSE))
-    return float(np.clip(sigma / pixel_sigma, 1.0, _MOST))
+    sigma *= math.sqrt(2.0 * count / (2.0 * count - _POSE))
+    return float(min(max(sigma / pixel_sigma, 1.0), _MOST))

@@ -45,6 +45,11 @@ class ImageMotion:
         """Whether the rows are, or may be, read out one after the other."""
         return self.readout_time != 0.0 or self.readout_sigma != 0.0
 
+    @property
+    def as_vector(self) -> Array:
+        """As ``pose_kernels`` take it (15,): read-out time and its sigma, gain, twist, sigmas."""
+        return np.concatenate([[self.readout_time, self.readout_sigma, self.gain], self.twist, self.sigmas])
+
     def twist_at(self, world_T_camera: Array) -> Array:
         """(6,) [rad/s, m/s]."""
         step: Array = log_se3(inverse(self.world_T_previous) @ world_T_camera)

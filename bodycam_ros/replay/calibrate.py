@@ -17,7 +17,7 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
 from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
-from bodycam_ros.replay.front_end import register_recording
+from bodycam_ros.replay.front_end import register_recording, warm_up
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +55,7 @@ def calibrate(
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
     """
+    warm_up()
     check_upright(ReferenceMap.load(map_path), map_path)
     with open_recording(recording_path) as recording:
         if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:

@@ -7,8 +7,8 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from multiprocessing import resource_tracker
-from multiprocessing.context import SpawnProcess
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.context import ForkServerContext, ForkServerProcess
 from multiprocessing.queues import Queue
 
 from bodycam_ros.errors import RecordingError
@@ -25,7 +25,18 @@ _QUEUE_LENGTH = 64
 """Results a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
 
 _POLL_S = 1.0
+_WARM = "bodycam_ros.replay.warm_worker"
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+def warm_up() -> None:
+    """Begin to load what the processes need, while the caller goes on; compile kernels that are not there first."""
+    prepare_kernels()
+    context = _context()
+    if context.get_start_method() == "forkserver":
+        with _one_thread_each(), _signals_for_us_alone():
+            context.set_forkserver_preload([_WARM])
+            forkserver.ensure_running()
 
 
 def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int) -> Iterator[Result]:
@@ -37,7 +48,7 @@ def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int
         BodycamError: what went wrong for the user in a worker.
         RecordingError: a worker was killed.
     """
-    prepare_kernels()
+    warm_up()
     shares = [tuple(cameras[start::jobs]) for start in range(min(jobs, len(cameras)))]
     with _workers(task, shares) as workers:
         pending = {worker: item for worker in range(len(workers)) if (item := _next_result(*workers[worker]))}
@@ -51,9 +62,9 @@ def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int
 @contextmanager
 def _workers(
     task: RegistrationTask, shares: Sequence[tuple[str, ...]]
-) -> Iterator[list[tuple[SpawnProcess, "Queue[WorkerItem]"]]]:
-    context = multiprocessing.get_context("spawn")
-    workers: list[tuple[SpawnProcess, Queue[WorkerItem]]] = []
+) -> Iterator[list[tuple[ForkServerProcess, "Queue[WorkerItem]"]]]:
+    context = _context()
+    workers: list[tuple[ForkServerProcess, Queue[WorkerItem]]] = []
     try:
         with _one_thread_each(), _signals_for_us_alone():
             for cameras in shares:
@@ -69,6 +80,10 @@ def _workers(
     finally:
         for process, _ in workers:
             process.join()
+
+
+def _context() -> ForkServerContext:
+    return multiprocessing.get_context("forkserver")
 
 
 @contextmanager
@@ -124,7 +139,7 @@ def _answered_later() -> Iterator[None]:
             signal.raise_signal(first)
 
 
-def _next_result(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> Result | None:
+def _next_result(process: ForkServerProcess, outbox: "Queue[WorkerItem]") -> Result | None:
     """The worker's next result, or None when it has sent its last.
 
     Raises:
@@ -137,7 +152,7 @@ def _next_result(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> Result |
     return item
 
 
-def _receive(process: SpawnProcess, outbox: "Queue[WorkerItem]") -> WorkerItem:
+def _receive(process: ForkServerProcess, outbox: "Queue[WorkerItem]") -> WorkerItem:
     while process.is_alive():
         with suppress(queue.Empty):
             return outbox.get(timeout=_POLL_S)

@@ -33,7 +33,7 @@ from bodycam_ros.replay.camera_worker import (
     RegistrationTask,
     SkippedImage,
 )
-from bodycam_ros.replay.front_end import register_recording
+from bodycam_ros.replay.front_end import register_recording, warm_up
 from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockJump
@@ -124,6 +124,7 @@ def replay(
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
+    warm_up()
     body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
     check_metric(reference_map, map_path)

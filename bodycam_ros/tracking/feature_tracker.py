@@ -13,6 +13,7 @@ from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, 
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.view_mask import view_mask
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class FeatureTracker:
         self._flow = flow or OpticalFlowSettings()
         self._rotation = rotation or RotationSettings()
         self._detector = KeypointDetector(keypoints or KeypointSettings())
-        self._mask = _view_mask(camera, self.settings.max_view_angle_deg)
+        self._mask = view_mask(camera, self.settings.max_view_angle_deg)
         self._image: NDArray[np.uint8] | None = None
         self._stamp_ns = 0
         self._pixels = np.zeros((0, 2), np.float32)
@@ -241,11 +242,3 @@ class FeatureTracker:
         seen = np.zeros(len(pixels), bool)
         seen[inside] = self._mask[rows[inside], columns[inside]] > 0
         return seen
-
-
-def _view_mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint8]:
-    """(H, W) mask, 255 where a pixel looks at most this far from the optical axis."""
-    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    bearings, valid = camera.unproject(np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64))
-    seen = valid & (bearings[:, 2] > np.cos(np.radians(max_view_angle_deg)))
-    return np.where(seen, 255, 0).astype(np.uint8).reshape(camera.height, camera.width)

@@ -47,7 +47,9 @@ def compare(camera: CameraModel, cone: Cone) -> None:
     lens = lens_parameters(camera)
     edge = camera.max_angle + np.array([-1e-6, -1e-9, -1e-12, 0.0, 0.5e-9, 1e-8, 1e-6, 1e-3])
     points = np.concatenate([cone(np.linspace(0.0, 3.1, 400)), cone(edge), [[0, 0, 2], [1e-12, 0, 1]], NOWHERE])
-    pixels, jacobian, valid = camera.project_with_jacobian(points)
+    pixels, jacobian, valid = camera.project_with_jacobian_in_numpy(points)
+    np.testing.assert_allclose(camera.project_in_numpy(points)[0], pixels, rtol=1e-12)
+    np.testing.assert_array_equal(camera.project_in_numpy(points)[1], valid)
     assert 30 < valid.sum() < len(points) - len(NOWHERE)
     ours, ours_valid = project_points(lens, points)
     np.testing.assert_array_equal(ours_valid, valid)
@@ -60,7 +62,7 @@ def compare(camera: CameraModel, cone: Cone) -> None:
 
     u, v = np.meshgrid(np.linspace(-200.0, camera.width + 200.0, 91), np.linspace(-200.0, camera.height + 200.0, 71))
     wanted = np.concatenate([np.column_stack([u.ravel(), v.ravel()]), pixels, [[np.inf, 0.0]]])
-    bearings, seen = camera.unproject(wanted)
+    bearings, seen = camera.unproject_in_numpy(wanted)
     ours_bearings, ours_seen = unproject_pixels(lens, wanted)
     np.testing.assert_array_equal(ours_seen, seen)
     # Where the cone ends because the distortion cannot be inverted, bearings are as sure as the root of rounding.
@@ -81,13 +83,13 @@ def test_odd_lenses_are_those_of_the_model(odd_lens: CameraModel, cone: Cone) ->
 def test_one_point_is_a_row_of_the_arrays(lens: CameraModel) -> None:
     parameters = lens_parameters(lens)
     for point in np.array([[0.3, -0.2, 1.1], [0.0, 0.0, -1.0]]):
-        pixels, jacobian, valid = lens.project_with_jacobian(point)
+        pixels, jacobian, valid = lens.project_with_jacobian_in_numpy(point)
         u, v, seen = project_point(parameters, *point)
         assert ([u, v], seen) == (pytest.approx(pixels[0], nan_ok=True), valid[0])
         u, v, seen, *derivatives = project_point_with_jacobian(parameters, *point)
         assert ([u, v], seen) == (pytest.approx(pixels[0], nan_ok=True), valid[0])
         assert derivatives == pytest.approx(jacobian[0].ravel(), nan_ok=True)
-    bearing, seen = lens.unproject([[100.0, 50.0]])
+    bearing, seen = lens.unproject_in_numpy([[100.0, 50.0]])
     assert unproject_pixel(parameters, 100.0, 50.0) == (*map(pytest.approx, bearing[0]), seen[0])
     for u, v in [(-0.5, 0.0), (-0.6, 0.0), (0.0, 479.5), (0.0, 479.6), (639.6, 0.0), (np.nan, 0.0)]:
         assert in_image(parameters, u, v) == lens.in_image([[u, v]])[0]

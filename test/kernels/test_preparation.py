@@ -1,5 +1,6 @@
 """Kernels are compiled once, wherever that can be kept: real processes on an installation with two small kernels."""
 
+import ast
 import os
 import re
 import shutil
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE
+from bodycam_ros.kernels.kernel_folder import CONSTANT_FILES, KERNEL_FILES, PACKAGE
 
 INNER = """
 from bodycam_ros.kernels.kernel import kernel
@@ -30,6 +31,7 @@ import logging
 logging.basicConfig(format="%(message)s")
 from bodycam_ros.kernels.preparation import prepare_kernels
 prepare_kernels()
+prepare_kernels()
 from bodycam_ros.outer import outer
 print(outer(3.0), "compiled" if outer.stats.cache_misses or not outer.stats.cache_hits else "loaded")
 """
@@ -40,9 +42,30 @@ WITHOUT_PRIVILEGES = ["setpriv", "--inh-caps=-all", "--bounding-set=-all"]
 @pytest.fixture
 def installation(tmp_path: Path) -> Path:
     """A package of its own with the real code of ``kernels``, and two kernels in two files."""
-    package = tmp_path / "site" / "bodycam_ros"
+    return install(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[str, str]]:
+    """An installation in which the program ran once, and what it printed and said."""
+    package = install(tmp_path_factory.mktemp("first"))
+    return package, run(package)
+
+
+@pytest.fixture
+def compiled(first_run: tuple[Path, tuple[str, str]], tmp_path: Path) -> Path:
+    """An installation with its compiled kernels, brought to another place."""
+    shutil.copytree(first_run[0].parent, tmp_path / "site")
+    return tmp_path / "site" / "bodycam_ros"
+
+
+def install(place: Path) -> Path:
+    package = place / "site" / "bodycam_ros"
     shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
     (package / "__init__.py").touch()
+    for file in CONSTANT_FILES:
+        (package / file).parent.mkdir(exist_ok=True)
+        shutil.copy(PACKAGE / file, package / file)
     (package / "inner.py").write_text(INNER)
     (package / "outer.py").write_text(OUTER)
     folder = package / "kernels" / "kernel_folder.py"
@@ -91,33 +114,32 @@ def forbid(folder: Path) -> None:
     folder.touch()
 
 
-def test_the_first_run_says_that_it_compiles_and_the_next_loads(installation: Path) -> None:
-    out, said = run(installation)
+def test_the_first_run_says_that_it_compiles_and_the_next_loads(first_run: tuple[Path, tuple[str, str]]) -> None:
+    installation, (out, said) = first_run
     assert out == "8.0 compiled"
     assert said.startswith("compiling the numerical kernels for this machine, once") and said.count("\n") == 1
     assert kept(installation / "__pycache__") and not (installation.parent.parent / "home").exists()
     assert run(installation) == ("8.0 loaded", "")
 
 
-def test_a_kernel_that_another_calls_is_no_longer_as_it_was(installation: Path) -> None:
-    run(installation)
-    before = kept(installation)
-    (installation / "inner.py").write_text(INNER.replace("1.0", "2.0"))
-    out, said = run(installation)
-    assert out.startswith("10.0") and "compiling" in said
+def test_a_kernel_that_another_calls_is_no_longer_as_it_was(compiled: Path) -> None:
+    before = kept(compiled)
+    (compiled / "inner.py").write_text(INNER.replace("1.0", "2.0"))
+    out, said = run(compiled)
+    assert before and out.startswith("10.0") and "compiling" in said
     assert not any(file.exists() for file in before)
 
 
 @pytest.mark.parametrize("harm", ["cut", "scribbled"])
-def test_what_is_damaged_is_compiled_again(installation: Path, harm: str) -> None:
-    run(installation)
-    file = kept(installation)[0]
+def test_what_is_damaged_is_compiled_again(compiled: Path, harm: str) -> None:
+    file = kept(compiled)[0]
     content = file.read_bytes()
     file.write_bytes(content[:100] if harm == "cut" else bytes(len(content)))
-    out, said = run(installation)
+    out, said = run(compiled)
     assert out.startswith("8.0")
     assert ("compiling" in said) == (harm == "cut")  # the size alone is looked at beforehand
-    assert run(installation) == ("8.0 loaded", "")
+    run(compiled)
+    assert run(compiled) == ("8.0 loaded", "")
 
 
 def test_two_that_start_at_once_compile_once(installation: Path) -> None:
@@ -150,7 +172,16 @@ def test_without_any_place_they_are_compiled_in_memory_and_that_is_said(installa
     others.chmod(0o777)  # anybody could put code here
     out, said = run(installation, HOME="/dev/null")
     assert out == "8.0 compiled"
-    assert "there is no folder to keep them in; set NUMBA_CACHE_DIR" in said
+    assert "there is no folder to keep them in; set NUMBA_CACHE_DIR" in said and said.count("\n") == 1
+
+
+def test_a_full_disk_costs_time_and_nothing_else(installation: Path) -> None:
+    if shutil.which("prlimit") is None:
+        pytest.skip("there is no prlimit here")
+    assert run(installation, "prlimit", "--fsize=4096")[0] == "8.0 compiled"
+    out, said = run(installation)
+    assert out == "8.0 compiled" and "compiling" in said
+    assert run(installation) == ("8.0 loaded", "")
 
 
 def test_numbas_own_folder_comes_first(installation: Path, tmp_path: Path) -> None:
@@ -158,24 +189,31 @@ def test_numbas_own_folder_comes_first(installation: Path, tmp_path: Path) -> No
     assert out == "8.0 compiled" and kept(tmp_path / "numba") and not (installation / "__pycache__").exists()
 
 
-def test_a_read_only_installation_that_came_with_them_is_enough(installation: Path) -> None:
+def test_a_read_only_installation_that_came_with_them_is_enough(compiled: Path) -> None:
     prefix = WITHOUT_PRIVILEGES if os.getuid() == 0 else []
     if prefix and (shutil.which(prefix[0]) is None or subprocess.run([*prefix, "true"]).returncode):
         pytest.skip("root may write everywhere here")
-    run(installation)
-    there = sorted(installation.rglob("*"))
-    for path in [installation, *there]:
+    there = sorted(compiled.rglob("*"))
+    for path in [compiled, *there]:
         path.chmod(0o555)
     try:
         with pytest.raises(AssertionError, match="Permission denied"):
-            run(installation, *prefix, sys.executable, "-c", f"open({str(installation / 'x')!r}, 'w')")
-        assert run(installation, *prefix, HOME="/dev/null") == ("8.0 loaded", "")
+            run(compiled, *prefix, sys.executable, "-c", f"open({str(compiled / 'x')!r}, 'w')")
+        assert run(compiled, *prefix, HOME="/dev/null") == ("8.0 loaded", "")
     finally:
-        for path in [installation, *there]:
+        for path in [compiled, *there]:
             path.chmod(0o755)
-    assert sorted(installation.rglob("*")) == there
+    assert sorted(compiled.rglob("*")) == there
 
 
 def test_every_file_with_kernels_is_known() -> None:
     holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
     assert holding == set(KERNEL_FILES)
+
+
+def test_everything_that_is_compiled_into_kernels_is_known() -> None:
+    for file in KERNEL_FILES:
+        for node in ast.parse((PACKAGE / file).read_text()).body:  # not what is imported for types alone
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("bodycam_ros."):
+                source = str(node.module).removeprefix("bodycam_ros.").replace(".", "/") + ".py"
+                assert source in (*KERNEL_FILES, *CONSTANT_FILES), f"{file} imports {source}"

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy_pose_fit import Point, Problem
 from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide_camera
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
-from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, _Point, _Problem, fit_pose
+from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares, seen_later, steady_pixels
 
 READOUT_S = 0.012
@@ -91,8 +92,8 @@ def test_jacobian_is_the_numeric_one() -> None:
     """Of the rows' own poses the fit leaves out what the read-out turns them by: some per cent of a derivative."""
     points, pixels = scene(60)
     moving = replace(motion(0.01, 0.015), world_T_previous=POSE @ exp_se3(-0.03 * TWIST), gain=45.0, twist=-0.5 * TWIST)
-    problem = _Problem(CAMERA, points, pixels, PoseFitSettings(), moving)
-    at = _Point(POSE, np.array([0.1, -0.2, 0.05, 0.02, 0.03, -0.04]), 0.01)
+    problem = Problem(CAMERA, points, pixels, PoseFitSettings(), moving)
+    at = Point(POSE, np.array([0.1, -0.2, 0.05, 0.02, 0.03, -0.04]), 0.01)
     jacobian = problem.linearise(at, 100.0).jacobian
     assert jacobian.shape == (2 * len(points), 13)
     for column in range(13):

@@ -53,8 +53,8 @@ def test_a_signal_amid_the_work_leaves_nothing_behind(
     sample: Path, tmp_path: Path, number: signal.Signals, to_all: bool
 ) -> None:
     process = start(sample, tmp_path)
-    # Two workers and the tracker of their semaphores: some are still starting.
-    wait_until(lambda: process.poll() is not None or len(group_of(process)) == 4)
+    # Two workers, the process they are forked from, and the tracker of their semaphores: some are still starting.
+    wait_until(lambda: process.poll() is not None or len(group_of(process)) == 5)
     time.sleep(0.3)
     os.killpg(process.pid, number) if to_all else process.send_signal(number)
     _, errors = process.communicate(timeout=TIME_S)
@@ -67,7 +67,7 @@ def test_a_signal_amid_the_work_leaves_nothing_behind(
 def test_workers_end_with_a_parent_that_is_killed_and_the_next_run_clears_up(sample: Path, tmp_path: Path) -> None:
     process = start(sample, tmp_path)
     wait_until(lambda: list(tmp_path.glob(f"{SCRATCH_PREFIX}*/out/*.mcap")))
-    wait_until(lambda: len(group_of(process)) == 4)
+    wait_until(lambda: len(group_of(process)) == 5)
     process.kill()
     process.communicate(timeout=TIME_S)
     wait_until(lambda: not group_of(process))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy_rotation import estimate_rotation_in_numpy
 
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.tracking.rotation import RotationSettings, align_bearings, estimate_rotation
@@ -42,6 +43,25 @@ def test_survives_sixty_per_cent_of_outliers_and_names_them() -> None:
     assert error_deg(estimated, current_R_previous) < 0.02
     assert inliers[~wrong].all()
     assert inliers[wrong].sum() <= 2
+
+
+def test_it_is_that_of_numpy_whatever_the_share_of_outliers() -> None:
+    rng = np.random.default_rng(8)
+    found = 0
+    for seed in range(60):
+        count = int(rng.integers(1, 150))
+        previous = random_bearings(count, seed)
+        current = previous @ exp_so3(rng.normal(0.0, 0.5, 3)).T
+        wrong = rng.random(count) < rng.uniform(0.0, 0.9)
+        current[wrong] = random_bearings(count, seed + 1000)[wrong]
+        current += 2e-3 * rng.standard_normal(current.shape)
+        current /= np.linalg.norm(current, axis=1, keepdims=True)
+        estimated, inliers = estimate_rotation(previous, current, RotationSettings(), seed)
+        expected, agreeing = estimate_rotation_in_numpy(previous, current, RotationSettings(), seed)
+        np.testing.assert_allclose(estimated, expected, atol=1e-13)
+        np.testing.assert_array_equal(inliers, agreeing)
+        found += inliers.any()
+    assert 20 < found < 60
 
 
 def test_too_few_or_contradicting_tracks_give_no_rotation() -> None:

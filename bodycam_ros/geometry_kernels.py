@@ -1,0 +1,152 @@
+"""Rigid transforms as kernels; the formulas are those of ``geometry``. Poses (4, 4), tangent vectors (6,)."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.kernels.kernel import kernel
+
+Array = NDArray[np.float64]
+
+_SMALL_ANGLE = 1e-4
+_TINY = 1e-150
+
+
+@kernel()
+def compose(a_T_b: Array, b_T_c: Array) -> Array:
+    """a_T_c."""
+    a_T_c = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            total = 0.0
+            for k in range(4):
+                total += a_T_b[i, k] * b_T_c[k, j]
+            a_T_c[i, j] = total
+    return a_T_c
+
+
+@kernel()
+def inverse(a_T_b: Array) -> Array:
+    """b_T_a."""
+    b_T_a = np.eye(4)
+    for i in range(3):
+        for j in range(3):
+            b_T_a[i, j] = a_T_b[j, i]
+            b_T_a[i, 3] -= a_T_b[j, i] * a_T_b[j, 3]
+    return b_T_a
+
+
+@kernel("(f8[::1],)")
+def exp_se3(xi: Array) -> Array:
+    """Transform of a tangent vector, rotation [rad] then translation."""
+    x, y, z = xi[0], xi[1], xi[2]
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared) + _TINY
+    sine_ratio = math.sin(angle) / angle
+    versine_ratio = 0.5 * (math.sin(angle / 2.0) / (angle / 2.0)) ** 2
+    if angle < _SMALL_ANGLE:
+        third = 1.0 / 6.0 - angle**2 / 120.0
+    else:
+        third = (1.0 - sine_ratio) / angle**2
+    W = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    T = np.eye(4)
+    for i in range(3):
+        for j in range(3):
+            W2 = xi[i] * xi[j] - (squared if i == j else 0.0)
+            T[i, j] += sine_ratio * W[i, j] + versine_ratio * W2
+            unit = 1.0 if i == j else 0.0
+            T[i, 3] += (unit + versine_ratio * W[i, j] + third * W2) * xi[3 + j]
+    return T
+
+
+@kernel("(f8[:, ::1],)")
+def log_so3(R: Array) -> Array:
+    """Rotation vector (3,) [rad], at most pi long, of a rotation (3, 3), or of a transform's."""
+    w = np.empty(3)
+    w[0], w[1], w[2] = _rotation_vector(R)
+    return w
+
+
+@kernel("(f8[:, ::1],)")
+def quaternion_xyzw(R: Array) -> Array:
+    """Unit quaternion (4,), x y z w with w >= 0, of a rotation (3, 3), or of a transform's."""
+    q = np.empty(4)
+    q[0], q[1], q[2], q[3] = _quaternion(R)
+    return q
+
+
+@kernel()
+def _rotation_vector(R: Array) -> tuple[float, float, float]:
+    x, y, z, w = _quaternion(R)
+    sine = math.sqrt(x * x + y * y + z * z) + _TINY
+    gain = 2.0 * math.atan2(sine, w) / sine
+    return gain * x, gain * y, gain * z
+
+
+@kernel()
+def _quaternion(R: Array) -> tuple[float, float, float, float]:
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    sums = (1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz, 1.0 + xx + yy + zz)
+    # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
+    if sums[0] >= sums[1] and sums[0] >= sums[2] and sums[0] >= sums[3]:
+        x, y, z, w = sums[0], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]
+    elif sums[1] >= sums[2] and sums[1] >= sums[3]:
+        x, y, z, w = R[0, 1] + R[1, 0], sums[1], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]
+    elif sums[2] >= sums[3]:
+        x, y, z, w = R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], sums[2], R[1, 0] - R[0, 1]
+    else:
+        x, y, z, w = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], sums[3]
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if w < 0.0:
+        length = -length
+    return x / length, y / length, z / length, w / length
+
+
+@kernel("(f8[:, ::1],)")
+def log_se3(T: Array) -> Array:
+    """Tangent vector (6,) of a transform, rotation [rad] then translation."""
+    xi = np.empty(6)
+    x, y, z = _rotation_vector(T)
+    xi[0], xi[1], xi[2] = x, y, z
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared) + _TINY
+    if angle < _SMALL_ANGLE:
+        second = 1.0 / 12.0 + angle**2 / 720.0
+    else:
+        half = angle / 2.0
+        second = (1.0 - half / math.tan(half)) / (4.0 * half**2)
+    W = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    for i in range(3):
+        xi[3 + i] = T[i, 3]
+        for j in range(3):
+            W2 = xi[i] * xi[j] - (squared if i == j else 0.0)
+            xi[3 + i] += (-0.5 * W[i, j] + second * W2) * T[j, 3]
+    return xi
+
+
+@kernel()
+def solve_positive(A: Array, b: Array) -> tuple[Array, bool]:
+    """Solution x (N,) of A x = b by Cholesky, and whether A (N, N) is positive definite; reads its lower half alone."""
+    size = len(b)
+    L, x = np.empty((size, size)), np.empty(size)
+    for i in range(size):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total > 0.0:
+                L[i, i] = math.sqrt(total)
+            else:
+                return x, False
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    return x, True

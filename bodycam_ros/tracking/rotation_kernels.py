@@ -1,0 +1,119 @@
+"""The rotation that most pairs of bearings agree on, of ``rotation``: RANSAC, then two fits to those that agree."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.kernels.kernel import kernel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_REFITS = 2
+_SHORTEST = 1e-9  # a bearing that was sampled twice yields no rotation, but no NaN either
+
+
+@kernel("(f8[:, ::1], f8[:, ::1], i8[:, ::1], f8, i8)")
+def agreed_rotation(
+    previous: Array, current: Array, samples: NDArray[np.int64], max_chord: float, min_inliers: int
+) -> tuple[Array, Mask]:
+    """Find the rotation.
+
+    Args:
+        previous, current: (N, 3) unit bearings of the same tracks in two frames.
+        samples: (2, H) rows of the pair of bearings that each hypothesis is made of.
+        max_chord: how far a bearing may be from where the rotation takes it.
+        min_inliers: below so many that agree there is none.
+
+    Returns:
+        current_R_previous (3, 3) and the (N,) tracks that agree with it; the identity, and nobody.
+    """
+    best, least = np.eye(3), math.inf
+    for h in range(samples.shape[1]):
+        hypothesis = _rotation_of_pair(previous, current, samples[0, h], samples[1, h])
+        cost = 0.0
+        for i in range(len(previous)):
+            cost += min(_chord(hypothesis, previous, current, i), max_chord)
+        if cost < least:
+            best, least = hypothesis, cost
+    inliers = _agreeing(best, previous, current, max_chord)
+    for _ in range(_REFITS):
+        if inliers.sum() < min_inliers:
+            break
+        best = _aligned(previous, current, inliers)
+        inliers = _agreeing(best, previous, current, max_chord)
+    if inliers.sum() < min_inliers:
+        return np.eye(3), np.zeros(len(previous), np.bool_)
+    return best, inliers
+
+
+@kernel()
+def _rotation_of_pair(previous: Array, current: Array, first: int, second: int) -> Array:
+    """Carries a pair of bearings over, by their common triads (Black 1964)."""
+    triad_previous = _triad(previous[first], previous[second])
+    triad_current = _triad(current[first], current[second])
+    R = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                R[i, j] += triad_current[i, k] * triad_previous[j, k]
+    return R
+
+
+@kernel()
+def _triad(a: Array, b: Array) -> Array:
+    """Right-handed frame (3, 3) in columns: between two bearings, across them, and the third."""
+    triad = np.empty((3, 3))
+    triad[:, 0] = a + b
+    _cross(a, b, triad[:, 1])
+    for column in range(2):
+        squared = 0.0
+        for i in range(3):
+            squared += triad[i, column] * triad[i, column]
+        length = max(math.sqrt(squared), _SHORTEST)
+        for i in range(3):
+            triad[i, column] /= length
+    _cross(triad[:, 0], triad[:, 1], triad[:, 2])
+    return triad
+
+
+@kernel()
+def _cross(a: Array, b: Array, result: Array) -> None:
+    result[0] = a[1] * b[2] - a[2] * b[1]
+    result[1] = a[2] * b[0] - a[0] * b[2]
+    result[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@kernel()
+def _chord(R: Array, previous: Array, current: Array, i: int) -> float:
+    squared = 0.0
+    for row in range(3):
+        turned = R[row, 0] * previous[i, 0] + R[row, 1] * previous[i, 1] + R[row, 2] * previous[i, 2]
+        squared += (turned - current[i, row]) ** 2
+    return math.sqrt(squared)
+
+
+@kernel()
+def _agreeing(R: Array, previous: Array, current: Array, max_chord: float) -> Mask:
+    agreeing = np.empty(len(previous), np.bool_)
+    for i in range(len(previous)):
+        agreeing[i] = _chord(R, previous, current, i) < max_chord
+    return agreeing
+
+
+@kernel()
+def _aligned(previous: Array, current: Array, chosen: Mask) -> Array:
+    """Least-squares rotation (3, 3) of the chosen bearings, as ``align_bearings``."""
+    product = np.zeros((3, 3))
+    for n in range(len(previous)):
+        if chosen[n]:
+            for i in range(3):
+                for j in range(3):
+                    product[i, j] += current[n, i] * previous[n, j]
+    u, _, vt = np.linalg.svd(product)
+    R: Array = u @ vt
+    if np.linalg.det(R) < 0.0:
+        u[:, 2] = -u[:, 2]
+        R = u @ vt
+    return R
