@@ -6,7 +6,7 @@ covariance is carried from instant to instant (a constant-velocity Kalman filter
 joined by what cameras and joints say, in one information matrix of the whole body.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,7 @@ class BodyCovariance:
         self,
         dt_s: float,
         world_T_segment: NDArray[np.float64],
-        evidence: Iterable[SegmentPose],
+        evidence: Collection[SegmentPose],
         turns: Iterable[SegmentTurn],
         expected: ExpectedJoints,
     ) -> BodyUncertainty:
@@ -102,18 +102,18 @@ class BodyCovariance:
         self._carry_on(dt_s, turns)
         prior = self._pose
         count = len(prior)
-        information = np.zeros((count, 6, count, 6))
+        information = np.zeros((count, count, 6, 6))
         # Where the body is the segments know from each other: together they must not know it better than each of them.
         own = np.repeat([1.0, 1.0 / np.sqrt(count)], 3)
-        information[np.arange(count), :, np.arange(count), :] = own[:, None] * np.linalg.inv(prior) * own
-        rows = []
-        for seen in evidence:
-            rows.append(self._body.segment_index[seen.segment])
-            information[rows[-1], :, rows[-1], :] += np.linalg.inv(seen.covariance)
+        each = np.arange(count)
+        information[each, each] = own[:, None] * np.linalg.inv(prior) * own
+        rows = [self._body.segment_index[seen.segment] for seen in evidence]
+        seen_covariances = np.array([seen.covariance for seen in evidence]).reshape(-1, 6, 6)
+        np.add.at(information, (rows, rows), np.linalg.inv(seen_covariances))
         self._add_joints(information, world_T_segment, expected)
-        full = information.reshape(6 * count, 6 * count)
+        full = information.transpose(0, 2, 1, 3).reshape(6 * count, 6 * count)
         covariance = np.asarray(np.linalg.inv(0.5 * (full + full.T)), np.float64).reshape(count, 6, count, 6)
-        self._condition(prior, covariance[np.arange(count), :, np.arange(count), :])
+        self._condition(prior, covariance[each, :, each, :])
         return self._uncertainty(world_T_segment, covariance, dt_s, self._root in rows)
 
     def _carry_on(self, dt_s: float, turns: Iterable[SegmentTurn]) -> None:
@@ -151,12 +151,9 @@ class BodyCovariance:
         child_xi_parent = -adjoint(inverse(world_T_segment[c]) @ world_T_segment[p])
         crossed = of_child @ child_xi_parent
         of_parents = np.swapaxes(child_xi_parent, -1, -2) @ crossed
-        # One by one: a segment may carry several joints.
-        for parent, child, of_child_, of_parent, mixed in zip(p, c, of_child, of_parents, crossed, strict=True):
-            information[child, :, child, :] += of_child_
-            information[parent, :, parent, :] += of_parent
-            information[child, :, parent, :] += mixed
-            information[parent, :, child, :] += mixed.T
+        # A segment may carry several joints, and two joints may close a loop between the same two.
+        rows = np.concatenate([c, p, c, p]), np.concatenate([c, p, p, c])
+        np.add.at(information, rows, np.concatenate([of_child, of_parents, crossed, np.swapaxes(crossed, -1, -2)]))
 
     def _condition(self, prior: NDArray[np.float64], posterior: NDArray[np.float64]) -> None:
         """What was learned of the poses tells of the velocities, too."""

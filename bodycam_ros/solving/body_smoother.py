@@ -26,9 +26,9 @@ from bodycam_ros.solving.body_window import BodyWindow, Instant
 from bodycam_ros.solving.bridge import Posture, Silence, bridge
 from bodycam_ros.solving.camera_evidence import (
     EvidenceSettings,
+    MountedCameras,
     SegmentPose,
     SegmentTurn,
-    absolute_evidence,
     rotation_evidence,
     turned,
     weak_evidence,
@@ -83,6 +83,7 @@ class BodySmoother:
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
+        self._mounted = MountedCameras(body, self._evidence)
         self._trust_settings = trust or TrustSettings()
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
@@ -121,12 +122,9 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        registered = {
-            camera: seen
-            for camera, matches in frame.matches.items()
-            if camera in self._cameras
-            and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
-        }
+        registered = self._mounted.absolute_evidence(
+            matches for camera, matches in frame.matches.items() if camera in self._cameras
+        )
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
             return states
