@@ -125,23 +125,6 @@ def _unbounded(joint: Joint) -> tuple[tuple[float, float], ...]:
     return ((-np.inf, np.inf),) * len(joint.angle_names)
 
 
-def joint_velocities(stamps_ns: NDArray[np.int64], angles: Array) -> Array:
-    """Velocities (T, A) [rad/s] of continuous angles (T, A) [rad]: central differences, one-sided at the ends.
-
-    One instant alone has velocity zero; two give both the difference between them, which is how a live stream is fed.
-
-    Args:
-        stamps_ns: (T) strictly increasing [ns].
-        angles: (T, A).
-    """
-    if len(angles) < 2:
-        return np.zeros_like(angles)
-    # Differences of whole nanoseconds first: a float holds the present time to 0.2 microseconds only.
-    seconds = (np.asarray(stamps_ns, dtype=np.int64) - stamps_ns[0]) * 1e-9
-    velocities: Array = np.gradient(angles, seconds, axis=0)
-    return velocities
-
-
 class EulerOrder:
     """The axes of N rotations, such as yzx for each: three angles a rotation, intrinsic about three different axes.
 

@@ -37,9 +37,8 @@ class BodyFactors:
         self._motion = motion
         self._joint_noises = [(_noise(joint, 0.0), _noise(joint, _SOFT_M)) for joint in body.joints]
         self._joint_poses = JointPoses(body)
-        self._tree_rows = np.array(
-            [body.tree_joints.index(joint) if joint in body.tree_joints else -1 for joint in body.joints], int
-        )
+        tree_row = {joint.name: row for row, joint in enumerate(body.tree_joints)}
+        self._tree_rows = [tree_row.get(joint.name, -1) for joint in body.joints]
 
     def key(self, index: int, row: int) -> int:
         """Variable of a segment (its row in the body) at an instant."""
@@ -81,13 +80,14 @@ class BodyFactors:
         A joint that no camera sees is drawn towards the rotation that is expected of it.
         """
         graph = gtsam.NonlinearFactorGraph()
-        unseen = np.isin(self._tree_rows, expected.rows).tolist()
+        unseen = set(expected.rows.tolist())
         ends = self._joint_poses.ends.tolist()
         parent_T_child = self._joint_poses.closed(predicted)
-        for (parent, child), pose, is_unseen, (tight, soft) in zip(
-            ends, parent_T_child, unseen, self._joint_noises, strict=True
+        for (parent, child), pose, tree_row, (tight, soft) in zip(
+            ends, parent_T_child, self._tree_rows, self._joint_noises, strict=True
         ):
-            graph.add(_between(self.key(index, parent), self.key(index, child), pose, soft if is_unseen else tight))
+            noise = soft if tree_row in unseen else tight
+            graph.add(_between(self.key(index, parent), self.key(index, child), pose, noise))
         for row, rotation, sigma in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
             joint = self._body.tree_joints[row]
             parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]

@@ -279,7 +279,7 @@ class ClockWatch:
         passed = []
         sharing = self.sharing
         for camera, heard in self._heard.items():
-            if of is not None and heard not in of:
+            if not heard.held or (of is not None and heard not in of):
                 continue
             # Those that are triggered together stay together: what is learned of their clocks is noise.
             clocks = [] if camera in sharing else heard.clocks
