@@ -89,10 +89,9 @@ def clock_evidence(
         gradients = (information @ errors[..., None])[..., 0]
         squared = np.einsum("tci,tci->tc", gradients, errors)
         weights = distance_weights(squared, told, _OUTLIER_SIGMAS)
-        J_moving, J_lasting = motion.jacobians()
         eliminated = eliminate_instants(
-            J_moving,
-            J_lasting[..., motion.delay_columns],
+            motion.moving_jacobians(),
+            motion.delay_jacobians(),
             weights[..., None, None] * information,
             weights[..., None] * gradients,
         )
