@@ -6,7 +6,7 @@ articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refine
 the delays' normal equations, a matrix of as many rows as there are cameras.
 """
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,10 +17,14 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.work_in_steps import at_once
 
 Array = NDArray[np.float64]
 
 _ITERATIONS = 4
+_SETTLED_S = 1e-5
+"""A hundredth of what a window tells of a clock; the next step would be a tenth of that."""
+
 _OUTLIER_SIGMAS = 4.0
 _LEAST_INSTANTS = 5
 
@@ -63,7 +67,19 @@ def clock_evidence(
     prior_information: Array,
     prior_delays: Array,
 ) -> ClockEvidence | None:
-    """Compare all cameras at some instants (A eq. 3-5, 8).
+    """What ``clock_evidence_in_steps`` comes to, at once."""
+    return at_once(clock_evidence_in_steps(body, tracks, stamps_ns, max_gap_s, prior_information, prior_delays))
+
+
+def clock_evidence_in_steps(
+    body: BodyModel,
+    tracks: Mapping[str, CameraTrack],
+    stamps_ns: NDArray[np.int64],
+    max_gap_s: float,
+    prior_information: Array,
+    prior_delays: Array,
+) -> Generator[None, None, ClockEvidence | None]:
+    """Compare all cameras at some instants (A eq. 3-5, 8), a few milliseconds at a time.
 
     Args:
         body: which has been calibrated.
@@ -84,6 +100,7 @@ def clock_evidence(
         return None
     poses, twists, information, told = poses[rows], twists[rows], information[rows], told[rows]
     motion = _follow(body, cameras, poses, twists, told)
+    yield
     for _ in range(_ITERATIONS):
         errors = log_se3(inverse(poses) @ motion.world_T_camera())
         gradients = (information @ errors[..., None])[..., 0]
@@ -100,6 +117,9 @@ def clock_evidence(
             hessian + prior_information, gradient + prior_information @ (motion.delays - prior_delays)
         )
         motion = motion.moved(eliminated.moving(step), _lasting(motion, step))
+        yield
+        if np.abs(step).max() < _SETTLED_S:
+            break
     return ClockEvidence(cameras, motion.delays, 0.5 * (hessian + hessian.T), told.sum(axis=0))
 
 
