@@ -15,6 +15,7 @@ _GENERATORS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], np.float64
 )  # a vector's components into its matrix (3, 9)
 _SMALL_ANGLE = 1e-4  # [rad] below it, two terms of a series are exact to rounding
+_NEARLY = 1e-7  # a matrix that is a rotation to this is one to rounding after a step of Newton's iteration
 _TINY = 1e-150  # added to a length: makes 0/0 the exact limit and vanishes elsewhere
 _DEGENERATE = 1e-9  # spread of points across their longest axis, relative to that axis, that counts as none
 _MEDIAN_ITERATIONS = 100
@@ -102,7 +103,13 @@ def adjoint(T: Array) -> Array:
 
 def nearest_rotation(M: NDArray[np.floating]) -> Array:
     """Rotation (..., 3, 3) closest to a matrix (..., 3, 3) in the Frobenius norm."""
-    U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
+    M = np.asarray(M, dtype=np.float64)
+    excess = np.swapaxes(M, -1, -2) @ M - _IDENTITY
+    if np.abs(excess).max(initial=0.0) < _NEARLY and (np.linalg.det(M) > 0.0).all():
+        # One step of Newton's iteration to the same rotation squares what is left, at a tenth of the cost.
+        mended: Array = M - 0.5 * M @ excess
+        return mended
+    U, _, Vt = np.linalg.svd(M)
     # A reflection is undone along the axis of the smallest singular value, where it costs least.
     U[..., :, 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]
     R: Array = U @ Vt

@@ -12,10 +12,6 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, nearest_rotation
 from bodycam_ros.settings import setting
 
-_IDENTITY = np.eye(3)
-_NEARLY = 1e-5
-"""How far from orthonormal a matrix may be that one step mends to rounding."""
-
 
 @dataclass(frozen=True)
 class MotionSettings:
@@ -72,11 +68,5 @@ def motion_sigmas(
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses (S, 4, 4) with rotations put back onto SO(3): gtsam does not, and extrapolation amplifies the rounding."""
     mended = poses.copy()
-    R = mended[:, :3, :3]
-    excess = np.swapaxes(R, -1, -2) @ R - _IDENTITY
-    if not np.abs(excess).max(initial=0.0) < _NEARLY:
-        mended[:, :3, :3] = nearest_rotation(R)
-    else:
-        # One step of Newton's iteration to the same rotation squares what is left, at a tenth of the cost.
-        mended[:, :3, :3] = R - 0.5 * R @ excess
+    mended[:, :3, :3] = nearest_rotation(poses[:, :3, :3])
     return mended
