@@ -80,7 +80,7 @@ class IncrementalBackEnd:
     def update(
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
     ) -> None:
-        """Add one instant's factors and poses; the factors must tie it to the instant before, if there is one."""
+        """Add one instant's factors and poses."""
         self._estimates = None
         with _failures():
             self._marginalise(stamp_s - self._lag_s)
@@ -119,8 +119,9 @@ class IncrementalBackEnd:
         full = not self._blocks or stamp_s - self._blocks[-1].start_s >= lasts_s
         if full and len(self._blocks) < most_blocks:
             self._blocks.append(_Block(stamp_s, stamp_s))
-        if len(self._blocks) > most_blocks:
-            raise BackEndError("the factors of an instant do not tie it to the instant before")
+        while len(self._blocks) > most_blocks:
+            oldest = self._blocks.popleft()
+            self._blocks[0].keys[:0] = oldest.keys
         self._blocks[-1].latest_s = stamp_s
         self._blocks[-1].keys += keys
 
