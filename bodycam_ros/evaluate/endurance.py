@@ -24,7 +24,7 @@ class Endurance:
     """What the instants of a long motion cost.
 
     Attributes:
-        stamps_s: (N) of the instants, from the first [s].
+        stamps_s: (N) of the instants, without those of the first second, which come at once [s].
         solve_ms: (N) of CPU, from what cameras say to the body's output; a clock that is learned counts where it was.
         memory_mb: (N) of the process after each.
     """
@@ -77,18 +77,18 @@ def endure(
     """
     skeleton = SkeletonPipeline(body, cameras, settings, live=True)
     stamps_ns, solve_s, memory = [], [], []
-    spent_s = 0.0
+    begun, spent_s = False, 0.0  # clocks are listened to for a second before anything is solved
     for matches in to_and_fro(registered, lasting_s):
         started_s = time.thread_time()
         outputs = skeleton.add(matches)
         spent_s += time.thread_time() - started_s
-        for output in outputs:
+        for output in outputs if begun else ():
             stamps_ns.append(output.state.stamp_ns)
             solve_s.append(spent_s / len(outputs))
             memory.append(_memory_bytes())
             on_instant()
         if outputs:
-            spent_s = 0.0
+            begun, spent_s = True, 0.0
     since_ns = np.array(stamps_ns, np.int64) - stamps_ns[0]
     return Endurance(1e-9 * since_ns.astype(np.float64), 1e3 * np.array(solve_s), 1e-6 * np.array(memory))
 

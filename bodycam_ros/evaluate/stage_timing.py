@@ -161,7 +161,8 @@ def _time_solver(
     settings: PipelineSettings,
     timing: StageTiming,
 ) -> None:
-    skeleton = SkeletonPipeline(body, cameras, settings)
+    # Live, every instant is solved by itself; offline a recording of some seconds would be solved at its end at once.
+    skeleton = SkeletonPipeline(body, cameras, settings, live=True)
     spent = 0.0
     for matches in registered:
         started = time.perf_counter()

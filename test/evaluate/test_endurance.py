@@ -35,10 +35,9 @@ def test_a_motion_goes_on_without_a_step_in_time_or_place(registered: list[Landm
 def test_every_instant_is_counted(registered: list[LandmarkMatches]) -> None:
     body = body_with_cameras()
     counted: list[int] = []
-    settings = PipelineSettings()
-    endurance = endure(body, lenses(body), registered, settings, 9.0, on_instant=lambda: counted.append(1))
-    expected = 9.0 / (1e-9 * STEP_NS) - settings.smoother.output_delay
-    assert len(counted) == len(endurance.solve_ms) == pytest.approx(expected, abs=2)
+    endurance = endure(body, lenses(body), registered, PipelineSettings(), 9.0, on_instant=lambda: counted.append(1))
+    # Clocks are listened to for the first second.
+    assert len(counted) == len(endurance.solve_ms) == pytest.approx(8.0 / (1e-9 * STEP_NS), abs=5)
     assert 0.0 < endurance.percentile_ms(50) <= endurance.percentile_ms(99) <= endurance.percentile_ms(100)
     assert endurance.first_minute_ms == pytest.approx(endurance.solve_ms[endurance.stamps_s < 3.0].mean(), rel=0.1)
     assert endurance.last_minute_ms > 0.0 and endurance.memory_mb.min() > 10.0
