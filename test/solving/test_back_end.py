@@ -116,3 +116,16 @@ def test_an_instant_may_hang_on_nothing() -> None:
             alone.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(true), LOOSE))
         back_end.update(alone, dict(zip(chain.keys(index), chain.true(index), strict=True)), index / 30)
     assert np.abs(log_se3(inverse(back_end.poses(chain.keys(129))) @ chain.true(129))).max() < 1e-6
+
+
+def test_a_new_instant_may_be_tied_to_all_that_the_one_before_left() -> None:
+    back_end, chain = IncrementalBackEnd(0.11, 0, 0.005), Chain(2)
+    for index in range(30):
+        graph = chain.factors(index)
+        if index >= 4:
+            since = chain.keys(index - 4)[0]
+            step = gtsam.Pose3(inverse(chain.true(index - 4)[0]) @ chain.true(index)[0])
+            graph.add(gtsam.BetweenFactorPose3(since, chain.keys(index)[0], step, TIGHT))
+        back_end.update(graph, dict(zip(chain.keys(index), chain.true(index), strict=True)), index / 30)
+    with pytest.raises(BackEndError):
+        back_end.poses(chain.keys(25))
