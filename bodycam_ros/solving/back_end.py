@@ -83,7 +83,7 @@ class IncrementalBackEnd:
         """Add one instant's factors and poses."""
         self._estimates = None
         with _failures():
-            self._enter(list(poses), stamp_s, most_blocks=len(factors.keyVector()))
+            self._enter(list(poses), stamp_s, most_blocks=factors.keys().size())
             self._smoother.update(factors, _values(poses), [], self._order())
             # Not before: the new factors may tie the instant to the oldest ones.
             self._marginalise(stamp_s - self._lag_s)
