@@ -12,7 +12,7 @@ from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.clock_filter import ClockFilter
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockState
-from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence_in_steps
+from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
 
 MARGIN_NS = 300_000_000
 """Images beyond the ends of a window, for the paths at its ends and for clocks that are off."""
@@ -116,9 +116,7 @@ class ClockLearner:
                 tracks[camera] = self._track(images.get(camera, ()), ahead_ns, from_ns, to_ns)
                 if row % _TRACKS_A_STEP == _TRACKS_A_STEP - 1:
                     yield
-            found = yield from clock_evidence_in_steps(
-                self._body, tracks, stamps_ns, self._settings.max_gap, prior, -shifts
-            )
+            found = yield from clock_evidence(self._body, tracks, stamps_ns, self._settings.max_gap, prior, -shifts)
             if found is None:
                 return None
             evidence = replace(found, delays=found.delays + shifts)

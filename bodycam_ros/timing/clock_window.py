@@ -17,7 +17,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.work_in_steps import at_once
 
 Array = NDArray[np.float64]
 
@@ -60,18 +59,6 @@ class ClockEvidence:
 
 
 def clock_evidence(
-    body: BodyModel,
-    tracks: Mapping[str, CameraTrack],
-    stamps_ns: NDArray[np.int64],
-    max_gap_s: float,
-    prior_information: Array,
-    prior_delays: Array,
-) -> ClockEvidence | None:
-    """What ``clock_evidence_in_steps`` comes to, at once."""
-    return at_once(clock_evidence_in_steps(body, tracks, stamps_ns, max_gap_s, prior_information, prior_delays))
-
-
-def clock_evidence_in_steps(
     body: BodyModel,
     tracks: Mapping[str, CameraTrack],
     stamps_ns: NDArray[np.int64],
