@@ -4,6 +4,7 @@
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
+#   make endure  the same, and the solver over 10 minutes: does it keep its pace?
 #   make clean   remove what the others made
 PYTHON ?= python3
 VENV := .venv
@@ -15,7 +16,7 @@ DEMO := out/demo
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test faults lint bench clean
+.PHONY: demo test faults lint bench endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -37,6 +38,9 @@ lint: $(VENV)/test.stamp
 
 bench: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
+
+endure: $(VENV)/runtime.stamp
+	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10
 
 clean:
 	rm -rf $(VENV) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngleTracker, joint_velocities
+from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
@@ -236,7 +236,6 @@ class SkeletonPipeline:
         if self._previous is None:
             return np.zeros(len(positions)), np.zeros(6)
         before, positions_before = self._previous
-        stamps_ns = np.array([before.stamp_ns, state.stamp_ns])
-        velocities = joint_velocities(stamps_ns, np.stack([positions_before, positions]))[-1]
+        passed_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
         step = log_se3(inverse(before.world_T_segment[self._root]) @ state.world_T_segment[self._root])
-        return velocities, step / (1e-9 * (state.stamp_ns - before.stamp_ns))
+        return (positions - positions_before) / passed_s, step / passed_s

@@ -113,24 +113,40 @@ class ArticulatedMotion:
         Returns:
             (T, C, 6, moving_count) and (T, C, 6, lasting_count); see ``moved`` for the unknowns' meaning.
         """
-        instants = len(self.rotations)
-        moving = np.zeros((instants, len(self.cameras), 6, self.moving_count))
-        lasting = np.zeros((instants, len(self.cameras), 6, self.lasting_count))
+        lasting = np.zeros((len(self.rotations), len(self.cameras), 6, self.lasting_count))
+        for c in range(len(self.cameras)):
+            lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
+        lasting[..., self.delay_columns] = self.delay_jacobians()
+        return self._moving_jacobians(lasting), lasting
+
+    def moving_jacobians(self) -> Array:
+        """(T, C, 6, moving_count) how the cameras' poses move with the unknowns of their instant."""
+        return self._moving_jacobians(None)
+
+    def delay_jacobians(self) -> Array:
+        """(T, C, 6, C) how the cameras' poses move with their delays."""
+        each = np.arange(len(self.cameras))
+        of_delays = np.zeros((len(self.rotations), len(self.cameras), 6, len(self.cameras)))
+        of_delays[:, each, :, each] = -np.swapaxes(self.twists, 0, 1)
+        return of_delays
+
+    def _moving_jacobians(self, lasting: Array | None) -> Array:
+        """(T, C, 6, moving_count); the columns of the offsets are written into ``lasting`` on the way."""
+        moving = np.zeros((len(self.rotations), len(self.cameras), 6, self.moving_count))
         for c, carrier in enumerate(self.carriers):
             R_mount, m = self.mounts[c, :3, :3], self.mounts[c, :3, 3]
             camera_R_world = np.swapaxes(self.rotations[:, carrier] @ R_mount, -1, -2)
             moving[:, c, 3:, :3] = camera_R_world
             moving[:, c, :3, _turn(carrier)] = R_mount.T
             moving[:, c, 3:, _turn(carrier)] = -R_mount.T @ hat(m)
-            lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
-            lasting[:, c, :, self.delay_columns.start + c] = -self.twists[:, c]
             row = carrier
             while (parent := self.parent_rows[row]) >= 0:
                 camera_R_parent = camera_R_world @ self.rotations[:, parent]
                 moving[:, c, 3:, _turn(parent)] += -camera_R_parent @ hat(self.offsets[row])
-                lasting[:, c, 3:, self.offset_columns(row)] = camera_R_parent
+                if lasting is not None:
+                    lasting[:, c, 3:, self.offset_columns(row)] = camera_R_parent
                 row = parent
-        return moving, lasting
+        return moving
 
     def moved(self, moving: Array, lasting: Array) -> "ArticulatedMotion":
         """The motion after a step.

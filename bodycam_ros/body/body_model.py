@@ -120,13 +120,25 @@ class BodyModel:
 
         What the joint's type forbids is dropped, so ``forward_kinematics`` closes every gap of the tree.
         """
-        rotations = np.empty((*world_T_segment.shape[:-3], len(self.tree_joints), 3, 3))
-        for index, joint in enumerate(self.tree_joints):
-            world_R_parent = world_T_segment[..., self.segment_index[joint.parent], :3, :3]
-            world_R_child = world_T_segment[..., self.segment_index[joint.child], :3, :3]
-            parent_R_child = np.swapaxes(world_R_parent, -1, -2) @ world_R_child
-            rotations[..., index, :, :] = joint.permitted_rotation(joint.joint_rotation(parent_R_child))
+        parents, children, joint_R_parent, child_R_joint, restricted = self._tree_arrays
+        world_R_segment = world_T_segment[..., :3, :3]
+        parent_R_child = np.swapaxes(world_R_segment[..., parents, :, :], -1, -2) @ world_R_segment[..., children, :, :]
+        rotations: Array = joint_R_parent @ parent_R_child @ child_R_joint
+        for row, joint in restricted:
+            rotations[..., row, :, :] = joint.permitted_rotation(rotations[..., row, :, :])
         return rotations
+
+    @cached_property
+    def _tree_arrays(self) -> tuple[list[int], list[int], Array, Array, list[tuple[int, Joint]]]:
+        """Rows of parents and children, the joints' frames on both (J, 3, 3), and which joints forbid a rotation."""
+        joints = self.tree_joints
+        return (
+            [self.segment_index[joint.parent] for joint in joints],
+            [self.segment_index[joint.child] for joint in joints],
+            np.array([joint.parent_T_joint[:3, :3].T for joint in joints]).reshape(-1, 3, 3),
+            np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3),
+            [(row, joint) for row, joint in enumerate(joints) if joint.type != "ball"],
+        )
 
     def _tree_from_root(self) -> list[Joint]:
         """Of the joints to one child the first in the file carries it, the others close loops."""

@@ -19,6 +19,9 @@ _MARGIN = 0.02  # [rad] widened by a little more than was seen, so that it need 
 # and what is lost of the rotation is at most as much as this.
 _FROZEN = 1e-4
 
+_BOTH = np.array([[0.0], [np.pi]])
+"""First angles of the two triples of a rotation."""
+
 _PARITY = {"xyz": 1.0, "yzx": 1.0, "zxy": 1.0, "xzy": -1.0, "yxz": -1.0, "zyx": -1.0}
 _GENERATORS = np.array(
     [
@@ -122,23 +125,6 @@ def _unbounded(joint: Joint) -> tuple[tuple[float, float], ...]:
     return ((-np.inf, np.inf),) * len(joint.angle_names)
 
 
-def joint_velocities(stamps_ns: NDArray[np.int64], angles: Array) -> Array:
-    """Velocities (T, A) [rad/s] of continuous angles (T, A) [rad]: central differences, one-sided at the ends.
-
-    One instant alone has velocity zero; two give both the difference between them, which is how a live stream is fed.
-
-    Args:
-        stamps_ns: (T) strictly increasing [ns].
-        angles: (T, A).
-    """
-    if len(angles) < 2:
-        return np.zeros_like(angles)
-    # Differences of whole nanoseconds first: a float holds the present time to 0.2 microseconds only.
-    seconds = (np.asarray(stamps_ns, dtype=np.int64) - stamps_ns[0]) * 1e-9
-    velocities: Array = np.gradient(angles, seconds, axis=0)
-    return velocities
-
-
 class EulerOrder:
     """The axes of N rotations, such as yzx for each: three angles a rotation, intrinsic about three different axes.
 
@@ -169,20 +155,19 @@ class EulerOrder:
         y, x = -self._parity * rotations[self._rows, middle, last], rotations[self._rows, last, last]
         frozen = np.hypot(x, y) < _FROZEN  # the cosine of the middle angle
         principal = np.where(frozen, previous[:, 0], np.arctan2(y, x))
-        candidates = np.stack(
-            [self._with_first(rotations, angle, previous) for angle in (principal, principal + np.pi)]
-        )
+        candidates = self._with_first(rotations, principal + _BOTH, previous)
         distances = np.sum((candidates - previous) ** 2, axis=-1)
         nearest: Array = candidates[np.argmin(distances, axis=0), self._rows]
         return nearest
 
     def _with_first(self, rotations: Array, first_angle: Array, previous: Array) -> Array:
+        """Angles (K, N, 3) whose first are given (K, N)."""
         rows, (i, j, k), parity = self._rows, self._axes.T, self._parity
-        cosine, sine = np.cos(first_angle)[:, None], (parity * np.sin(first_angle))[:, None]
+        cosine, sine = np.cos(first_angle)[..., None], (parity * np.sin(first_angle))[..., None]
         row_j = cosine * rotations[rows, j] + sine * rotations[rows, k]
         row_k = cosine * rotations[rows, k] - sine * rotations[rows, j]
-        middle_angle = np.arctan2(parity * rotations[rows, i, k], row_k[rows, k])
-        last_angle = np.arctan2(parity * row_j[rows, i], row_j[rows, j])
+        middle_angle = np.arctan2(parity * rotations[rows, i, k], row_k[..., rows, k])
+        last_angle = np.arctan2(parity * row_j[..., rows, i], row_j[..., rows, j])
         return nearest_turn(np.stack([first_angle, middle_angle, last_angle], axis=-1), previous)
 
 

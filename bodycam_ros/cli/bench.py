@@ -7,8 +7,12 @@ from pathlib import Path
 from rich.progress import Progress
 from rich.table import Table
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.evaluate.endurance import Endurance, endure
 from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
@@ -21,6 +25,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("bench", help="time every stage on a recording", description=__doc__)
     add_pipeline_flags(parser)
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=0.0,
+        help="also solve the recording to and fro for so long, and say whether time and memory stay the same",
+    )
     parser.set_defaults(run=run)
 
 
@@ -34,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress.update(task, description="replay, all cores")
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
             summary = replay(*inputs, scratch / "out", settings, jobs=arguments.jobs)
+        endurance = _endurance(arguments, timing, settings, progress) if arguments.minutes > 0.0 else None
     console = Terminal()
     console.print(_table(timing))
     console.print(
@@ -44,7 +55,31 @@ def run(arguments: argparse.Namespace) -> int:
         f"{arguments.jobs} processes, {summary.real_time_factor:.2f} of real time",
         soft_wrap=True,
     )
+    if endurance:
+        console.print(
+            f"solver over {arguments.minutes:g} min: {endurance.percentile_ms(50):.1f} ms per instant (median), "
+            f"{endurance.percentile_ms(99):.1f} (p99), {endurance.percentile_ms(100):.0f} (worst); mean of the last "
+            f"minute {endurance.last_minute_ms:.2f} ms, {endurance.last_minute_ms / endurance.first_minute_ms:.2f} "
+            f"times the first; {endurance.growth_mb:+.1f} MB since the first minute",
+            soft_wrap=True,
+        )
     return 0
+
+
+def _endurance(
+    arguments: argparse.Namespace, timing: StageTiming, settings: PipelineSettings, progress: Progress
+) -> Endurance:
+    task = progress.add_task(f"solver, {arguments.minutes:g} min", total=None)
+    with open_recording(arguments.recording) as recording:
+        cameras = {camera: recording.camera_model(camera) for camera in recording.cameras}
+    return endure(
+        read_body(arguments.body),
+        cameras,
+        timing.registered,
+        settings,
+        60.0 * arguments.minutes,
+        on_instant=lambda: progress.advance(task),
+    )
 
 
 def _table(timing: StageTiming) -> Table:

@@ -32,6 +32,7 @@ class StageTiming:
         seconds: stage -> seconds over all images: decode, track, describe, register.
         solve_s: the solver's seconds for each instant.
         bare_opencv_s: seconds of the OpenCV calls alone that track and describe rest on.
+        registered: what all cameras said, in order of time.
     """
 
     images: int = 0
@@ -42,6 +43,7 @@ class StageTiming:
     )
     solve_s: list[float] = field(default_factory=list)
     bare_opencv_s: float = 0.0
+    registered: list[LandmarkMatches] = field(default_factory=list)
 
     @property
     def tracker_ratio(self) -> float:
@@ -76,15 +78,15 @@ def time_stages(
     body = read_body(body_path)
     reference_map = ReferenceMap.load(map_path)
     timing = StageTiming()
-    registered: list[LandmarkMatches] = []
     with open_recording(recording_path) as recording:
         cameras = {camera: recording.camera_model(camera) for camera in recording.cameras if camera in body.mounts}
         for camera, model in cameras.items():
             images = recording.images([camera])
             for matches in _time_camera(model, images, reference_map, settings, timing):
-                registered.append(matches)
+                timing.registered.append(matches)
                 on_image()
-    _time_solver(body, cameras, sorted(registered, key=lambda matches: matches.stamp_ns), settings, timing)
+    timing.registered.sort(key=lambda matches: matches.stamp_ns)
+    _time_solver(body, cameras, timing.registered, settings, timing)
     return timing
 
 
@@ -162,7 +164,8 @@ def _time_solver(
     settings: PipelineSettings,
     timing: StageTiming,
 ) -> None:
-    skeleton = SkeletonPipeline(body, cameras, settings)
+    # Live, every instant is solved by itself; offline a recording of some seconds would be solved at its end at once.
+    skeleton = SkeletonPipeline(body, cameras, settings, live=True)
     spent = 0.0
     for matches in registered:
         started = time.perf_counter()

@@ -13,6 +13,7 @@ from bodycam_ros.messages.pose import (
     point_message,
     pose_with_covariance_message,
     transform_message,
+    transform_messages,
     vector_message,
 )
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
@@ -55,7 +56,7 @@ def joint_rotations_message(
         "sensor_msgs/msg/MultiDOFJointState",
         header=header_message(make, stamp_ns, ""),
         joint_names=list(names),
-        transforms=[transform_message(make, a_T_b) for a_T_b in parent_T_child],
+        transforms=transform_messages(make, parent_T_child),
     )
 
 

@@ -52,11 +52,21 @@ def transform_from_pose(pose: Message) -> NDArray[np.float64]:
 
 def transform_message(make: MessageFactory, a_T_b: NDArray[np.float64]) -> Message:
     """geometry_msgs/Transform of a transform (4, 4)."""
-    return make(
-        "geometry_msgs/msg/Transform",
-        translation=vector_message(make, a_T_b[:3, 3]),
-        rotation=quaternion_message(make, a_T_b[:3, :3]),
-    )
+    return transform_messages(make, a_T_b[None])[0]
+
+
+def transform_messages(make: MessageFactory, a_T_b: NDArray[np.float64]) -> list[Message]:
+    """geometry_msgs/Transform of transforms (N, 4, 4)."""
+    return [
+        make(
+            "geometry_msgs/msg/Transform",
+            translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        )
+        for (x, y, z), (qx, qy, qz, qw) in zip(
+            a_T_b[:, :3, 3].tolist(), geometry.quaternion_xyzw(a_T_b[:, :3, :3]).tolist(), strict=True
+        )
+    ]
 
 
 def pose_with_covariance_message(

@@ -6,7 +6,7 @@ covariance is carried from instant to instant (a constant-velocity Kalman filter
 joined by what cameras and joints say, in one information matrix of the whole body.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +86,13 @@ class BodyCovariance:
         self._joint_children = np.array([body.segment_index[joint.child] for joint in joints], int)
         self._joint_information = np.array([_softened_information(joint) for joint in joints]).reshape(-1, 6, 6)
         count = len(body.segments)
+        # Which joints (J) add to which segment, and to which of the pairs (P) of segments that joints tie together.
+        each = np.arange(count)[:, None]
+        self._of_child = (each == self._joint_children).astype(np.float64)
+        self._of_parent = (each == self._joint_parents).astype(np.float64)
+        ends = np.stack([self._joint_children, self._joint_parents], axis=1).reshape(-1, 2)
+        self._pairs, pair_of = np.unique(ends, axis=0, return_inverse=True)
+        self._of_pair = (np.arange(len(self._pairs))[:, None] == pair_of.reshape(-1)).astype(np.float64)
         self._pose = np.tile(np.diag(_VAGUE**2), (count, 1, 1))
         self._velocity = np.tile(np.diag(_VELOCITY_SIGMA**2), (count, 1, 1))
         self._cross = np.zeros((count, 6, 6))  # velocity with pose
@@ -94,7 +101,7 @@ class BodyCovariance:
         self,
         dt_s: float,
         world_T_segment: NDArray[np.float64],
-        evidence: Iterable[SegmentPose],
+        evidence: Collection[SegmentPose],
         turns: Iterable[SegmentTurn],
         expected: ExpectedJoints,
     ) -> BodyUncertainty:
@@ -102,18 +109,24 @@ class BodyCovariance:
         self._carry_on(dt_s, turns)
         prior = self._pose
         count = len(prior)
-        information = np.zeros((count, 6, count, 6))
         # Where the body is the segments know from each other: together they must not know it better than each of them.
         own = np.repeat([1.0, 1.0 / np.sqrt(count)], 3)
-        information[np.arange(count), :, np.arange(count), :] = own[:, None] * np.linalg.inv(prior) * own
-        rows = []
-        for seen in evidence:
-            rows.append(self._body.segment_index[seen.segment])
-            information[rows[-1], :, rows[-1], :] += np.linalg.inv(seen.covariance)
-        self._add_joints(information, world_T_segment, expected)
+        prior_information = np.linalg.inv(prior)
+        rows = [self._body.segment_index[seen.segment] for seen in evidence]
+        of_cameras = np.linalg.inv(np.array([seen.covariance for seen in evidence]).reshape(-1, 6, 6))
+        of_segment = (np.arange(count)[:, None] == np.array(rows, int)).astype(np.float64)
+        of_joints, crossed = self._joint_terms(world_T_segment, expected)
+        information = np.zeros((count, 6, count, 6))
+        each = np.arange(count)
+        information[each, :, each, :] = (
+            own[:, None] * prior_information * own + _summed(of_segment, of_cameras) + of_joints
+        )
+        children, parents = self._pairs.T
+        information[children, :, parents, :] += crossed
+        information[parents, :, children, :] += np.swapaxes(crossed, -1, -2)
         full = information.reshape(6 * count, 6 * count)
         covariance = np.asarray(np.linalg.inv(0.5 * (full + full.T)), np.float64).reshape(count, 6, count, 6)
-        self._condition(prior, covariance[np.arange(count), :, np.arange(count), :])
+        self._condition(prior, prior_information, covariance[each, :, each, :])
         return self._uncertainty(world_T_segment, covariance, dt_s, self._root in rows)
 
     def _carry_on(self, dt_s: float, turns: Iterable[SegmentTurn]) -> None:
@@ -141,26 +154,31 @@ class BodyCovariance:
         sigmas = [self._motion.angular_acceleration_sigma, self._motion.acceleration_sigma]
         return np.repeat(np.square(sigmas), 3) * self._settings.acceleration_time
 
-    def _add_joints(
-        self, information: NDArray[np.float64], world_T_segment: NDArray[np.float64], expected: ExpectedJoints
-    ) -> None:
-        """Joints, and what the seen poses say of joints that are not seen."""
+    def _joint_terms(
+        self, world_T_segment: NDArray[np.float64], expected: ExpectedJoints
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Joints, and what the seen poses say of joints that are not seen.
+
+        Returns:
+            Information (S, 6, 6) of each segment, and (P, 6, 6) between children and parents.
+        """
         of_child = self._joint_information.copy()
         of_child[expected.rows, :3, :3] += np.eye(3) / np.square(expected.sigmas)[:, None, None]
         p, c = self._joint_parents, self._joint_children
         child_xi_parent = -adjoint(inverse(world_T_segment[c]) @ world_T_segment[p])
         crossed = of_child @ child_xi_parent
-        of_parents = np.swapaxes(child_xi_parent, -1, -2) @ crossed
-        # One by one: a segment may carry several joints.
-        for parent, child, of_child_, of_parent, mixed in zip(p, c, of_child, of_parents, crossed, strict=True):
-            information[child, :, child, :] += of_child_
-            information[parent, :, parent, :] += of_parent
-            information[child, :, parent, :] += mixed
-            information[parent, :, child, :] += mixed.T
+        of_parent = np.swapaxes(child_xi_parent, -1, -2) @ crossed
+        of_segments = _summed(self._of_child, of_child) + _summed(self._of_parent, of_parent)
+        return of_segments, _summed(self._of_pair, crossed)
 
-    def _condition(self, prior: NDArray[np.float64], posterior: NDArray[np.float64]) -> None:
+    def _condition(
+        self,
+        prior: NDArray[np.float64],
+        prior_information: NDArray[np.float64],
+        posterior: NDArray[np.float64],
+    ) -> None:
         """What was learned of the poses tells of the velocities, too."""
-        gain = np.swapaxes(np.linalg.solve(prior, np.swapaxes(self._cross, -1, -2)), -1, -2)
+        gain = self._cross @ prior_information
         self._velocity = self._velocity - gain @ (prior - posterior) @ np.swapaxes(gain, -1, -2)
         self._cross = gain @ posterior
         self._pose = posterior.copy()
@@ -191,6 +209,11 @@ class BodyCovariance:
             return np.array(self._velocity[self._root])
         changed = 1.0 - np.exp(-dt_s / self._settings.correlation_time)
         return np.asarray(2.0 * changed / dt_s**2 * root)
+
+
+def _summed(which: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums (N, 6, 6) of those of the matrices (M, 6, 6) that belong (N, M) to each."""
+    return np.asarray((which @ matrices.reshape(-1, 36)).reshape(-1, 6, 6))
 
 
 def _softened_information(joint: Joint) -> NDArray[np.float64]:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.geometry import rigid
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.joint_poses import JointPoses
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 
@@ -35,6 +36,7 @@ class BodyFactors:
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(outlier_sigmas)
         self._motion = motion
         self._joint_noises = [(_noise(joint, 0.0), _noise(joint, _SOFT_M)) for joint in body.joints]
+        self._joint_poses = JointPoses(body)
         tree_row = {joint.name: row for row, joint in enumerate(body.tree_joints)}
         self._tree_rows = [tree_row.get(joint.name, -1) for joint in body.joints]
 
@@ -79,18 +81,19 @@ class BodyFactors:
         """
         graph = gtsam.NonlinearFactorGraph()
         unseen = set(expected.rows.tolist())
-        tree_rows = self._tree_rows
-        for joint, tree_row, (tight, soft) in zip(self._body.joints, tree_rows, self._joint_noises, strict=True):
-            parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
-            measured = gtsam.Pose3(joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child]))
+        ends = self._joint_poses.ends.tolist()
+        parent_T_child = self._joint_poses.closed(predicted)
+        for (parent, child), pose, tree_row, (tight, soft) in zip(
+            ends, parent_T_child, self._tree_rows, self._joint_noises, strict=True
+        ):
             noise = soft if tree_row in unseen else tight
-            graph.add(gtsam.BetweenFactorPose3(self.key(index, parent), self.key(index, child), measured, noise))
+            graph.add(_between(self.key(index, parent), self.key(index, child), pose, noise))
         for row, rotation, sigma in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
             joint = self._body.tree_joints[row]
             parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
-            measured = gtsam.Pose3(joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child)
+            measured = joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child
             noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma, _NO_OPINION_M], 3))
-            graph.add(gtsam.BetweenFactorPose3(self.key(index, parent), self.key(index, child), measured, noise))
+            graph.add(_between(self.key(index, parent), self.key(index, child), measured, noise))
         return graph
 
     def anchor(
@@ -110,10 +113,12 @@ class BodyFactors:
         graph = gtsam.NonlinearFactorGraph()
         noise = gtsam.noiseModel.Diagonal.Sigmas(motion_sigmas(dt_s, previous_dt_s, self._motion))
         for row, step in enumerate(steps):
-            graph.add(
-                gtsam.BetweenFactorPose3(self.key(index - 1, row), self.key(index, row), gtsam.Pose3(step), noise)
-            )
+            graph.add(_between(self.key(index - 1, row), self.key(index, row), step, noise))
         return graph
+
+
+def _between(a: int, b: int, a_T_b: NDArray[np.float64], noise: gtsam.noiseModel.Base) -> gtsam.BetweenFactorPose3:
+    return gtsam.BetweenFactorPose3(a, b, gtsam.Pose3(a_T_b), noise)
 
 
 def _noise(joint: Joint, least_m: float) -> gtsam.noiseModel.Base:

@@ -5,7 +5,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 """
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import islice
 
@@ -26,9 +26,9 @@ from bodycam_ros.solving.body_window import BodyWindow, Instant
 from bodycam_ros.solving.bridge import Posture, Silence, bridge
 from bodycam_ros.solving.camera_evidence import (
     EvidenceSettings,
+    MountedCameras,
     SegmentPose,
     SegmentTurn,
-    absolute_evidence,
     rotation_evidence,
     turned,
     weak_evidence,
@@ -83,6 +83,7 @@ class BodySmoother:
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
+        self._mounted = MountedCameras(body, self._evidence)
         self._trust_settings = trust or TrustSettings()
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
@@ -121,12 +122,9 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        registered = {
-            camera: seen
-            for camera, matches in frame.matches.items()
-            if camera in self._cameras
-            and (seen := absolute_evidence(matches, self.body.mounts[camera], self._evidence))
-        }
+        registered = self._mounted.absolute_evidence(
+            matches for camera, matches in frame.matches.items() if camera in self._cameras
+        )
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
             return states
@@ -139,9 +137,9 @@ class BodySmoother:
         path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
         turns = self._predict_turns(frame, {seen.segment for seen in trusted.evidence.values()}, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
-        observed = np.isin(self.body.segments, [seen.segment for seen in evidence.values()])
+        observed = self._of_segments(seen.segment for seen in evidence.values())
         joints_seen = observed[self._joint_ends].all(axis=1)
-        known = observed | np.isin(self.body.segments, [turn.segment for _, turn in turns])
+        known = observed | self._of_segments(turn.segment for _, turn in turns)
         turning = known[self._joint_ends].all(axis=1)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
@@ -177,6 +175,12 @@ class BodySmoother:
         states = self.flush()
         self._begin_anew()
         return states
+
+    def _of_segments(self, names: Iterable[str]) -> NDArray[np.bool_]:
+        """Which segments (S,) are named."""
+        named = np.zeros(len(self.body.segments), bool)
+        named[[self.body.segment_index[name] for name in names]] = True
+        return named
 
     def _predict_motion(self, stamp_ns: int) -> Array | None:
         """Poses (S, 4, 4) at the velocity of the latest two instants; None while there is none."""

@@ -8,6 +8,7 @@ Cubic Hermite curves, of the root's pose and of every joint's rotation, so that 
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +43,9 @@ class Silence:
         """Stamps [ns] between the instant before and this one at which a camera would have spoken."""
         last_ns, self._last_ns = self._last_ns, frame.stamp_ns
         own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
-        period_ns = float(np.median(self._periods_ns)) if self._periods_ns else None
+        period_ns = median(self._periods_ns) if self._periods_ns else None
         if own_ns:
-            self._periods_ns.append(float(np.median(own_ns)))
+            self._periods_ns.append(median(own_ns))
         pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0
         if period_ns is None or not _SILENT * period_ns < pause_ns <= self._max_pause_ns or last_ns is None:
             return ()

@@ -5,12 +5,13 @@ registered alone still gives what they say, linearised at the body's prediction.
 since the frame before (A eq. 2 and the second term of eq. 8).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import CameraMount
+from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import adjoint, inverse, log_se3, rigid
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -74,11 +75,40 @@ class SegmentTurn:
     sigma: float
 
 
-def absolute_evidence(matches: LandmarkMatches, mount: CameraMount, settings: EvidenceSettings) -> SegmentPose | None:
-    """What a registered camera says about its segment; None from an unregistered one."""
-    if matches.world_T_camera is None:
-        return None
-    return _on_segment(mount, matches.world_T_camera, matches.pose_covariance, settings)
+class MountedCameras:
+    """What registered cameras say about their segments, all of an instant at once.
+
+    Args:
+        body: whose mounts are used.
+        settings: how far cameras are trusted.
+    """
+
+    def __init__(self, body: BodyModel, settings: EvidenceSettings) -> None:
+        self._mounts = body.mounts
+        self._floor = evidence_floor(settings)
+        self._row = {camera: row for row, camera in enumerate(body.mounts)}
+        segment_T_camera = np.array([mount.segment_T_camera for mount in body.mounts.values()]).reshape(-1, 4, 4)
+        self._camera_T_segment = inverse(segment_T_camera)
+        self._segment_xi_camera = adjoint(segment_T_camera)
+
+    def absolute_evidence(self, matches: Iterable[LandmarkMatches]) -> dict[str, SegmentPose]:
+        """Camera -> what it says of its segment, of those that the body carries and that are registered."""
+        poses, covariances, rows = [], [], []
+        for said in matches:
+            if said.world_T_camera is not None and said.camera in self._row:
+                poses.append(said.world_T_camera)
+                covariances.append(said.pose_covariance)
+                rows.append(self._row[said.camera])
+        if not rows:
+            return {}
+        world_T_segment = np.array(poses) @ self._camera_T_segment[rows]
+        Ad = self._segment_xi_camera[rows]
+        on_segment = Ad @ (np.array(covariances) + self._floor) @ np.swapaxes(Ad, -1, -2)
+        cameras = list(self._mounts)
+        return {
+            cameras[row]: SegmentPose(self._mounts[cameras[row]].segment, pose, covariance)
+            for row, pose, covariance in zip(rows, world_T_segment, on_segment, strict=True)
+        }
 
 
 def weak_evidence(

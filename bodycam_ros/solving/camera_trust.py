@@ -7,9 +7,8 @@ believed against it: a state gone wrong would refuse all cameras for ever.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,14 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.camera_pairs import SpeakingPairs, comparable_pairs
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
 
 _SIGMAS = 3.0
 """What two registrations may differ by beyond the tolerance: their own scatter."""
 
 _EXTRAPOLATED = 5.0
+_DIAGONAL = np.arange(6)
 _KNOWS_VELOCITY = 2  # instants in a row at which a segment was seen
 _VELOCITY = np.repeat([6.0, 2.0], 3)
 """Sigmas [rad/s], [m/s] of people's segments, as long as nothing is known of their motion."""
@@ -89,10 +90,12 @@ class CameraTrust:
         self._outlier_sigmas = outlier_sigmas
         self._settings = settings
         self._motion = motion
-        self._seen_ns: dict[str, int] = {}
-        self._streaks: Counter[str] = Counter()
+        # Of every segment: when it was last seen, and for how many instants in a row.
+        self._seen_ns = np.full(len(body.segments), -1, np.int64)
+        self._streaks = np.zeros(len(body.segments), int)
         self._refusals: Counter[str] = Counter()
-        self._pairs = _comparable_pairs(body)
+        self._pairs = comparable_pairs(body)
+        self._pairs_of: tuple[tuple[str, ...], SpeakingPairs] = (), SpeakingPairs.of((), {})
 
     def judge(self, evidence: Mapping[str, SegmentPose], predicted: Pose | None, stamp_ns: int) -> Trusted:
         """Part what is believed from what is refused.
@@ -102,8 +105,9 @@ class CameraTrust:
             predicted: (S, 4, 4) where the body should be; None while nothing is known.
             stamp_ns: of the instant.
         """
-        surprise = self._surprise(evidence, predicted, stamp_ns)
-        agreeing, opposing = self._ask_each_other(evidence)
+        said = _Said.of(self._body, evidence, predicted)
+        surprise = dict(zip(evidence, self._surprise(said, stamp_ns).tolist(), strict=True))
+        agreeing, opposing = self._ask_each_other(said)
         contradicted = _outvoted(agreeing, opposing, surprise)
         refused = set(contradicted)
         for camera in set(evidence) - refused:
@@ -114,122 +118,117 @@ class CameraTrust:
             else:
                 self._refusals[camera] = 0
         believed = {camera: seen for camera, seen in evidence.items() if camera not in refused}
-        seats = {} if predicted is None else self._seats(believed, predicted)
-        segments = {seen.segment for seen in believed.values()}
-        self._seen_ns |= dict.fromkeys(segments, stamp_ns)
-        self._streaks = Counter({segment: self._streaks[segment] + 1 for segment in segments})
-        jumped = {
-            self._body.segment_index[seen.segment]
-            for camera, seen in believed.items()
+        kept = np.array([camera not in refused for camera in evidence], bool)
+        rows = said.rows[kept]
+        self._seen_ns[rows] = stamp_ns
+        streaks = self._streaks[rows] + 1
+        self._streaks[:] = 0
+        self._streaks[rows] = streaks
+        jumped = frozenset(
+            row
+            for row, camera in zip(rows.tolist(), believed, strict=True)
             if surprise[camera] > self._settings.max_jump
-        }
-        return Trusted(believed, frozenset(refused), seats, frozenset(jumped))
-
-    def _surprise(self, evidence: Mapping[str, SegmentPose], predicted: Pose | None, stamp_ns: int) -> dict[str, float]:
-        """Camera -> sigmas between registration and prediction, allowing for what may have happened while unseen."""
-        if predicted is None or not evidence:
-            return dict.fromkeys(evidence, 0.0)
-        unseen_s = [1e-9 * (stamp_ns - self._seen_ns.get(seen.segment, 0)) for seen in evidence.values()]
-        moved = np.stack(
-            [np.diag(self._reach(seen.segment, s) ** 2) for seen, s in zip(evidence.values(), unseen_s, strict=True)]
         )
+        return Trusted(believed, frozenset(refused), self._seats(said, np.flatnonzero(kept)), jumped)
+
+    def _surprise(self, said: "_Said", stamp_ns: int) -> Pose:
+        """Sigmas (N) between registrations and prediction, allowing for what may have happened while unseen."""
+        if said.errors is None:
+            return np.zeros(len(said.rows))
+        seen_ns = self._seen_ns[said.rows]
+        unseen_s = 1e-9 * (stamp_ns - seen_ns)[:, None].astype(np.float64)
+        reach = motion_sigmas(unseen_s, unseen_s, self._motion)
+        knows_velocity = self._streaks[said.rows, None] >= _KNOWS_VELOCITY
+        reach = np.where(knows_velocity, reach, np.hypot(reach, unseen_s * _VELOCITY))
         # The prediction goes on from two registrations like this one: 2 x - y has five times their variance.
-        predicted_from = _EXTRAPOLATED * np.stack([seen.covariance for seen in evidence.values()])
-        sigmas = self._distances(evidence, predicted, moved + predicted_from)
-        known = [seen.segment in self._seen_ns for seen in evidence.values()]
-        return dict(zip(evidence, np.where(known, sigmas, 0.0).tolist(), strict=True))
+        enlarged = (1.0 + _EXTRAPOLATED) * said.covariances
+        enlarged[:, _DIAGONAL, _DIAGONAL] += reach**2
+        return np.where(seen_ns >= 0, _distances(said.errors, enlarged), 0.0)
 
-    def _reach(self, segment: str, unseen_s: float) -> Pose:
-        """Sigmas (6) of how far a segment may have gone from its prediction, rotation [rad] then translation [m]."""
-        sigmas = motion_sigmas(unseen_s, unseen_s, self._motion)
-        if self._streaks[segment] >= _KNOWS_VELOCITY:
-            return sigmas
-        return np.hypot(sigmas, unseen_s * _VELOCITY)
-
-    def _distances(self, evidence: Mapping[str, SegmentPose], predicted: Pose, more: Pose) -> Pose:
-        """Sigmas (N) from prediction (S, 4, 4) to registrations, whose covariances ``more`` (N, 6, 6) enlarges."""
-        rows = [self._body.segment_index[seen.segment] for seen in evidence.values()]
-        measured = np.stack([seen.world_T_segment for seen in evidence.values()])
-        errors = log_se3(inverse(predicted[rows]) @ measured)
-        covariances = np.stack([seen.covariance for seen in evidence.values()]) + more
-        whitened = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
-        sigmas: Pose = np.sqrt(np.einsum("ni,ni->n", errors, whitened))
-        return sigmas
-
-    def _ask_each_other(self, evidence: Mapping[str, SegmentPose]) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
+    def _ask_each_other(self, said: "_Said") -> tuple[dict[str, set[str]], dict[str, set[str]]]:
         """Camera -> cameras that agree with it, and cameras that contradict it."""
-        agreeing: dict[str, set[str]] = {camera: set() for camera in evidence}
-        opposing: dict[str, set[str]] = {camera: set() for camera in evidence}
-        pairs = [pair for pair in self._pairs if pair.a in evidence and pair.b in evidence]
-        if not pairs:
+        agreeing: dict[str, set[str]] = {camera: set() for camera in said.cameras}
+        opposing: dict[str, set[str]] = {camera: set() for camera in said.cameras}
+        if self._pairs_of[0] != said.cameras:
+            self._pairs_of = said.cameras, SpeakingPairs.of(self._pairs, {c: row for row, c in enumerate(said.cameras)})
+        pairs = self._pairs_of[1]
+        if not pairs.names:
             return agreeing, opposing
-        point_a, spread_a = _points([evidence[pair.a] for pair in pairs], np.stack([pair.on_a for pair in pairs]))
-        point_b, spread_b = _points([evidence[pair.b] for pair in pairs], np.stack([pair.on_b for pair in pairs]))
-        gaps = np.linalg.norm(point_a - point_b, axis=1)
-        agree = gaps < self._settings.max_gap + _SIGMAS * np.sqrt(spread_a + spread_b)
-        for pair, near in zip(pairs, agree.tolist(), strict=True):
-            near = near and (not pair.rigid or self._turn_agrees(evidence[pair.a], evidence[pair.b]))
+        places, variances = said.world_T_segment, np.diagonal(said.covariances, axis1=1, axis2=2)
+        gaps = np.linalg.norm(_points(places[pairs.a], pairs.on_a) - _points(places[pairs.b], pairs.on_b), axis=1)
+        spread = _spread(variances[pairs.a], pairs.on_a) + _spread(variances[pairs.b], pairs.on_b)
+        agree = gaps < self._settings.max_gap + _SIGMAS * np.sqrt(spread)
+        # Two cameras of one segment see it turned alike.
+        a, b = pairs.a[pairs.rigid], pairs.b[pairs.rigid]
+        cosines = 0.5 * (np.einsum("nij,nij->n", places[a, :3, :3], places[b, :3, :3]) - 1.0)
+        turning = variances[a, :3].sum(axis=1) + variances[b, :3].sum(axis=1)
+        alike = np.arccos(np.clip(cosines, -1.0, 1.0)) < self._settings.max_turn + _SIGMAS * np.sqrt(turning)
+        agree[pairs.rigid] &= alike
+        for (one, other), near in zip(pairs.names, agree.tolist(), strict=True):
             into = agreeing if near else opposing
-            into[pair.a].add(pair.b)
-            into[pair.b].add(pair.a)
+            into[one].add(other)
+            into[other].add(one)
         return agreeing, opposing
 
-    def _turn_agrees(self, a: SegmentPose, b: SegmentPose) -> bool:
-        """Whether two cameras of one segment see it turned alike."""
-        cosine = 0.5 * (np.sum(a.world_T_segment[:3, :3] * b.world_T_segment[:3, :3]) - 1.0)
-        spread = np.trace(a.covariance[:3, :3]) + np.trace(b.covariance[:3, :3])
-        return bool(np.arccos(np.clip(cosine, -1.0, 1.0)) < self._settings.max_turn + _SIGMAS * np.sqrt(spread))
-
-    def _seats(self, believed: Mapping[str, SegmentPose], predicted: Pose) -> dict[int, Pose]:
+    def _seats(self, said: "_Said", believed: NDArray[np.intp]) -> dict[int, Pose]:
         """Where the kernel would let a believed registration go, the segment starts at the surest of them."""
-        if not believed:
+        if said.errors is None:
             return {}
-        surest: dict[str, SegmentPose] = {}
-        for seen in believed.values():
-            best = surest.get(seen.segment)
-            if best is None or np.trace(seen.covariance) < np.trace(best.covariance):
-                surest[seen.segment] = seen
-        far = self._distances(surest, predicted, np.zeros((6, 6))) > self._outlier_sigmas
-        return {
-            self._body.segment_index[segment]: seen.world_T_segment
-            for (segment, seen), seat in zip(surest.items(), far, strict=True)
-            if seat
-        }
+        spreads = np.trace(said.covariances, axis1=1, axis2=2)
+        surest: dict[int, int] = {}
+        for row, number in zip(said.rows[believed].tolist(), believed.tolist(), strict=True):
+            if row not in surest or spreads[number] < spreads[surest[row]]:
+                surest[row] = number
+        chosen = list(surest.values())
+        far = _distances(said.errors[chosen], said.covariances[chosen]) > self._outlier_sigmas
+        return {row: said.world_T_segment[surest[row]] for row, seat in zip(surest, far.tolist(), strict=True) if seat}
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Two cameras that have a point in common: a joint between their segments, or their one segment's origin."""
+@dataclass(frozen=True, eq=False)
+class _Said:
+    """The registrations (N) of one instant.
 
-    a: str
-    b: str
-    on_a: Pose
-    on_b: Pose
-    rigid: bool
+    Attributes:
+        cameras: (N) who.
+        rows: (N) their segments.
+        world_T_segment: (N, 4, 4).
+        covariances: (N, 6, 6).
+        errors: (N, 6) tangents from the prediction; None without one.
+    """
+
+    cameras: tuple[str, ...]
+    rows: NDArray[np.intp]
+    world_T_segment: Pose
+    covariances: Pose
+    errors: Pose | None
+
+    @classmethod
+    def of(cls, body: BodyModel, evidence: Mapping[str, SegmentPose], predicted: Pose | None) -> "_Said":
+        rows = np.array([body.segment_index[seen.segment] for seen in evidence.values()], np.intp)
+        measured = np.array([seen.world_T_segment for seen in evidence.values()]).reshape(-1, 4, 4)
+        covariances = np.array([seen.covariance for seen in evidence.values()]).reshape(-1, 6, 6)
+        errors = None if predicted is None else log_se3(inverse(predicted[rows]) @ measured)
+        return cls(tuple(evidence), rows, measured, covariances, errors)
 
 
-def _comparable_pairs(body: BodyModel) -> list[_Pair]:
-    origin = np.zeros(3)
-    pairs = [
-        _Pair(a, b, origin, origin, True)
-        for segment in body.segments
-        for a, b in combinations(body.cameras_on(segment), 2)
-    ]
-    return pairs + [
-        _Pair(a, b, joint.parent_T_joint[:3, 3], joint.child_T_joint[:3, 3], False)
-        for joint in body.joints
-        for a in body.cameras_on(joint.parent)
-        for b in body.cameras_on(joint.child)
-    ]
+def _distances(errors: Pose, covariances: Pose) -> Pose:
+    """How many sigmas (N) errors (N, 6) are."""
+    whitened = np.linalg.solve(covariances, errors[:, :, None])[:, :, 0]
+    sigmas: Pose = np.sqrt(np.einsum("ni,ni->n", errors, whitened))
+    return sigmas
 
 
-def _points(seen: Sequence[SegmentPose], on_segment: Pose) -> tuple[Pose, Pose]:
-    """Where registrations put points (N, 3) of their segments (N, 3) [m], and the variance of that (N)."""
-    world_T_segment = np.stack([s.world_T_segment for s in seen])
-    variances = np.diagonal(np.stack([s.covariance for s in seen]), axis1=1, axis2=2)
-    points = (world_T_segment[:, :3, :3] @ on_segment[:, :, None])[:, :, 0] + world_T_segment[:, :3, 3]
+def _points(world_T_segment: Pose, on_segment: Pose) -> Pose:
+    """Where poses (N, 4, 4) put points (N, 3) of their segments [m]."""
+    points: Pose = (world_T_segment[:, :3, :3] @ on_segment[:, :, None])[:, :, 0] + world_T_segment[:, :3, 3]
+    return points
+
+
+def _spread(variances: Pose, on_segment: Pose) -> Pose:
+    """Variance (N) of points (N, 3) of segments whose poses have variances (N, 6) [m^2]."""
     squared_arms = np.einsum("ni,ni->n", on_segment, on_segment)
-    return points, variances[:, 3:].sum(axis=1) + squared_arms * variances[:, :3].sum(axis=1)
+    spread: Pose = variances[:, 3:].sum(axis=1) + squared_arms * variances[:, :3].sum(axis=1)
+    return spread
 
 
 def _outvoted(

@@ -237,36 +237,31 @@ class FrameAssembler:
         if not heads_ns:
             return False
         last_ns = min(heads_ns) + self._tolerance_ns
-        lacking = [
-            stream
-            for stream in self._streams.values()
-            if not stream.queue and (stream.heard_ns is None or stream.heard_ns <= last_ns or stream.behind)
-        ]
-        awaited = [stream for stream in lacking if not stream.behind]
-        if not awaited:
+        nobody_awaited = True
+        for stream in self._streams.values():
+            if stream.queue or stream.behind or (stream.heard_ns is not None and stream.heard_ns > last_ns):
+                continue
+            if not self._is_silent(stream):
+                return False
+            nobody_awaited = False
+        if nobody_awaited or self._live:
             return True
-        if not all(self._is_silent(stream) for stream in awaited):
-            return False
         others = (other.heard_ns for other in self._streams.values() if not other.behind)
-        return self._live or any(heard_ns is not None and heard_ns > last_ns for heard_ns in others)
+        return any(heard_ns is not None and heard_ns > last_ns for heard_ns in others)
 
     def _is_silent(self, stream: _Stream) -> bool:
         """Whether a camera is not worth waiting for: one of the others went on alone, or most are far ahead of it."""
-        since_ns = -self._max_wait_ns if stream.heard_ns is None else stream.heard_ns
-        ahead_ns = {
-            camera: other.heard_ns - since_ns
-            for camera, other in self._streams.items()
-            if other.heard_ns is not None and other is not stream
-        }
         if stream.far_behind:
             return True
         if self._live and time.monotonic() - stream.heard_s < 1e-9 * self._max_wait_ns:
             return False
-        return any(
-            ns > self._max_wait_ns
-            and self._streams[camera].run_ns - stream.others_run_ns.get(camera, 0) > self._max_wait_ns
-            for camera, ns in ahead_ns.items()
-        )
+        since_ns = -self._max_wait_ns if stream.heard_ns is None else stream.heard_ns
+        for camera, other in self._streams.items():
+            if other.heard_ns is None or other is stream or other.heard_ns - since_ns <= self._max_wait_ns:
+                continue
+            if other.run_ns - stream.others_run_ns.get(camera, 0) > self._max_wait_ns:
+                return True
+        return False
 
     def _take(self) -> BodyFrame:
         stamp_ns = min(self._heads_ns())

@@ -54,13 +54,15 @@ def predict(
     return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / settings.velocity_time) * velocity))
 
 
-def motion_sigmas(dt_s: float, previous_dt_s: float, settings: MotionSettings) -> NDArray[np.float64]:
-    """Sigmas (6), rotation [rad] then translation [m], of a segment's deviation from the prediction.
+def motion_sigmas(
+    dt_s: float | NDArray[np.float64], previous_dt_s: float | NDArray[np.float64], settings: MotionSettings
+) -> NDArray[np.float64]:
+    """Sigmas (6), rotation [rad] then translation [m], of a segment's deviation from the prediction; (N, 6) of (N, 1).
 
     The mean velocity over ``dt_s`` differs from the one over ``previous_dt_s`` by the acceleration times half of both.
     """
     sigmas = [settings.angular_acceleration_sigma, settings.acceleration_sigma]
-    return np.repeat(sigmas, 3) * dt_s * 0.5 * (dt_s + previous_dt_s)
+    return np.asarray(np.repeat(sigmas, 3) * dt_s * 0.5 * (dt_s + previous_dt_s))
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """Learns the clocks of all cameras, a window of images at a time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,9 @@ _SURPRISE = 5.0
 
 _MOST_TURNS = 6
 """Of a window with clocks that moved; each leaves a fifth of what a clock is off by."""
+
+_TRACKS_A_STEP = 8
+"""Paths of cameras that are made in one step of the work."""
 
 Images = Mapping[str, Sequence[LandmarkMatches]]
 
@@ -62,8 +65,8 @@ class ClockLearner:
         self._filter.free(self.cameras.index(camera))
         self.strayed.add(camera)
 
-    def learn(self, images: Images, from_ns: int, to_ns: int) -> dict[str, ClockState]:
-        """Learn from a window of images.
+    def learn(self, images: Images, from_ns: int, to_ns: int) -> Generator[None, None, dict[str, ClockState]]:
+        """Learn from a window of images, a few milliseconds at a time; nobody may be admitted or stray meanwhile.
 
         Args:
             images: camera -> its images, in order of time, some beyond both ends.
@@ -74,7 +77,7 @@ class ClockLearner:
         """
         self._filter.advance(1e-9 * (to_ns - self._at_ns))
         self._at_ns = to_ns
-        evidence = self._evidence(images, from_ns, to_ns)
+        evidence = yield from self._evidence(images, from_ns, to_ns)
         if evidence is None:
             return {}
         told = evidence.information / self._settings.instants_alike
@@ -86,7 +89,7 @@ class ClockLearner:
             # Their stamps went on evenly, so these clocks are what they were: what was believed of them was wrong.
             for row in off:
                 self.stray(self.cameras[row])
-            evidence = self._evidence(images, from_ns, to_ns) or evidence
+            evidence = (yield from self._evidence(images, from_ns, to_ns)) or evidence
             told = evidence.information / self._settings.instants_alike
         self._filter.learn(evidence.delays, told)
         return {camera: self._clock(row) for row, camera in enumerate(self.cameras)}
@@ -100,7 +103,7 @@ class ClockLearner:
             0, at_ns, offset, float(of.drifts[row]), float(of.offset_sigmas[row]), float(of.drift_sigmas[row])
         )
 
-    def _evidence(self, images: Images, from_ns: int, to_ns: int) -> ClockEvidence | None:
+    def _evidence(self, images: Images, from_ns: int, to_ns: int) -> Generator[None, None, ClockEvidence | None]:
         """What a window says beyond what is believed; clocks that are far off are asked again."""
         evidence = None
         shifts = np.zeros(len(self.cameras))
@@ -111,7 +114,9 @@ class ClockLearner:
             for row, camera in enumerate(self.cameras):
                 ahead_ns = round(1e9 * float(self._filter.offsets[row] + shifts[row]))
                 tracks[camera] = self._track(images.get(camera, ()), ahead_ns, from_ns, to_ns)
-            found = clock_evidence(self._body, tracks, stamps_ns, self._settings.max_gap, prior, -shifts)
+                if row % _TRACKS_A_STEP == _TRACKS_A_STEP - 1:
+                    yield
+            found = yield from clock_evidence(self._body, tracks, stamps_ns, self._settings.max_gap, prior, -shifts)
             if found is None:
                 return None
             evidence = replace(found, delays=found.delays + shifts)

@@ -5,8 +5,8 @@ Offline it looks some seconds ahead of the body; live it lets everything pass at
 
 import math
 from collections import deque
-from collections.abc import Collection, Iterable, Set
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Generator, Iterable, Set
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,44 +14,19 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_learner import MARGIN_NS, ClockLearner
+from bodycam_ros.timing.clock_learner import MARGIN_NS, ClockLearner, Images
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_state import ClockJump, ClockState, corrected
 from bodycam_ros.timing.common_time import CommonTime
-from bodycam_ros.timing.intervals import Intervals
+from bodycam_ros.timing.heard_camera import HeardCamera
 from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
+from bodycam_ros.timing.work_in_steps import at_once
 
 _LISTEN_NS = 1_000_000_000
 """Before anything is said of the beat, most cameras are listened to for so long."""
 
 _LISTEN_AT_MOST_NS = 5_000_000_000
 """Cameras that are silent are not waited for any longer."""
-
-
-@dataclass
-class _Heard:
-    """One camera: what is held, what may still be learned from, its clocks since the beginning, its intervals."""
-
-    held: deque[LandmarkMatches] = field(default_factory=deque)
-    images: deque[LandmarkMatches] = field(default_factory=deque)
-    clocks: list[ClockState] = field(default_factory=list)
-    intervals: Intervals = field(default_factory=Intervals)
-    first_ns: int = -1
-    latest_ns: int = -1
-    passed: tuple[int, int] = (-1, -1)
-    readout_time: float = math.nan
-    readout_sigma: float = math.nan
-
-    def begin_anew(self) -> None:
-        """Its time goes back: only what is known of its clock stays."""
-        self.images.clear()
-        self.intervals = Intervals()
-        self.first_ns = self.latest_ns = -1
-        self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
-
-    def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
-        """Stamps (N) of the latest images [ns]."""
-        return np.array([image.stamp_ns for image in self.images if image.stamp_ns >= from_ns], np.int64)
 
 
 class ClockWatch:
@@ -80,9 +55,11 @@ class ClockWatch:
         self._body, self._settings, self._floor = body, settings, floor
         self._lookahead_ns = 0 if live else round(1e9 * settings.lookahead)
         self._window_ns = round(1e9 * settings.window)
-        self._heard = {camera: _Heard() for camera in cameras}
+        self._heard = {camera: HeardCamera() for camera in cameras}
         self._learner: ClockLearner | None = None
         self._first_ns = self._window_from_ns = -1
+        self._learning: Generator[None, None, None] | None = None
+        self._went_on_ns = -1
         self._time = CommonTime()
         self._astray: deque[LandmarkMatches] = deque()
         self.jumps: list[ClockJump] = []
@@ -127,7 +104,7 @@ class ClockWatch:
 
     def join(self, camera: str) -> None:
         """Listen to one more camera."""
-        self._heard.setdefault(camera, _Heard())
+        self._heard.setdefault(camera, HeardCamera())
 
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
         """What one camera says; what may go on by now, stamps corrected, of each camera in order of time."""
@@ -164,6 +141,7 @@ class ClockWatch:
             self._admit(matches.camera)
         while (self._time.latest_ns or 0) > self._window_from_ns + self._window_ns + MARGIN_NS:
             self._learn_until(self._window_from_ns + self._window_ns)
+        self._go_on(matches.stamp_ns)
         return passed + self._release(self._known_until_ns())
 
     def _known_until_ns(self) -> int | None:
@@ -178,9 +156,11 @@ class ClockWatch:
         """All that is held; the recording is over."""
         if self._learner is None and self._first_ns >= 0:
             self._listen()
+        self._finish()
         latest_ns = self._time.latest_ns
         while latest_ns is not None and latest_ns - self._window_from_ns > self._window_ns // 4:
             self._learn_until(latest_ns + 1)
+            self._finish()
         return self._release(None) + list(self._astray)
 
     def _keep_stranger(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
@@ -198,6 +178,7 @@ class ClockWatch:
 
     def _begin_anew(self) -> list[LandmarkMatches]:
         """Time is elsewhere, as when a bag is played again: what is known of clocks stays; what was held goes on."""
+        self._finish()
         passed = self._release(None)
         for heard in self._heard.values():
             heard.begin_anew()
@@ -224,6 +205,7 @@ class ClockWatch:
 
     def _enter(self, camera: str, triggered: bool) -> None:
         assert self._learner is not None
+        self._finish()
         self._learner.admit(camera, triggered)
         sigma = self._settings.trigger_sigma if triggered else self._settings.sigma
         self._heard[camera].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, self._settings.drift_sigma)]
@@ -231,6 +213,7 @@ class ClockWatch:
     def _learn_until(self, to_ns: int) -> None:
         """Learn from the window that begins where the last one ended; it ends early where a clock may have been set."""
         assert self._learner is not None
+        self._finish()
         from_ns = self._window_from_ns
         breaks = {camera: heard.intervals.first_break(from_ns, to_ns) for camera, heard in self._heard.items()}
         cut_ns = min((stamp for stamp in breaks.values() if stamp is not None), default=None)
@@ -238,8 +221,9 @@ class ClockWatch:
         if until_ns - from_ns >= self._window_ns // 8:
             self._look_for_strays(from_ns, until_ns)
             images = {camera: list(heard.images) for camera, heard in self._heard.items()}
-            for camera, clock in self._learner.learn(images, from_ns, until_ns).items():
-                self._set(camera, clock)
+            self._learning = self._learn(images, from_ns, until_ns)
+            if self._lookahead_ns or cut_ns is not None:
+                self._finish()
         self._window_from_ns = until_ns
         for camera, heard in self._heard.items():
             if cut_ns is not None and breaks[camera] == cut_ns and heard.clocks:
@@ -249,6 +233,28 @@ class ClockWatch:
                 heard.images = deque(image for image in heard.images if image.stamp_ns >= cut_ns)
             while heard.images and heard.images[0].stamp_ns < until_ns - 2 * MARGIN_NS:
                 heard.images.popleft()
+
+    def _learn(self, images: Images, from_ns: int, to_ns: int) -> Generator[None, None, None]:
+        assert self._learner is not None
+        clocks = yield from self._learner.learn(images, from_ns, to_ns)
+        for camera, clock in clocks.items():
+            self._set(camera, clock)
+
+    def _go_on(self, stamp_ns: int) -> None:
+        """Live, the body must not wait for a window that is learned: there is one step of it at each instant."""
+        if self._learning is None or 0 <= stamp_ns - self._went_on_ns < (self.beat.period_ns if self.beat else 0):
+            return
+        self._went_on_ns = stamp_ns
+        try:
+            next(self._learning)
+        except StopIteration:
+            self._learning = None
+
+    def _finish(self) -> None:
+        """Learn what is left of the window that is being learned."""
+        if self._learning is not None:
+            at_once(self._learning)
+            self._learning = None
 
     def _look_for_strays(self, from_ns: int, to_ns: int) -> None:
         """Whose stamps wander away from those that they were the same as: a clock of its own drifts."""
@@ -274,12 +280,12 @@ class ClockWatch:
         if abs(by_s) > max(self._settings.jump, 3.0 * after.offset_sigma):
             self.jumps.append(ClockJump(camera, after.since_ns, by_s))
 
-    def _release(self, until_ns: int | None, of: Collection[_Heard] | None = None) -> list[LandmarkMatches]:
+    def _release(self, until_ns: int | None, of: Collection[HeardCamera] | None = None) -> list[LandmarkMatches]:
         """What is held of the time before a stamp (of all time), of some or all, in order of corrected stamps."""
         passed = []
         sharing = self.sharing
         for camera, heard in self._heard.items():
-            if of is not None and heard not in of:
+            if not heard.held or (of is not None and heard not in of):
                 continue
             # Those that are triggered together stay together: what is learned of their clocks is noise.
             clocks = [] if camera in sharing else heard.clocks

@@ -7,6 +7,7 @@ after sees an image taken at the instant. docs/architecture.md has the alternati
 
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,31 +73,44 @@ class InstantSampler:
         while self._instants and self._images:
             # The image after the next one says how the camera moves at the next.
             ready = len(self._images) > 1 and self._images[-2].stamp_ns >= self._instants[0]
-            exact = any(image.stamp_ns == self._instants[0] for image in self._images)
-            if not (ready or exact or last):
+            if not (ready or last or self._nearest(self._instants[0]).stamp_ns == self._instants[0]):
                 break
             instant_ns = self._instants.popleft()
             if (said := self._at(instant_ns)) is not None:
                 spoken.append(said)
         return spoken
 
+    def _nearest(self, instant_ns: int) -> LandmarkMatches:
+        """The image that is nearest to an instant; of two the earlier."""
+        nearest = self._images[-1]
+        # Most instants are among the latest images.
+        for image in reversed(self._images):
+            if abs(image.stamp_ns - instant_ns) > abs(nearest.stamp_ns - instant_ns):
+                break
+            nearest = image
+        return nearest
+
+    def _registered_near(self, instant_ns: int) -> list[LandmarkMatches]:
+        """Registered images that make a curve: two on either side of an instant, as far as they are near."""
+        before: list[LandmarkMatches] = []
+        after: list[LandmarkMatches] = []
+        for image in reversed(self._images):
+            if len(before) == 2 or image.stamp_ns < instant_ns - 2 * self._max_gap_ns:
+                break
+            if image.world_T_camera is not None:
+                (before if image.stamp_ns <= instant_ns else after).append(image)
+        near = [image for image in after[-2:] if image.stamp_ns <= instant_ns + 2 * self._max_gap_ns]
+        return [*reversed(before), *reversed(near)]
+
     def _at(self, instant_ns: int) -> LandmarkMatches | None:
         """What the camera says of an instant; None if it has no image near it."""
-        images = list(self._images)
-        nearest = min(images, key=lambda image: abs(image.stamp_ns - instant_ns))
+        nearest = self._nearest(instant_ns)
         off_ns = instant_ns - nearest.stamp_ns
         if off_ns == 0:
-            return self._with_turn(nearest, nearest, instant_ns)
+            return self._with_turn(nearest, instant_ns)
         if abs(off_ns) > self._max_gap_ns // 2:
             return None
-        registered = [image for image in images if image.world_T_camera is not None]
-        # Two on either side make a curve.
-        after = sum(image.stamp_ns <= instant_ns for image in registered)
-        registered = [
-            image
-            for image in registered[max(0, after - 2) : after + 2]
-            if abs(image.stamp_ns - instant_ns) <= 2 * self._max_gap_ns
-        ]
+        registered = self._registered_near(instant_ns)
         if nearest.world_T_camera is None or len(registered) < 2:
             return self._turned(nearest, instant_ns)
         path = CameraPath(
@@ -113,15 +127,22 @@ class InstantSampler:
             pose = nearest.world_T_camera @ step
             carried = adjoint(inverse(step))
             covariance = carried @ nearest.pose_covariance @ carried.T + np.diag((0.5 * off_s**2 * _BEND) ** 2)
-        shown = replace(nearest, world_T_camera=pose, pose_covariance=covariance, pixels=self._carried(nearest, pose))
-        return self._with_turn(shown, nearest, instant_ns)
+        return self._with_turn(
+            nearest,
+            instant_ns,
+            world_T_camera=pose,
+            pose_covariance=covariance,
+            pixels=self._carried(nearest, pose),
+        )
 
     def _carried(self, image: LandmarkMatches, world_T_camera: Array) -> NDArray[np.float32]:
         """Where landmarks would be in an image taken at a pose (4, 4): as far off their projections as they are."""
-        points = image.points_world.astype(np.float64)
-        there, valid_there = self._camera.project(transform_points(inverse(world_T_camera), points))
         assert image.world_T_camera is not None
-        here, valid_here = self._camera.project(transform_points(inverse(image.world_T_camera), points))
+        views = inverse(np.array([world_T_camera, image.world_T_camera]))
+        points = transform_points(views, image.points_world.astype(np.float64))
+        # Both views in one call: with a hundred landmarks a call costs more than what it computes.
+        pixels, valid = self._camera.project(points.reshape(-1, 3))
+        (there, here), (valid_there, valid_here) = pixels.reshape(2, -1, 2), valid.reshape(2, -1)
         moved = np.where((valid_there & valid_here)[:, None], there - here, 0.0)
         return (image.pixels + moved).astype(np.float32)
 
@@ -129,21 +150,21 @@ class InstantSampler:
         """An unregistered image, its landmarks moved by the camera's turning alone."""
         since_ns = image.stamp_ns - image.previous_stamp_ns
         if not image.rotation_inliers or since_ns <= 0:
-            return self._with_turn(replace(image, world_T_camera=None), image, instant_ns)
+            return self._with_turn(image, instant_ns, world_T_camera=None)
         share = (instant_ns - image.stamp_ns) / since_ns
         bearings, in_view = self._camera.unproject(image.pixels)
         later_R_now = exp_so3(share * log_so3(image.current_R_previous))
         pixels, valid = self._camera.project(bearings @ later_R_now.T)
         pixels = np.where((in_view & valid)[:, None], pixels, image.pixels)
-        return self._with_turn(replace(image, world_T_camera=None, pixels=pixels.astype(np.float32)), image, instant_ns)
+        return self._with_turn(image, instant_ns, world_T_camera=None, pixels=pixels.astype(np.float32))
 
-    def _with_turn(self, shown: LandmarkMatches, image: LandmarkMatches, instant_ns: int) -> LandmarkMatches:
-        """Stamped with the instant, with the rotation since the instant before as far as images tell it."""
+    def _with_turn(self, image: LandmarkMatches, instant_ns: int, **shown: Any) -> LandmarkMatches:
+        """An image as it is shown, stamped with the instant, with the rotation since the instant before, if known."""
         before, self._previous = self._previous, (instant_ns, image.stamp_ns)
         if before is None or before[1] != image.previous_stamp_ns:
-            return replace(shown, stamp_ns=instant_ns, previous_stamp_ns=0, rotation_inliers=0)
+            return replace(image, stamp_ns=instant_ns, previous_stamp_ns=0, rotation_inliers=0, **shown)
         stretch = (instant_ns - before[0]) / (image.stamp_ns - image.previous_stamp_ns)
         turn = image.current_R_previous
         if stretch != 1.0:
             turn = exp_so3(stretch * log_so3(turn))
-        return replace(shown, stamp_ns=instant_ns, previous_stamp_ns=before[0], current_R_previous=turn)
+        return replace(image, stamp_ns=instant_ns, previous_stamp_ns=before[0], current_R_previous=turn, **shown)

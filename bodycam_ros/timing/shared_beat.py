@@ -43,8 +43,15 @@ def shared_beat(
     heard = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
     if not heard:
         return SharedBeat(frozenset(stamps_ns) if alone else frozenset(), 0, next(iter(stamps_ns)))
+    # Cameras that are triggered mostly have the very same stamps, and are compared with the others once.
+    alike: dict[bytes, list[str]] = {}
+    for camera in sorted(heard):
+        alike.setdefault(heard[camera].tobytes(), []).append(camera)
     groups = [
-        frozenset(other for other in heard if go_together(heard[other], heard[camera])) for camera in sorted(heard)
+        frozenset(
+            camera for others in alike.values() if go_together(heard[others[0]], heard[own[0]]) for camera in others
+        )
+        for own in alike.values()
     ]
     largest = max(groups, key=len)
     together = largest if alone or 2 * len(largest) > max(2, len(heard)) else frozenset[str]()

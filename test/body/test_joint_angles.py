@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import EulerOrder, JointAngles, JointAngleTracker, joint_velocities
+from bodycam_ros.body.joint_angles import EulerOrder, JointAngles, JointAngleTracker
 from bodycam_ros.geometry import exp_se3, exp_so3, log_so3
 
 ORDERS = tuple("".join(order) for order in permutations("xyz"))
@@ -48,18 +48,6 @@ def test_a_body_of_welds_has_no_angles() -> None:
     stool = BodyModel("stool", "foot", ("foot", "seat"), (Joint("post", "foot", "seat", "weld", np.eye(4)),), {})
     assert JointAngleTracker(stool).angles(np.tile(np.eye(4), (2, 1, 1))).shape == (0,)
     assert JointAngles(stool).rotations(np.empty(0)).shape == (1, 3, 3)
-
-
-def test_velocities_of_known_motions() -> None:
-    start = 1_700_000_000_000_000_000
-    stamps = start + np.cumsum([0, 33_333_333, 33_333_334, 50_000_000, 16_666_667]).astype(np.int64)
-    seconds = (stamps - start) * 1e-9
-    angles = np.stack([3.0 * seconds, 2.0 * seconds**2], axis=-1)
-    velocities = joint_velocities(stamps, angles)
-    np.testing.assert_allclose(velocities[:, 0], 3.0, rtol=1e-9)
-    np.testing.assert_allclose(velocities[1:-1, 1], 4.0 * seconds[1:-1], rtol=1e-9)
-    np.testing.assert_allclose(joint_velocities(stamps[:2], angles[:2])[:, 0], 3.0)
-    np.testing.assert_array_equal(joint_velocities(stamps[:1], angles[:1]), 0.0)
 
 
 def test_compose_is_scipys_intrinsic_sequence(random: np.random.Generator) -> None:

@@ -17,6 +17,8 @@ from started_by_hand import (
     watched,
 )
 
+from bodycam_ros.body.instant_elimination import EliminatedInstants, eliminate_instants
+from bodycam_ros.timing import clock_window
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_watch import ClockWatch
 
@@ -241,3 +243,30 @@ def test_a_clock_that_was_never_set_costs_the_others_nothing(ahead_s: float, liv
     clock = watch.clocks["forearm_left"]
     assert clock.offset == pytest.approx(0.02, abs=3.0 * clock.offset_sigma) and clock.offset_sigma < 0.003
     assert not watch.jumps
+
+
+@pytest.mark.parametrize("runs", [{}, free_running()])
+def test_live_nobody_waits_while_a_window_is_learned(
+    runs: dict[str, CameraRun], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One step at an instant, and in the end the same is known as if it had been learned at once."""
+    steps = 0
+
+    def counted(*arguments: np.ndarray) -> EliminatedInstants:
+        nonlocal steps
+        steps += 1
+        return eliminate_instants(*arguments)
+
+    monkeypatch.setattr(clock_window, "eliminate_instants", counted)
+    images = Recording(12.0, runs=runs).images()
+    at_once, _ = watched(images)
+    taken_at_once, steps = steps, 0
+    live = ClockWatch(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
+    most = 0
+    for image in images:
+        before = steps
+        live.add(image)
+        most = max(most, steps - before)
+    live.flush()
+    assert most == 1 and steps == taken_at_once > 4
+    assert live.clocks == at_once.clocks

@@ -1,0 +1,142 @@
+"""Whether the solver keeps its pace: minutes of motion from the seconds of a recording, played to and fro."""
+
+import resource
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+_MINUTE_S = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Endurance:
+    """What the instants of a long motion cost.
+
+    Attributes:
+        stamps_s: (N) of the instants, without those of the first second, which come at once [s].
+        solve_ms: (N) of CPU, from what cameras say to the body's output; a clock that is learned counts where it was.
+        memory_mb: (N) of the process after each.
+    """
+
+    stamps_s: NDArray[np.float64]
+    solve_ms: NDArray[np.float64]
+    memory_mb: NDArray[np.float64]
+
+    def percentile_ms(self, percent: float) -> float:
+        """Of all instants."""
+        return float(np.percentile(self.solve_ms, percent))
+
+    @property
+    def first_minute_ms(self) -> float:
+        """Mean over the first minute, or the first third of what is shorter."""
+        return float(self.solve_ms[self.stamps_s < self._stretch_s].mean())
+
+    @property
+    def last_minute_ms(self) -> float:
+        """Mean over the last minute, or the last third of what is shorter."""
+        return float(self.solve_ms[self.stamps_s > self.stamps_s[-1] - self._stretch_s].mean())
+
+    @property
+    def growth_mb(self) -> float:
+        """By how much the process grew after the first minute."""
+        return float(self.memory_mb[-1] - self.memory_mb[self.stamps_s < self._stretch_s][-1])
+
+    @property
+    def _stretch_s(self) -> float:
+        return min(_MINUTE_S, float(self.stamps_s[-1]) / 3.0)
+
+
+def endure(
+    body: BodyModel,
+    cameras: Mapping[str, CameraModel],
+    registered: Sequence[LandmarkMatches],
+    settings: PipelineSettings,
+    lasting_s: float,
+    on_instant: Callable[[], None] = lambda: None,
+) -> Endurance:
+    """Solve a recording to and fro for some time, as a live graph would, without its messages.
+
+    Args:
+        body: with its mounts.
+        cameras: models by name.
+        registered: what the cameras said, in order of time; a second or more.
+        settings: of all stages.
+        lasting_s: of the motion [s].
+        on_instant: called after each instant.
+    """
+    skeleton = SkeletonPipeline(body, cameras, settings, live=True)
+    stamps_ns, solve_s, memory = [], [], []
+    begun, spent_s = False, 0.0  # clocks are listened to for a second before anything is solved
+    for matches in to_and_fro(registered, lasting_s):
+        started_s = time.thread_time()
+        outputs = skeleton.add(matches)
+        spent_s += time.thread_time() - started_s
+        for output in outputs if begun else ():
+            stamps_ns.append(output.state.stamp_ns)
+            solve_s.append(spent_s / len(outputs))
+            memory.append(_memory_bytes())
+            on_instant()
+        if outputs:
+            begun, spent_s = True, 0.0
+    since_ns = np.array(stamps_ns, np.int64) - stamps_ns[0]
+    return Endurance(1e-9 * since_ns.astype(np.float64), 1e3 * np.array(solve_s), 1e-6 * np.array(memory))
+
+
+def to_and_fro(registered: Sequence[LandmarkMatches], lasting_s: float) -> Iterator[LandmarkMatches]:
+    """What cameras would say if the body went through a motion forward, then backward, and so on.
+
+    Args:
+        registered: the motion, in order of time; a second or more.
+        lasting_s: how long to go on [s].
+    """
+    stamps_ns = np.unique([matches.stamp_ns for matches in registered])
+    first_ns, last_ns = int(stamps_ns[0]), int(stamps_ns[-1])
+    backward = _backward(registered, first_ns + last_ns)
+    at_ns, until_ns = first_ns, first_ns + round(1e9 * lasting_s)
+    previous_ns: dict[str, int] = {}
+    for played in cycle((registered, backward)):
+        for matches in played:
+            stamp_ns = matches.stamp_ns - first_ns + at_ns
+            if stamp_ns > until_ns:
+                return
+            # The pose at which it turns back is shown once.
+            if stamp_ns == previous_ns.get(matches.camera):
+                continue
+            before_ns = previous_ns.get(matches.camera, 0) if matches.previous_stamp_ns else 0
+            previous_ns[matches.camera] = stamp_ns
+            yield replace(matches, stamp_ns=stamp_ns, previous_stamp_ns=before_ns)
+        at_ns += last_ns - first_ns
+
+
+def _backward(registered: Sequence[LandmarkMatches], mirror_ns: int) -> list[LandmarkMatches]:
+    """The same images in reverse order of time: each camera turns back as it had turned."""
+    following: dict[str, LandmarkMatches] = {}
+    mirrored = []
+    for matches in reversed(registered):
+        after = following.get(matches.camera)
+        following[matches.camera] = matches
+        turn: dict[str, Any] = {"previous_stamp_ns": 0, "current_R_previous": np.eye(3), "rotation_inliers": 0}
+        if after is not None and after.previous_stamp_ns == matches.stamp_ns:
+            turn = {
+                "previous_stamp_ns": mirror_ns - after.stamp_ns,
+                "current_R_previous": after.current_R_previous.T,
+                "rotation_inliers": after.rotation_inliers,
+            }
+        mirrored.append(replace(matches, stamp_ns=mirror_ns - matches.stamp_ns, **turn))
+    return mirrored
+
+
+def _memory_bytes() -> int:
+    """Resident memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
