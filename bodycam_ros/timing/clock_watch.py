@@ -83,6 +83,7 @@ class ClockWatch:
         self._heard = {camera: _Heard() for camera in cameras}
         self._learner: ClockLearner | None = None
         self._first_ns = self._window_from_ns = -1
+        self._is_guess = False
         self._time = CommonTime()
         self._astray: deque[LandmarkMatches] = deque()
         self.jumps: list[ClockJump] = []
@@ -156,7 +157,7 @@ class ClockWatch:
         heard.images.append(matches)
         if self._first_ns < 0:
             self._first_ns = self._window_from_ns = matches.stamp_ns
-        if self._learner is None:
+        if self._learner is None or self._is_guess:
             if not self._has_listened(matches.stamp_ns):
                 return passed
             self._listen()
@@ -175,9 +176,13 @@ class ClockWatch:
         return self._window_from_ns - (0 if all_share else self._lookahead_ns)
 
     def flush(self) -> list[LandmarkMatches]:
-        """All that is held; the recording is over."""
-        if self._learner is None and self._first_ns >= 0:
+        """All that is held; the recording is over, or, live, nobody has spoken for a while."""
+        if (self._learner is None or self._is_guess) and self._first_ns >= 0:
             self._listen()
+            if not self._lookahead_ns and not self._has_listened(self._time.latest_ns or 0):
+                # So few stamps must not say for ever who goes with whom. Of one image there is no beat: it is held.
+                self._is_guess = True
+                return self._release(None) if self.beat and (self.beat.together or self.beat.period_ns) else []
         latest_ns = self._time.latest_ns
         while latest_ns is not None and latest_ns - self._window_from_ns > self._window_ns // 4:
             self._learn_until(latest_ns + 1)
@@ -206,6 +211,7 @@ class ClockWatch:
 
     def _listen(self) -> None:
         """Find out who goes with whom, and begin to learn."""
+        self._is_guess = False
         stamps = {camera: own for camera, heard in self._heard.items() if len(own := heard.stamps_ns())}
         self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root), alone=len(self._heard) == 1)
         self._learner = ClockLearner(self._body, self._settings, self._floor, self._first_ns)
