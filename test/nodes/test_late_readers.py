@@ -21,9 +21,21 @@ def _without_solver(sample: Path, **given: object) -> list[NodeProcess]:
     ]
 
 
-def test_a_solver_that_is_found_after_the_bag_is_played_hears_all_of_it(graph: Any, sample: Path) -> None:
-    *_, playing = graph.start(*_without_solver(sample, landmark_wait=_START_S))
-    graph.until(lambda: playing.process.poll() is not None, _START_S, "the bag is played")
+def _start(graph: Any, nodes: list[NodeProcess]) -> None:
+    graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
+    graph.start(*nodes[:-1])
+    graph.until_known(_START_S)
+    graph.start(nodes[-1])
+
+
+def _tracked(graph: Any) -> int:
+    reports = graph.all_diagnostics(f"tracker_{CAMERA}: camera {CAMERA}")
+    return sum(int(report["tracked per second"]) for report in reports)
+
+
+def test_a_solver_that_is_found_after_the_bag_is_tracked_hears_all_of_it(graph: Any, sample: Path) -> None:
+    _start(graph, _without_solver(sample, landmark_wait=_START_S))
+    graph.until(lambda: _tracked(graph) == _IMAGES, _START_S, "all images are tracked")
     topic = f"/{CAMERA}/landmarks"
     graph.listen({topic: "bodycam_msgs/msg/LandmarkMatches"})
     graph.until(lambda: len(graph.heard[topic]) == _IMAGES, _START_S, "the landmarks of all images")
@@ -32,9 +44,5 @@ def test_a_solver_that_is_found_after_the_bag_is_played_hears_all_of_it(graph: A
 def test_a_solver_that_never_comes_is_not_waited_for_long(graph: Any, sample: Path) -> None:
     topic = f"/{CAMERA}/pose"
     graph.listen({topic: "geometry_msgs/msg/PoseWithCovarianceStamped"})
-    graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
-    *nodes, playing = _without_solver(sample, landmark_wait=0.5)
-    graph.start(*nodes)
-    graph.until_known(_START_S)
-    graph.start(playing)
+    _start(graph, _without_solver(sample, landmark_wait=0.5))
     graph.until(lambda: len(graph.heard[topic]) == _IMAGES, _START_S, "the poses of all images")
