@@ -200,6 +200,8 @@ class Registration(StageNode[RegistrationParameters]):
             level, text = HealthLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif self._cameras.refused:
             level, text = HealthLevel.ERROR, f"no usable camera_info of {few(sorted(self._cameras.refused))}"
+        elif self._waiting:
+            level, text = HealthLevel.WARN, f"waits until more nodes read the landmarks of {few(sorted(self._waiting))}"
         elif lost:
             level, text = HealthLevel.WARN, f"registering, with losses: {self.skipped.latest}"
         elif frames:
