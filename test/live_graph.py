@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,10 +41,14 @@ class Started:
             self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=_REPOSITORY)
 
     @property
+    def log(self) -> str:
+        """All that it printed."""
+        return self._log.read_text()
+
+    @property
     def printed(self) -> str:
         """What it printed, without what Fast DDS says of ports that two processes try to open in the same instant."""
-        lines = self._log.read_text().splitlines(keepends=True)
-        return "".join(line for line in lines if "RTPS_TRANSPORT_SHM" not in line)
+        return "".join(line for line in self.log.splitlines(keepends=True) if "RTPS_TRANSPORT_SHM" not in line)
 
     def interrupt(self) -> None:
         """Send SIGINT, twice, as a launch file does."""
@@ -94,6 +98,17 @@ class Graph:
             self._types[topic] = type_name
             quality = latched() if is_latched(topic) else reliable(_DEPTH)
             self._node.create_subscription(message_class(type_name), topic, self.heard[topic].append, quality, raw=True)
+
+    def until_known(self, timeout_s: float) -> None:
+        """Wait until all that were started know what the listener reads, diagnostics last: they said so by speaking."""
+        names = {each.node.name for each in self.started}
+        said: set[str] = set()
+
+        def all_speak() -> bool:
+            said.update(s.name.split(":")[0] for m in self.messages("/diagnostics", -1) for s in m.status)
+            return names <= said
+
+        self.until(all_speak, timeout_s, f"diagnostics of {', '.join(sorted(names))}")
 
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
         return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
@@ -169,9 +184,29 @@ class Graph:
         return path
 
     def report(self) -> str:
-        """What the processes printed, for a failure's message."""
-        texts = (f"--- {each.node.name} ({each.process.poll()})\n{each.printed}" for each in self.started)
-        return "\n".join(text for text in texts)
+        """What was heard and what the processes printed, for a failure's message."""
+        counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
+        texts = (f"--- {each.node.name} ({each.process.poll()})\n{each.log}" for each in self.started)
+        return "\n".join((*counts, *self._health(), *texts))
+
+    def _health(self) -> list[str]:
+        """What each part has reported, and how many images or instants in all, where the test listens to that."""
+        said: defaultdict[str, list[str]] = defaultdict(list)
+        values: dict[str, str] = {}
+        totals: defaultdict[str, Counter[str]] = defaultdict(Counter)
+        for message in self.messages("/diagnostics") if "/diagnostics" in self._types else ():
+            for status in message.status:
+                if said[status.name][-1:] != [status.message]:
+                    said[status.name].append(status.message)
+                values[status.name] = ", ".join(f"{value.key} {value.value}" for value in status.values)
+                for value in status.values:
+                    if value.key.endswith(" per second"):
+                        kind = value.key.removesuffix(" per second")
+                        totals[status.name][kind] += int(value.value)
+        return [
+            f"{name}: {' -> '.join(texts)}; in all: {dict(totals[name])}; last: {values[name]}"
+            for name, texts in sorted(said.items())
+        ]
 
     def end(self) -> dict[str, int]:
         """Interrupt all nodes at once, as a launch file does; exit codes by node's name."""

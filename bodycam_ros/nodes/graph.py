@@ -12,6 +12,9 @@ from bodycam_ros.errors import BodyError
 READERS_OF_INFO = 3
 """Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
 
+READERS_OF_LANDMARKS = 2
+"""Nodes that read each camera's landmarks: its tracker and the solver."""
+
 
 @dataclass(frozen=True)
 class NodeProcess:
@@ -74,7 +77,12 @@ def live_graph(
             NodeProcess(
                 "registration",
                 name,
-                {"map": str(reference_map), "cameras": used[start::count], "publish_map": start == 0},
+                {
+                    "map": str(reference_map),
+                    "cameras": used[start::count],
+                    "publish_map": start == 0,
+                    "landmark_readers": READERS_OF_LANDMARKS,
+                },
             )
             for start, name in enumerate(names)
         ),

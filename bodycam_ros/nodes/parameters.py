@@ -62,6 +62,15 @@ class RegistrationParameters:
         (), reason="the cameras to register; those of 'body' if empty; several nodes may share them"
     )
     publish_map: bool = setting(True, reason="of several nodes over one map only one needs to publish map/points")
+    landmark_readers: int = setting(
+        1,
+        limits=(0, 100),
+        reason="a camera's first frames wait until so many nodes read its landmarks; the whole graph has two a camera, "
+        "tracker and solver",
+    )
+    landmark_wait: float = setting(
+        10.0, unit="s", limits=(0.0, 600.0), reason="go on without them when they are not there by then"
+    )
 
 
 @dataclass(frozen=True)

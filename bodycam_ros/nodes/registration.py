@@ -24,6 +24,8 @@ from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertica
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
+_LOOK_S = 0.1
+
 _TIMINGS = 10
 """Those of all who speak of one camera."""
 
@@ -31,9 +33,10 @@ _TIMINGS = 10
 class Registration(StageNode[RegistrationParameters]):
     """Registers all cameras; one registrar for each, over one map.
 
-    Track frames that come before their camera's camera_info wait for it. Where a tracker begins anew, so does the
-    registrar; where this node comes into the middle of a tracker's stream, it asks for a keyframe, because only there
-    the tracks carry what they can be named by.
+    Track frames that come before their camera's camera_info wait for it, and the first ones for those who are to read
+    what is made of them: two nodes may take seconds to find each other, and landmarks that nobody heard of are lost for
+    good. Where a tracker begins anew, so does the registrar; where this node comes into the middle of a tracker's
+    stream, it asks for a keyframe, because only there the tracks carry what they can be named by.
     """
 
     def __init__(self) -> None:
@@ -48,6 +51,8 @@ class Registration(StageNode[RegistrationParameters]):
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
+        self._waiting_since_s: dict[str, float] = {}
+        self._read: set[str] = set()
         self._registration_health = RegistrationHealth(cameras, self.settings.readout)
         self._missed = MissedFrames()
         self._frames, self._work_s = 0, 0.0
@@ -69,7 +74,6 @@ class Registration(StageNode[RegistrationParameters]):
             now_ns = self.get_clock().now().nanoseconds
             points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
-        self._cameras = CameraModels(self, cameras, self._on_camera)
         for camera in cameras:
             self.subscription(
                 "bodycam_msgs/msg/CameraTiming", f"{camera}/timing", partial(self._on_timing, camera), latched(_TIMINGS)
@@ -80,14 +84,38 @@ class Registration(StageNode[RegistrationParameters]):
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
+        # The last: who sees it reading camera_info may take it that it reads the rest.
+        self._cameras = CameraModels(self, cameras, self._on_camera)
+        self.every(_LOOK_S, self._look)
 
     def _on_camera(self, camera: str) -> None:
-        waiting = self._waiting.pop(camera, [])
         self._registrars.pop(camera, None)
         if camera in self._cameras.models:
             self._begin(camera)
-            for frame in waiting:
+            self._go_on(camera)
+        else:
+            self._waiting.pop(camera, None)
+
+    def _look(self) -> None:
+        for camera in list(self._waiting):
+            self._go_on(camera)
+
+    def _go_on(self, camera: str) -> None:
+        """Register what waits, unless it has to wait for longer."""
+        if camera in self._registrars and camera in self._waiting and self._is_read(camera):
+            for frame in self._waiting.pop(camera):
                 self._register(frame)
+
+    def _is_read(self, camera: str) -> bool:
+        """Whether those who are to read a camera's landmarks are there, or once were, or did not come in time."""
+        if camera not in self._read:
+            now_s = time.monotonic()
+            waited_s = now_s - self._waiting_since_s.setdefault(camera, now_s)
+            readers = self._landmarks[camera].get_subscription_count()
+            if readers < self.parameters.landmark_readers and waited_s <= self.parameters.landmark_wait:
+                return False
+            self._read.add(camera)
+        return True
 
     def _begin(self, camera: str) -> None:
         """Nothing is known of the camera's tracks."""
@@ -114,10 +142,9 @@ class Registration(StageNode[RegistrationParameters]):
         except ValueError as error:
             self.skipped.add("track messages skipped", f"{camera}/tracks: malformed message ({error})")
             return
-        if camera in self._registrars:
-            self._register(frame)
-        elif camera not in self._cameras.refused:
+        if camera not in self._cameras.refused:
             self._wait(frame)
+            self._go_on(camera)
 
     def _wait(self, frame: TrackFrame) -> None:
         waiting = self._waiting[frame.camera]
@@ -173,6 +200,8 @@ class Registration(StageNode[RegistrationParameters]):
             level, text = HealthLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif self._cameras.refused:
             level, text = HealthLevel.ERROR, f"no usable camera_info of {few(sorted(self._cameras.refused))}"
+        elif self._waiting:
+            level, text = HealthLevel.WARN, f"waits until more nodes read the landmarks of {few(sorted(self._waiting))}"
         elif lost:
             level, text = HealthLevel.WARN, f"registering, with losses: {self.skipped.latest}"
         elif frames:

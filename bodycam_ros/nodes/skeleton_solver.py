@@ -59,8 +59,6 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._missed = MissedFrames()
         self._first_info_s: float | None = None
         self._flushed = True
-        self._cameras = CameraModels(self, carried, self._on_camera)
-        self._health = SolverHealth(self._cameras, self.skipped)
         self._timings = TimingTopics(self, carried)
         for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
@@ -68,6 +66,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 "bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", on_landmarks, reliable(STAGE_DEPTH)
             )
         self.create_service(Trigger, "~/flush", self._on_flush)
+        # The last: who sees it reading camera_info may take it that it reads the rest.
+        self._cameras = CameraModels(self, carried, self._on_camera)
+        self._health = SolverHealth(self._cameras, self.skipped)
         self.every(_LOOK_S, self._look)
 
     def finish(self) -> None:

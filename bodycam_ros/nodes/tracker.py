@@ -66,7 +66,6 @@ class Tracker(StageNode[TrackerParameters]):
         self._restarts = 0
         self._readers = 0
         self._tracks = self.publisher("bodycam_msgs/msg/FeatureTracks", f"{self.camera}/tracks", reliable(STAGE_DEPTH))
-        self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
         self.subscription(
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
@@ -74,6 +73,8 @@ class Tracker(StageNode[TrackerParameters]):
         self._source = ImageSource(
             self, self.camera, self.parameters.transport, self.parameters.image_queue, self._on_image
         )
+        # The last: who sees it reading camera_info may take it that it reads the rest.
+        self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
         # A reader of the tracks may come when no further image does.
         self.every(_LOOK_S, self._look)
 

@@ -60,6 +60,7 @@ class ClockWatch:
         self._first_ns = self._window_from_ns = -1
         self._learning: Generator[None, None, None] | None = None
         self._went_on_ns = -1
+        self._is_guess = False
         self._time = CommonTime()
         self._astray: deque[LandmarkMatches] = deque()
         self.jumps: list[ClockJump] = []
@@ -133,7 +134,7 @@ class ClockWatch:
         heard.images.append(matches)
         if self._first_ns < 0:
             self._first_ns = self._window_from_ns = matches.stamp_ns
-        if self._learner is None:
+        if self._learner is None or self._is_guess:
             if not self._has_listened(matches.stamp_ns):
                 return passed
             self._listen()
@@ -153,9 +154,13 @@ class ClockWatch:
         return self._window_from_ns - (0 if all_share else self._lookahead_ns)
 
     def flush(self) -> list[LandmarkMatches]:
-        """All that is held; the recording is over."""
-        if self._learner is None and self._first_ns >= 0:
+        """All that is held; the recording is over, or, live, nobody has spoken for a while."""
+        if (self._learner is None or self._is_guess) and self._first_ns >= 0:
             self._listen()
+            if not self._lookahead_ns and not self._has_listened(self._time.latest_ns or 0):
+                # So few stamps must not say for ever who goes with whom. Of one image there is no beat: it is held.
+                self._is_guess = True
+                return self._release(None) if self.beat and (self.beat.together or self.beat.period_ns) else []
         self._finish()
         latest_ns = self._time.latest_ns
         while latest_ns is not None and latest_ns - self._window_from_ns > self._window_ns // 4:
@@ -187,6 +192,7 @@ class ClockWatch:
 
     def _listen(self) -> None:
         """Find out who goes with whom, and begin to learn."""
+        self._is_guess = False
         stamps = {camera: own for camera, heard in self._heard.items() if len(own := heard.stamps_ns())}
         self.beat = shared_beat(stamps, self._body.cameras_on(self._body.root), alone=len(self._heard) == 1)
         self._learner = ClockLearner(self._body, self._settings, self._floor, self._first_ns)

@@ -15,7 +15,8 @@ def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
     assert [node.executable for node in nodes] == ["tracker", "tracker", "registration", "skeleton_solver"]
     assert len({node.name for node in nodes}) == len(nodes)
     assert [node.parameters["camera"] for node in nodes[:2]] == ["left", "right"]
-    assert nodes[2].parameters == {"map": str(tmp_path / "map"), "cameras": ["left", "right"], "publish_map": True}
+    of_registration = {"map": str(tmp_path / "map"), "cameras": ["left", "right"], "publish_map": True}
+    assert nodes[2].parameters == of_registration | {"landmark_readers": 2}
     assert nodes[3].parameters == {"body": str(tmp_path / "body.yaml")}
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from range_of_motion import START_NS, range_of_motion, wide_cameras
 from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
 
@@ -86,6 +87,25 @@ def test_free_running_cameras_keep_how_they_turned() -> None:
     instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=False)
     said = [each for image in images for each in instants.add(image)] + instants.flush()
     assert np.mean([each.rotation_inliers > 0 for each in said]) > 0.95
+
+
+@pytest.mark.parametrize("heard_before", [1, 2, len(CAMERAS) + 1])
+def test_live_a_stall_after_the_first_images_costs_no_more_than_those(heard_before: int) -> None:
+    images = Recording(DURATION_S).images()
+    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=True)
+    before = [each for image in images[:heard_before] for each in instants.add(image)] + instants.flush()
+    after = [each for image in images[heard_before:] for each in instants.add(image)] + instants.flush()
+    assert instants.watch.sharing == set(CAMERAS)
+    assert len(before) + len(after) >= len(images) - heard_before
+    assert {id(each) for each in after} <= {id(image) for image in images}
+
+
+def test_live_one_camera_that_stalls_after_its_first_image_speaks_alone() -> None:
+    images = [image for image in Recording(1.9).images() if image.camera == CAMERAS[0]]
+    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=True)
+    said = instants.add(images[0]) + instants.flush()
+    said += [each for image in images[1:] for each in instants.add(image)] + instants.flush()
+    assert len(stamps_ns(said)) >= len(images) - 2
 
 
 def test_a_camera_that_never_speaks_is_no_burden() -> None:
