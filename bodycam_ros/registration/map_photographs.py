@@ -6,6 +6,7 @@ A map of before has none; then landmarks are known by their descriptors alone.
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -105,7 +106,7 @@ class MapPhotographs:
     def save(self, folder: Path) -> None:
         """Write them into a map folder."""
         camera = self.camera
-        arrays = dict(
+        arrays: dict[str, NDArray[Any]] = dict(
             jpegs=np.frombuffer(b"".join(self.jpegs), np.uint8),
             jpeg_ends=np.cumsum([len(jpeg) for jpeg in self.jpegs], dtype=np.int64),
             observation_landmark=self.observation_landmark,

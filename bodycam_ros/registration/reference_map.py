@@ -26,7 +26,9 @@ from bodycam_ros.yaml_file import read_yaml
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
-_PARTS = re.compile(r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)")
+_PARTS = re.compile(
+    r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
+)
 
 _REMEDY = "build it with photographs of the AprilTag board (bodycam map)"
 

@@ -77,8 +77,7 @@ class ClockWatch:
         timings = {}
         sharing = self.sharing
         for camera, heard in self._heard.items():
-            clocks = heard.clocks
-            if camera in sharing:
+            if (clocks := heard.clocks) and camera in sharing:
                 sigma = max(clocks[-1].offset_sigma, abs(clocks[-1].offset))
                 clocks = [replace(clocks[-1], since_ns=0, offset=0.0, drift=0.0, offset_sigma=sigma)]
             if clocks:
@@ -110,9 +109,9 @@ class ClockWatch:
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
         """What one camera says; what may go on by now, stamps corrected, of each camera in order of time."""
         heard = self._heard.get(matches.camera)
+        passed: list[LandmarkMatches] = []
         if heard is None:
-            return []
-        passed = []
+            return passed
         if matches.stamp_ns <= heard.latest_ns - _LISTEN_NS:
             passed = self._release(None, [heard])
             heard.begin_anew()
@@ -122,9 +121,8 @@ class ClockWatch:
             return passed + self._keep_stranger(matches)
         if self._time.moves > moves:
             passed += self._begin_anew()
-            first, self._astray = list(self._astray), deque()
-            for image in first:
-                passed += self.add(image)
+            first, self._astray = self._astray, deque()
+            passed += [said for image in first for said in self.add(image)]
         heard.intervals.add(matches.stamp_ns)
         heard.latest_ns = matches.stamp_ns
         heard.first_ns = matches.stamp_ns if heard.first_ns < 0 else heard.first_ns
@@ -177,8 +175,8 @@ class ClockWatch:
 
     def _has_listened(self, stamp_ns: int) -> bool:
         """Whether most cameras were heard for long enough, or one for so long that the others are not waited for."""
-        spans_ns = [heard.latest_ns - heard.first_ns for heard in self._heard.values() if heard.first_ns >= 0]
-        long_enough = sum(span >= _LISTEN_NS for span in spans_ns)
+        heard = [heard for heard in self._heard.values() if heard.first_ns >= 0]
+        long_enough = sum(each.latest_ns - each.first_ns >= _LISTEN_NS for each in heard)
         return 2 * long_enough > len(self._heard) or stamp_ns - self._first_ns >= _LISTEN_AT_MOST_NS
 
     def _begin_anew(self) -> list[LandmarkMatches]:
