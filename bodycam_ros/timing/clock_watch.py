@@ -175,8 +175,7 @@ class ClockWatch:
 
     def _has_listened(self, stamp_ns: int) -> bool:
         """Whether most cameras were heard for long enough, or one for so long that the others are not waited for."""
-        heard = [heard for heard in self._heard.values() if heard.first_ns >= 0]
-        long_enough = sum(each.latest_ns - each.first_ns >= _LISTEN_NS for each in heard)
+        long_enough = sum(0 <= heard.first_ns <= heard.latest_ns - _LISTEN_NS for heard in self._heard.values())
         return 2 * long_enough > len(self._heard) or stamp_ns - self._first_ns >= _LISTEN_AT_MOST_NS
 
     def _begin_anew(self) -> list[LandmarkMatches]:
