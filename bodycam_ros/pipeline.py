@@ -19,7 +19,9 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_pool import ReadoutSettings
@@ -55,6 +57,7 @@ class PipelineSettings(SettingsGroups):
     flow: OpticalFlowSettings = OpticalFlowSettings()
     rotation: RotationSettings = RotationSettings()
     registrar: RegistrarSettings = RegistrarSettings()
+    direct: DirectSettings = DirectSettings()
     matching: MatchingSettings = MatchingSettings()
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
@@ -71,9 +74,15 @@ class PipelineSettings(SettingsGroups):
     verdict: VerdictSettings = VerdictSettings()
 
 
-def feature_tracker(camera: CameraModel, settings: PipelineSettings) -> FeatureTracker:
-    """The tracker of one camera."""
-    return FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
+def landmark_tracker(
+    camera: CameraModel,
+    reference_map: ReferenceMap | None,
+    settings: PipelineSettings,
+    readout: Readout | None = None,
+) -> LandmarkTracker:
+    """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
+    features = FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
+    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, settings.shutter, readout)
 
 
 def registrar(
@@ -102,15 +111,14 @@ class CameraPipeline:
         settings: PipelineSettings,
         readout: Readout | None = None,
     ) -> None:
-        self._tracker = feature_tracker(camera, settings)
+        self._tracker = landmark_tracker(camera, reference_map, settings, readout)
         self._registrar = registrar(camera, reference_map, settings, readout)
 
     def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
         """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
         tracks = self._tracker.track(image, stamp_ns)
         matches = self._registrar.register(tracks)
-        if matches.world_T_camera is not None:
-            self._tracker.prune(matches.stamp_ns, matches.track_ids)
+        self._tracker.hear(matches)
         return tracks, matches
 
 

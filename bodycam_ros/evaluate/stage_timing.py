@@ -15,7 +15,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.kernels.preparation import load_kernels, prepare_kernels
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline, feature_tracker, registrar
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline, landmark_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -97,7 +97,7 @@ def _time_camera(
     settings: PipelineSettings,
     timing: StageTiming,
 ) -> Iterator[LandmarkMatches]:
-    tracker = feature_tracker(camera, settings)
+    tracker = landmark_tracker(camera, reference_map, settings)
     camera_registrar = registrar(camera, reference_map, settings)
     bare = _BareOpenCv(settings)
     before: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None
@@ -118,10 +118,8 @@ def _time_camera(
                 bare.keypoints(grey)
         with _add_to(timing.seconds, "register"):
             matches = camera_registrar.register(tracks)
-        followed = tracks.pixels
-        if matches.world_T_camera is not None:
-            tracker.prune(matches.stamp_ns, matches.track_ids)
-            followed = matches.shown
+        tracker.hear(matches)
+        followed = tracks.pixels if matches.world_T_camera is None else matches.shown
         before = (grey, followed)
         timing.images += 1
         timing.keyframes += tracks.keyframe

@@ -27,6 +27,8 @@ KERNEL_FILES = (
     "geometry_kernels.py",
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
+    "registration/landmark_choice_kernels.py",
+    "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
 )
 """All that hold kernels, in the order in which they are compiled."""

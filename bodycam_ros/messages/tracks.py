@@ -28,6 +28,7 @@ def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
         scales=make.sequence(flat(frame.scales, np.float32)),
         keyframe=bool(frame.keyframe),
         current_r_previous=quaternion_message(make, frame.current_R_previous),
+        landmark_ids=make.sequence(flat(np.zeros(0) if frame.landmark_ids is None else frame.landmark_ids, np.uint32)),
         rotation_inliers=int(frame.rotation_inliers),
     )
 
@@ -51,6 +52,7 @@ def track_frame(message: Message, camera: str) -> TrackFrame:
         keyframe=bool(message.keyframe),
         current_R_previous=rotation_from_message(message.current_r_previous),
         rotation_inliers=int(message.rotation_inliers),
+        landmark_ids=numbers(message.landmark_ids, np.uint32, track_count) if len(message.landmark_ids) else None,
     )
 
 

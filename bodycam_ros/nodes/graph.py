@@ -72,7 +72,10 @@ def live_graph(
     if rig is not None:
         of_solver |= {"rig": str(rig), "map": str(reference_map), "overwrite_body": overwrite_body}
     return [
-        *(NodeProcess("tracker", f"tracker_{camera}", {"camera": camera}) for camera in used),
+        *(
+            NodeProcess("tracker", f"tracker_{camera}", {"camera": camera, "map": str(reference_map)})
+            for camera in used
+        ),
         *(
             NodeProcess(
                 "registration",

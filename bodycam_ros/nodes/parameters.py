@@ -20,7 +20,7 @@ P = TypeVar("P")
 
 _SOURCE = "parameters"
 
-TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation")
+TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
 REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit", "shutter")
 SOLVER_GROUPS: Final = (
     *(group for group in PipelineSettings.groups() if group not in TRACKER_GROUPS + REGISTRATION_GROUPS),
@@ -38,6 +38,11 @@ class TrackerParameters:
     """Of the node ``tracker``."""
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
+    map: str = setting(
+        "",
+        reason="folder of the reference map, made by 'bodycam map'; with its photographs landmarks are found directly, "
+        "without it features are tracked until the registration names them",
+    )
     transport: str = setting(
         "compressed",
         reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "

@@ -3,6 +3,7 @@
 import time
 from collections import deque
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
@@ -17,8 +18,9 @@ from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.pipeline import feature_tracker
-from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.pipeline import landmark_tracker
+from bodycam_ros.registration.landmark_tracker import LandmarkTracker
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.video.video_decoder import VideoDecoder
 
 _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
@@ -57,7 +59,8 @@ class Tracker(StageNode[TrackerParameters]):
     def __init__(self) -> None:
         super().__init__("tracker", TrackerParameters, TRACKER_GROUPS)
         self.camera = self.required("camera")
-        self._tracker: FeatureTracker | None = None
+        self._map = ReferenceMap.load(Path(self.parameters.map)) if self.parameters.map else None
+        self._tracker: LandmarkTracker | None = None
         self._decoder = VideoDecoder()
         self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[_Arrival]] = deque()
@@ -84,7 +87,7 @@ class Tracker(StageNode[TrackerParameters]):
 
     def _begin(self) -> None:
         """Nothing is known of the images so far; the next is a keyframe without a predecessor."""
-        self._tracker = feature_tracker(self._models.models[self.camera], self.settings)
+        self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
         self._answers.forget()
 
     def _on_image(self, message: Message, transport: str) -> None:
@@ -154,7 +157,7 @@ class Tracker(StageNode[TrackerParameters]):
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
 
-    def _track(self, tracker: FeatureTracker, arrival: _Arrival) -> None:
+    def _track(self, tracker: LandmarkTracker, arrival: _Arrival) -> None:
         try:
             convert = _CONVERTERS.get(arrival.transport)
             image = convert(arrival.image, self.camera) if convert else arrival.image
@@ -178,8 +181,8 @@ class Tracker(StageNode[TrackerParameters]):
             self.skipped.add("landmarks skipped", f"{self.camera}/landmarks: malformed message ({error})")
             return
         # What was said of the tracks of a tracker before this one, or of a time before, does not concern these.
-        if self._answers.answered(matches.stamp_ns) and matches.world_T_camera is not None:
-            self._tracker.prune(matches.stamp_ns, matches.track_ids)
+        if self._answers.answered(matches.stamp_ns):
+            self._tracker.hear(matches)
         self.soon(self._track_next)
 
     def _on_request(self, message: Message) -> None:

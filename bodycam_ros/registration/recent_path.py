@@ -55,7 +55,9 @@ class RecentPath:
             self._views.clear()
         self._views.append(view)
 
-    def motion(self, frame: TrackFrame, readout: ReadoutTime) -> ImageMotion | None:
+    def motion(
+        self, stamp_ns: int, previous_stamp_ns: int, tracks: TrackFrame | None, readout: ReadoutTime
+    ) -> ImageMotion | None:
         """The motion while a new frame is taken; None if nothing is known of it, or all rows are exposed together.
 
         From the mean twists of the last two steps, if equally long, the twist at the end of the second is 3/2 of the
@@ -65,11 +67,11 @@ class RecentPath:
         seconds = readout.in_use
         if seconds == 0.0:
             return None
-        dt_s = 1e-9 * (frame.stamp_ns - frame.previous_stamp_ns)
-        views = list(self._views) if self._views and self._views[-1].stamp_ns == frame.previous_stamp_ns else []
+        dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
+        views = list(self._views) if self._views and self._views[-1].stamp_ns == previous_stamp_ns else []
         before = _mean_twist(views[-2], views[-1]) if len(views) > 1 else None
-        if frame.rotation_inliers:
-            turning = log_so3(frame.current_R_previous.T) / dt_s
+        if tracks is not None and tracks.rotation_inliers:
+            turning = log_so3(tracks.current_R_previous.T) / dt_s
         elif before is not None:
             turning = before[:3]
         else:

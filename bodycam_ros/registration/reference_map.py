@@ -77,6 +77,16 @@ class ReferenceMap:
         np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
         return sizes
 
+    @cached_property
+    def _by_id(self) -> NDArray[np.int64]:
+        return np.argsort(self.landmark_ids, kind="stable")
+
+    def rows_of(self, landmark_ids: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Rows (N,) of landmarks, and whether the map has each; rows of those that it has not mean nothing."""
+        at = np.searchsorted(self.landmark_ids, landmark_ids, sorter=self._by_id)
+        rows = self._by_id[np.minimum(at, len(self._by_id) - 1)]
+        return rows, self.landmark_ids[rows] == landmark_ids
+
     @classmethod
     def load(cls, path: Path) -> "ReferenceMap":
         """Read a map folder.

@@ -1,9 +1,8 @@
 """Absolute registration of one body camera against the reference map (A 4.1).
 
-A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is
-lost. From then on the track carries its landmark until it ends, so that descriptors are rare. Relative
-registration and growth of the map (A 4.1, second part) belong between ``_name_tracks`` and ``_fit``: they would
-add landmarks that the tracks without a name triangulate.
+A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is lost.
+From then on the track carries its landmark until it ends. Growth of the map (A 4.1, second part) belongs between
+``_name_tracks`` and ``_fit``: it would add landmarks that the tracks without a name triangulate.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.geometry import inverse, nearest_rotation, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
@@ -23,13 +22,11 @@ from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
 from bodycam_ros.settings import setting
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
-_DEGENERATE = 1e10
-"""Condition of a pose's information beyond which its landmarks leave some direction open, such as all on one spot."""
+_DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
 
-_FROM_A_FIT = 2
-"""Steps of a fit that starts where another has ended."""
+_FROM_A_FIT = 2  # steps of a fit that starts where another has ended
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class Registrar:
         """Find the camera's pose and the landmarks that its tracks show."""
         rows = self._carry(frame)
         predicted = self._predict(frame)
-        self._motion = self._path.motion(frame, self.readout)
+        self._motion = self._path.motion(frame.stamp_ns, frame.previous_stamp_ns, frame, self.readout)
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
@@ -142,7 +139,28 @@ class Registrar:
         alive = positions < len(frame.track_ids)
         alive[alive] = frame.track_ids[positions[alive]] == self._carried_ids[alive]
         self._forget(~alive)
-        return np.asarray(positions[alive], np.int64)
+        rows = np.asarray(positions[alive], np.int64)
+        return rows if frame.landmark_ids is None else self._take_names(frame, frame.landmark_ids, rows)
+
+    def _take_names(
+        self, frame: TrackFrame, landmark_ids: NDArray[np.uint32], rows: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Rows of the tracks with a landmark, those included that the tracker itself found by their landmarks."""
+        named = np.flatnonzero(landmark_ids != NO_LANDMARK)
+        landmarks, known = self.map.rows_of(landmark_ids[named])
+        named, landmarks = named[known], landmarks[known]
+        kept = rows[self._forget(np.isin(rows, named) | np.isin(self._carried_landmarks, landmarks))]
+        return self._give_names(frame, np.concatenate([kept, named]), landmarks, strikes=0)
+
+    def _give_names(
+        self, frame: TrackFrame, rows: NDArray[np.int64], landmarks: NDArray[np.int64], strikes: int
+    ) -> NDArray[np.int64]:
+        """Carry landmarks (M,) beside those that are carried; the rows (N,) of all, theirs last, come back in order."""
+        order = np.argsort(rows, kind="stable")
+        self._carried_ids = frame.track_ids[rows[order]]
+        self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
+        self._strikes = np.concatenate([self._strikes, np.full(len(landmarks), strikes)])[order]
+        return rows[order]
 
     def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
         """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
@@ -151,7 +169,9 @@ class Registrar:
         previous_T_camera = self._previous_T_camera
         if frame.rotation_inliers:
             previous_T_camera = rigid(frame.current_R_previous.T, previous_T_camera[:3, 3])
-        return self._world_T_camera @ previous_T_camera
+        predicted = self._world_T_camera @ previous_T_camera
+        # Rounding would double with every image that is predicted by a step measured from predictions.
+        return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])
 
     def _fit(self, frame: TrackFrame, rows: NDArray[np.int64], start: NDArray[np.float64] | None) -> PoseFit | None:
         """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
@@ -181,18 +201,14 @@ class Registrar:
         # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
         stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
         all_rows = np.concatenate([rows[self._forget(stale)], described[named]])
-        order = np.argsort(all_rows, kind="stable")
-        self._carried_ids = frame.track_ids[all_rows[order]]
-        self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
         # A fresh match has to prove itself at once; an old one may fail for a moment.
-        fresh = np.full(len(landmarks), self.settings.max_strikes - 1)
-        self._strikes = np.concatenate([self._strikes, fresh])[order]
-        fit = self._fit(frame, all_rows[order], pose)
+        all_rows = self._give_names(frame, all_rows, landmarks, self.settings.max_strikes - 1)
+        fit = self._fit(frame, all_rows, pose)
         if fit is None:
             # Names that no pose confirms are worse than none.
             self._carried_ids, self._carried_landmarks, self._strikes = before
             return rows, None
-        return all_rows[order], fit
+        return all_rows, fit
 
     def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
         """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1)."""
@@ -235,11 +251,7 @@ class Registrar:
         """
         shifts = frame.pixels[rows] - self._steady(frame.pixels[rows]) if fit is None else fit.shifts
         if fit is None:
-            keep = (
-                np.zeros(len(rows), bool)
-                if self._frames_predicted >= self.settings.max_predicted_frames
-                else np.ones(len(rows), bool)
-            )
+            keep = np.full(len(rows), self._frames_predicted < self.settings.max_predicted_frames)
         else:
             self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
             keep = self._strikes < self.settings.max_strikes

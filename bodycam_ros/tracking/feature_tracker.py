@@ -115,7 +115,7 @@ class FeatureTracker:
         Raises:
             RecordingError: the image has another size than the camera model, or its stamp does not advance.
         """
-        self._check(image, stamp_ns)
+        self.check(image, stamp_ns)
         current_R_previous, rotation_inliers = self._follow_tracks(image)
         previous_stamp_ns, self._image, self._stamp_ns = self._stamp_ns, image, stamp_ns
         described = np.zeros(0, np.uint32)
@@ -152,11 +152,55 @@ class FeatureTracker:
         if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
 
+    def adopt(
+        self,
+        image: NDArray[np.uint8],
+        stamp_ns: int,
+        track_ids: NDArray[np.uint32],
+        pixels: NDArray[np.float32],
+        afresh: bool,
+    ) -> None:
+        """Go on from an image in which somebody else has found what to track.
+
+        Args:
+            image, stamp_ns: as of ``track``.
+            track_ids: (N,) ascending; those of ``new_ids`` or of tracks that are there.
+            pixels: (N, 2) where they are.
+            afresh: whether these are all that is needed, as after a keyframe.
+        """
+        at = np.searchsorted(self._ids, track_ids)
+        known = at < len(self._ids)
+        known[known] = self._ids[at[known]] == track_ids[known]
+        born_ns = np.full(len(track_ids), stamp_ns)
+        if not afresh:
+            born_ns[known] = self._born_ns[at[known]]
+        self._image, self._stamp_ns = image, stamp_ns
+        self._ids, self._born_ns = track_ids.astype(np.uint32), born_ns
+        self._pixels = np.ascontiguousarray(pixels, np.float32)
+        self._bearings = self.camera.unproject(self._pixels)[0]
+        if afresh:
+            self._keyframe_ns = stamp_ns if self._keyframe_ns is None else self._keyframe_ns
+            self._tracks_at_keyframe = len(track_ids)
+            self._frames_since_keyframe = 0
+            self._turned = 0.0
+
+    def new_ids(self, count: int) -> NDArray[np.uint32]:
+        """(count,) ids that no track has."""
+        ids = np.arange(self._next_id, self._next_id + count, dtype=np.uint32)
+        self._next_id += count
+        return ids
+
+    @property
+    def keyframe_wanted(self) -> bool:
+        """Whether somebody asked that the next image be a keyframe."""
+        return self._keyframe_wanted
+
     def want_keyframe(self) -> None:
         """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
         self._keyframe_wanted = True
 
-    def _check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
+    def check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
+        """Refuse what is no next image of this camera; raises RecordingError as ``track``."""
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
             raise RecordingError(
@@ -219,8 +263,7 @@ class FeatureTracker:
         self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))
 
         described = np.arange(len(self._ids), len(self._ids) + len(fresh), dtype=np.uint32)
-        new_ids = np.arange(self._next_id, self._next_id + len(fresh), dtype=np.uint32)
-        self._next_id += len(fresh)
+        new_ids = self.new_ids(len(fresh))
         self._pixels = np.concatenate([self._pixels, pixels])
         self._bearings = np.concatenate([self._bearings, self.camera.unproject(pixels)[0]])
         self._ids = np.concatenate([self._ids, new_ids])

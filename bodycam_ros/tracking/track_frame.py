@@ -1,9 +1,13 @@
 """What the tracker says about one image."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+NO_LANDMARK: Final = 0xFFFFFFFF
+"""In place of a landmark's id, of a track that the tracker has no name for."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,8 @@ class TrackFrame:
         keyframe: whether new features were looked for in this frame.
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
         rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
+        landmark_ids: (N,) uint32 the landmarks that the tracks were found by; ``NO_LANDMARK`` of the others. None: of
+            no track.
     """
 
     camera: str
@@ -38,3 +44,4 @@ class TrackFrame:
     keyframe: bool
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
+    landmark_ids: NDArray[np.uint32] | None = None

@@ -1,0 +1,170 @@
+"""Which landmarks a camera should see, where, and which photograph shows each of them most as the camera does."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera.lens_kernels import project_point
+from bodycam_ros.kernels.kernel import kernel
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+_BORDER = 6.0  # [px] of an image that patches keep out of
+_LEAST_COSINE = 0.2  # between a surface's normal and the view
+_FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale below the image's
+
+
+@kernel(
+    "(f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8, i8, f8, f8)",
+)
+def choose_landmarks(
+    lens: Array,
+    world_T_camera: Array,
+    twist: Array,
+    readout_time: float,
+    points_world: Array,
+    normals: NDArray[np.float32],
+    sizes: NDArray[np.float32],
+    trust: NDArray[np.float32],
+    cells: int,
+    per_cell: int,
+    least_sigma_px: float,
+    least_cosine: float,
+) -> tuple[Whole, Array]:
+    """The landmarks in view that are worth asking, spread over the image.
+
+    Args:
+        lens: of the camera.
+        world_T_camera: (4, 4) its pose.
+        twist, readout_time: (6,) how it moves [rad/s, m/s], and how long its rows are read out [s].
+        points_world: (L, 3) [m].
+        normals: (L, 3) of their surfaces.
+        sizes: (L,) of their features [m].
+        trust: (L,) how often they were found, or more for those that are preferred.
+        cells: the image is divided into so many columns, and as many rows.
+        per_cell: so many of each cell, the most trusted.
+        least_sigma_px: of a feature that can be seen [px].
+        least_cosine: of the angle between view and optical axis.
+
+    Returns:
+        Rows of the landmarks (N,), and where they project (N, 2) [px].
+    """
+    width, height = lens[1], lens[2]
+    best = np.full((cells * cells, per_cell), -1, np.int64)
+    score = np.full((cells * cells, per_cell), -math.inf)
+    place = np.empty((cells * cells, per_cell, 2))
+    for i in range(len(points_world)):
+        x, y, z, dx, dy, dz = in_camera(world_T_camera, points_world[i, 0], points_world[i, 1], points_world[i, 2])
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if z < least_cosine * distance or distance < 1e-6:
+            continue
+        sigma_px = lens[3] * sizes[i] / distance
+        if sigma_px < least_sigma_px:
+            continue
+        if -(normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz) < _LEAST_COSINE * distance:
+            continue
+        u, v, valid = project_moving(lens, x, y, z, twist, readout_time)
+        if not (valid and u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
+            continue
+        cell = int(v * cells / height) * cells + int(u * cells / width)
+        merit = trust[i] - 0.05 * abs(math.log2(sigma_px / 2.0))
+        k = per_cell - 1
+        if merit <= score[cell, k]:
+            continue
+        while k > 0 and merit > score[cell, k - 1]:
+            score[cell, k], best[cell, k] = score[cell, k - 1], best[cell, k - 1]
+            place[cell, k, 0], place[cell, k, 1] = place[cell, k - 1, 0], place[cell, k - 1, 1]
+            k -= 1
+        score[cell, k], best[cell, k], place[cell, k, 0], place[cell, k, 1] = merit, i, u, v
+    count = 0
+    for cell in range(cells * cells):
+        for k in range(per_cell):
+            count += best[cell, k] >= 0
+    rows, pixels = np.empty(count, np.int64), np.empty((count, 2))
+    count = 0
+    for cell in range(cells * cells):
+        for k in range(per_cell):
+            if best[cell, k] >= 0:
+                rows[count], pixels[count, 0], pixels[count, 1] = best[cell, k], place[cell, k, 0], place[cell, k, 1]
+                count += 1
+    return rows, pixels
+
+
+@kernel("(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8, f8[:, ::1], i8[::1], u2[::1])")
+def best_views(
+    lens: Array,
+    centre: Array,
+    points_world: Array,
+    rows: Whole,
+    reference_focal_px: float,
+    reference_centres: Array,
+    first_observation: Whole,
+    observation_view: NDArray[np.uint16],
+) -> Whole:
+    """For each landmark (rows, (N,)) the photograph that shows it most as the camera does: its side, and fine enough.
+
+    Args:
+        lens: of the camera.
+        centre: (3,) where it is [m].
+        points_world: (L, 3) [m].
+        rows: (N,) of the landmarks.
+        reference_focal_px: of the photographs.
+        reference_centres: (K, 3) where they were taken.
+        first_observation: (L + 1,) where the observations of each landmark begin.
+        observation_view: (O,) their photographs.
+    """
+    views = np.empty(len(rows), np.int64)
+    for n in range(len(rows)):
+        i = rows[n]
+        px, py, pz = points_world[i, 0], points_world[i, 1], points_world[i, 2]
+        ax, ay, az = centre[0] - px, centre[1] - py, centre[2] - pz
+        distance = math.sqrt(ax * ax + ay * ay + az * az)
+        best, views[n] = -math.inf, -1
+        for o in range(first_observation[i], first_observation[i + 1]):
+            k = observation_view[o]
+            bx, by, bz = reference_centres[k, 0] - px, reference_centres[k, 1] - py, reference_centres[k, 2] - pz
+            apart = math.sqrt(bx * bx + by * by + bz * bz)
+            cosine = (ax * bx + ay * by + az * bz) / (distance * apart)
+            coarser = math.log2((lens[3] / distance) / (reference_focal_px / apart))
+            merit = cosine - _FINER_IS_BETTER * max(coarser, 0.0)
+            if merit > best:
+                best, views[n] = merit, k
+    return views
+
+
+@kernel()
+def in_camera(world_T_camera: Array, x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
+    """A point of the world in the camera's axes, and its offset from the camera in the world's."""
+    T = world_T_camera
+    dx, dy, dz = x - T[0, 3], y - T[1, 3], z - T[2, 3]
+    return (
+        T[0, 0] * dx + T[1, 0] * dy + T[2, 0] * dz,
+        T[0, 1] * dx + T[1, 1] * dy + T[2, 1] * dz,
+        T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz,
+        dx,
+        dy,
+        dz,
+    )
+
+
+@kernel()
+def project_moving(
+    lens: Array, x: float, y: float, z: float, twist: Array, readout_time: float
+) -> tuple[float, float, bool]:
+    """Where a camera that moves shows a point, which it sees when the row is read out that shows it."""
+    u, v, valid = project_point(lens, x, y, z)
+    if readout_time == 0.0 or not valid:
+        return u, v, valid
+    for _ in range(2):
+        time_s = readout_time * (v / (lens[2] - 1.0) - 0.5)
+        u, v, valid = project_point(
+            lens,
+            x + time_s * (y * twist[2] - z * twist[1] - twist[3]),
+            y + time_s * (z * twist[0] - x * twist[2] - twist[4]),
+            z + time_s * (x * twist[1] - y * twist[0] - twist[5]),
+        )
+        if not valid:
+            break
+    return u, v, valid
