@@ -55,14 +55,18 @@ def choose_landmarks(
     best = np.full((cells * cells, per_cell), -1, np.int64)
     score = np.full((cells * cells, per_cell), -math.inf)
     place = np.empty((cells * cells, per_cell, 2))
+    T = world_T_camera
     for i in range(len(points_world)):
-        x, y, z, dx, dy, dz = in_camera(world_T_camera, points_world[i, 0], points_world[i, 1], points_world[i, 2])
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if z < least_cosine * distance or distance < 1e-6:
+        dx, dy, dz = points_world[i, 0] - T[0, 3], points_world[i, 1] - T[1, 3], points_world[i, 2] - T[2, 3]
+        # Most landmarks are too far to be seen, and need no root.
+        squared = dx * dx + dy * dy + dz * dz
+        if lens[3] * lens[3] * sizes[i] * sizes[i] < least_sigma_px * least_sigma_px * squared or squared < 1e-12:
             continue
+        distance = math.sqrt(squared)
+        if T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz < least_cosine * distance:
+            continue
+        x, y, z, dx, dy, dz = in_camera(T, points_world[i, 0], points_world[i, 1], points_world[i, 2])
         sigma_px = lens[3] * sizes[i] / distance
-        if sigma_px < least_sigma_px:
-            continue
         if -(normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz) < _LEAST_COSINE * distance:
             continue
         u, v, valid = project_moving(lens, x, y, z, twist, readout_time)

@@ -145,10 +145,13 @@ class Registrar:
     def _take_names(
         self, frame: TrackFrame, landmark_ids: NDArray[np.uint32], rows: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Rows of the tracks with a landmark, those included that the tracker itself found by their landmarks."""
+        """Rows of the tracks with a landmark, those included that the tracker found by their landmarks."""
         named = np.flatnonzero(landmark_ids != NO_LANDMARK)
         landmarks, known = self.map.rows_of(landmark_ids[named])
         named, landmarks = named[known], landmarks[known]
+        if len(named) == len(frame.track_ids):
+            self._forget(np.ones(len(rows), bool))
+            return self._give_names(frame, named, landmarks, strikes=0)
         kept = rows[self._forget(np.isin(rows, named) | np.isin(self._carried_landmarks, landmarks))]
         return self._give_names(frame, np.concatenate([kept, named]), landmarks, strikes=0)
 
