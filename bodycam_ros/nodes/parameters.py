@@ -34,7 +34,16 @@ _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 @dataclass(frozen=True)
-class TrackerParameters:
+class CommonParameters:
+    """Of every node."""
+
+    moments: str = setting(
+        "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"
+    )
+
+
+@dataclass(frozen=True)
+class TrackerParameters(CommonParameters):
     """Of the node ``tracker``."""
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
@@ -53,7 +62,7 @@ class TrackerParameters:
 
 
 @dataclass(frozen=True)
-class RegistrationParameters:
+class RegistrationParameters(CommonParameters):
     """Of the node ``registration``."""
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
@@ -74,7 +83,7 @@ class RegistrationParameters:
 
 
 @dataclass(frozen=True)
-class SolverParameters:
+class SolverParameters(CommonParameters):
     """Of the node ``skeleton_solver``."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
@@ -109,7 +118,7 @@ class SolverParameters:
 
 
 @dataclass(frozen=True)
-class PlayerParameters:
+class PlayerParameters(CommonParameters):
     """Of the node ``player``."""
 
     bag: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")

@@ -11,6 +11,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered, OrderOfTime
 from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
@@ -91,6 +92,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._tally.arrived += 1
         stamp = image_stamp_ns(message)
         now_s = time.monotonic()
+        self.moments.note(Moment.IMAGE_HEARD, self.camera, stamp)
         if stamp <= 0:
             self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
         elif transport in _CONVERTERS:
@@ -158,11 +160,13 @@ class Tracker(StageNode[TrackerParameters]):
         try:
             convert = _CONVERTERS.get(arrival.transport)
             image = convert(arrival.image, self.camera) if convert else arrival.image
+            self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
             frame = tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))
             return
         self._tracks.publish(tracks_message(self.make, frame))
+        self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self._answers.sent(frame.stamp_ns)
         self._tally.images += 1
         self._tally.tracks += len(frame.track_ids)
