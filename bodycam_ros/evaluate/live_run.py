@@ -65,7 +65,7 @@ def play_live(
     nodes = live_graph(reference_map, body, cameras, registrations)
     playing = player(bag, rate, cameras)
     playing = replace(playing, parameters={**playing.parameters, "reader_wait": _READER_WAIT_S})
-    nodes = [_with_delay(node, output_delay) for node in (*nodes, playing)]
+    nodes = [_as_measured(node, output_delay) for node in (*nodes, playing)]
     with _running([_noting(node, scratch) for node in nodes], scratch) as processes:
         while processes[playing.name].poll() is None:
             _check_alive(processes, playing.name, scratch)
@@ -77,10 +77,13 @@ def play_live(
     return {node.name: read_moments(_moments_file(node.name, scratch)) for node in nodes}
 
 
-def _with_delay(node: NodeProcess, output_delay: int) -> NodeProcess:
-    if node.executable != "skeleton_solver":
-        return node
-    return replace(node, parameters={**node.parameters, "smoother.output_delay": output_delay})
+def _as_measured(node: NodeProcess, output_delay: int) -> NodeProcess:
+    # What queues is to be seen, not mended by leaving images out.
+    given: dict[str, dict[str, object]] = {
+        "skeleton_solver": {"smoother.output_delay": output_delay},
+        "tracker": {"longest_wait": 0.0},
+    }
+    return replace(node, parameters={**node.parameters, **given.get(node.executable, {})})
 
 
 def _noting(node: NodeProcess, scratch: Path) -> NodeProcess:

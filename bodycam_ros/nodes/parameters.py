@@ -59,6 +59,19 @@ class TrackerParameters(CommonParameters):
     most_ahead: int = setting(
         5, unit="frames", limits=(1, 10000), reason="how far the tracker may run ahead of the registration: 0.2 s"
     )
+    longest_wait: float = setting(
+        1.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="when an image has waited for longer the machine does not keep up, and every second one is left out "
+        "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
+    )
+    recovery: float = setting(
+        5.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="how long no image may have waited for more than a quarter of that, before all are tracked again",
+    )
 
 
 @dataclass(frozen=True)

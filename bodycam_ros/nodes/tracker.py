@@ -19,6 +19,7 @@ from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import feature_tracker
+from bodycam_ros.tracking.every_second_image import EverySecondImage
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.video.video_decoder import VideoDecoder
 
@@ -26,6 +27,8 @@ _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _LOOK_S = 0.25
 _PATIENCE_S = 2.0
 """Images may come slowly, from a bag that is played slowly; none for so long is an error."""
+
+_THINNED = "every second image left out, the machine does not keep up"
 
 
 class _Arrival(NamedTuple):
@@ -52,7 +55,7 @@ class Tracker(StageNode[TrackerParameters]):
 
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
     that nobody heard of is lost for good. Where the time of the images goes back, or their camera_info changes, it
-    begins anew.
+    begins anew. Where images wait for too long it leaves out every second one, undecoded, until it keeps up again.
     """
 
     def __init__(self) -> None:
@@ -63,6 +66,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[_Arrival]] = deque()
         self._answers = AnsweredFrames(self.parameters.most_ahead)
+        self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
         self._tally = _Tally()
         self._restarts = 0
         self._readers = 0
@@ -87,6 +91,7 @@ class Tracker(StageNode[TrackerParameters]):
         """Nothing is known of the images so far; the next is a keyframe without a predecessor."""
         self._tracker = feature_tracker(self._models.models[self.camera], self.settings)
         self._answers.forget()
+        self._thinning.forget()
 
     def _on_image(self, message: Message, transport: str) -> None:
         self._tally.arrived += 1
@@ -152,9 +157,21 @@ class Tracker(StageNode[TrackerParameters]):
             image = self._waiting.popleft()
             if image.begins_anew:
                 self._begin()
-            self._track(self._tracker, image.item)
+            if not self._is_left_out(image.item):
+                self._track(self._tracker, image.item)
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
+
+    def _is_left_out(self, arrival: _Arrival) -> bool:
+        """Whether the image goes undecoded, because the machine does not keep up."""
+        now_s = time.monotonic()
+        # While the registration does not answer images wait for it to start, and not because the machine is slow.
+        since_s = now_s if self._answers.since_s is None else max(arrival.seconds, self._answers.since_s)
+        stamp = arrival.image.stamp_ns if isinstance(arrival.image, CameraImage) else image_stamp_ns(arrival.image)
+        left_out = self._thinning.leaves_out(stamp, now_s - since_s, now_s)
+        if left_out:
+            self.skipped.add("images left out", f"camera {self.camera}: {_THINNED}")
+        return left_out
 
     def _track(self, tracker: FeatureTracker, arrival: _Arrival) -> None:
         try:
@@ -223,6 +240,8 @@ class Tracker(StageNode[TrackerParameters]):
             return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
         if tally.tracks == 0:
             return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
+        if self._thinning.active:
+            return HealthLevel.WARN, _THINNED
         if lost:
             return HealthLevel.WARN, f"tracking, but some input was left out: {self.skipped.latest}"
         return HealthLevel.OK, "tracking"

@@ -51,7 +51,8 @@ class EverySecondImage:
             return False
         # A whole number of images a second: two cameras must not differ by what they measure of their rate.
         rate_hz = max(1, round(1e9 / float(np.median(np.diff(self._stamps_ns)))))
-        slot = stamp_ns * rate_hz // 2_000_000_000
+        # Stamps that are whole multiples of the interval, but for their rounding, must not lie where slots meet.
+        slot = (stamp_ns * rate_hz + 500_000_000) // 2_000_000_000
         second = slot == self._slot
         self._slot = slot
         return second

@@ -56,6 +56,12 @@ def test_cameras_that_trigger_together_leave_out_the_same_images() -> None:
     np.testing.assert_array_equal(of_one[45:], of_other[4:])
 
 
+def test_stamps_at_multiples_of_the_interval_are_halved_evenly() -> None:
+    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
+    left_out = [thinning.leaves_out(number * 10**9 // _HZ, 1.0, number / _HZ) for number in range(5, 105)]
+    assert left_out[10:] in ([True, False] * 45, [False, True] * 45)
+
+
 def test_time_that_goes_back_and_a_limit_of_nothing() -> None:
     thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
     _offer(thinning, 50, 20, 1.0)
