@@ -4,6 +4,7 @@
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
+#   make latency how long a joint state takes from its images in the live graph; bench ends with it
 #   make endure  the same, and the solver over 10 minutes: does it keep its pace?
 #   make clean   remove what the others made
 PYTHON ?= python3
@@ -16,7 +17,7 @@ DEMO := out/demo
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test faults lint bench endure clean
+.PHONY: demo test faults lint bench latency endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -38,6 +39,10 @@ lint: $(VENV)/test.stamp
 
 bench: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
+	$(MAKE) --no-print-directory latency
+
+latency: $(VENV)/ros.stamp
+	$(BIN)/bodycam latency bags/sample/bag --map bags/map --body bags/body.yaml
 
 endure: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10

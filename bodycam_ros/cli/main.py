@@ -13,7 +13,7 @@ from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
-COMMANDS = ("map", "ingest", "body", "replay", "evaluate", "export", "bench", "settings", "view")
+COMMANDS = ("map", "ingest", "body", "replay", "evaluate", "export", "bench", "latency", "settings", "view")
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
 
 FAILED = 1

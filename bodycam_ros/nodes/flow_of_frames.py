@@ -96,6 +96,9 @@ class AnsweredFrames:
 
     Args:
         most_ahead: frames that may be on their way.
+
+    Attributes:
+        since_s: since when answers come, on the steady clock; None while nobody answers.
     """
 
     def __init__(self, most_ahead: int) -> None:
@@ -103,6 +106,7 @@ class AnsweredFrames:
         self._unanswered_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._progress_s = 0.0
         self._alone = False
+        self.since_s: float | None = None
 
     def sent(self, stamp_ns: int) -> None:
         """A frame goes out."""
@@ -116,6 +120,7 @@ class AnsweredFrames:
             return False
         self._progress_s = time.monotonic()
         self._alone = False
+        self.since_s = self.since_s or self._progress_s
         while self._unanswered_ns and self._unanswered_ns[0] <= stamp_ns:
             self._unanswered_ns.popleft()
         return True
@@ -123,16 +128,19 @@ class AnsweredFrames:
     def expect_nobody(self) -> None:
         """Wait for no answer until one comes: who was to answer is gone, or has only just come."""
         self._alone = True
+        self.since_s = None
 
     def forget(self) -> None:
         """Time begins anew: answers to what was sent are of no use."""
         self._unanswered_ns.clear()
+        self.since_s = None
 
     def must_wait(self) -> bool:
         """Whether the next frame has to wait for an answer; not while nobody answers at all."""
         if len(self._unanswered_ns) < self._most_ahead:
             return False
-        self._alone |= time.monotonic() - self._progress_s > _PATIENCE_S
+        if time.monotonic() - self._progress_s > _PATIENCE_S:
+            self.expect_nobody()
         return not self._alone
 
 

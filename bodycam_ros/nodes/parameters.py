@@ -34,7 +34,16 @@ _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 @dataclass(frozen=True)
-class TrackerParameters:
+class CommonParameters:
+    """Of every node."""
+
+    moments: str = setting(
+        "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"
+    )
+
+
+@dataclass(frozen=True)
+class TrackerParameters(CommonParameters):
     """Of the node ``tracker``."""
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
@@ -55,10 +64,23 @@ class TrackerParameters:
     most_ahead: int = setting(
         5, unit="frames", limits=(1, 10000), reason="how far the tracker may run ahead of the registration: 0.2 s"
     )
+    longest_wait: float = setting(
+        1.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="when an image has waited for longer the machine does not keep up, and every second one is left out "
+        "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
+    )
+    recovery: float = setting(
+        5.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="how long no image may have waited for more than a quarter of that, before all are tracked again",
+    )
 
 
 @dataclass(frozen=True)
-class RegistrationParameters:
+class RegistrationParameters(CommonParameters):
     """Of the node ``registration``."""
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
@@ -79,7 +101,7 @@ class RegistrationParameters:
 
 
 @dataclass(frozen=True)
-class SolverParameters:
+class SolverParameters(CommonParameters):
     """Of the node ``skeleton_solver``."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
@@ -114,7 +136,7 @@ class SolverParameters:
 
 
 @dataclass(frozen=True)
-class PlayerParameters:
+class PlayerParameters(CommonParameters):
     """Of the node ``player``."""
 
     bag: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")

@@ -10,7 +10,9 @@ from pathlib import Path
 from rclpy.duration import Duration
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.images import image_stamp_ns
 from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.parameters import PlayerParameters
 from bodycam_ros.nodes.played_topics import IMAGES, PlayedTopics, camera_of, few
 from bodycam_ros.nodes.played_video import PlayedVideo
@@ -99,6 +101,8 @@ class Player(StageNode[PlayerParameters]):
             if stopped():
                 return
             for played, serialized in video.serialized(topic, message):
+                if played.endswith(IMAGES):
+                    self.moments.note(Moment.PLAYED, camera_of(played), image_stamp_ns(message))
                 topics.publish(played, serialized)
                 self._played += 1
         for played, serialized in video.rest():

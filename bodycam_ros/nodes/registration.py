@@ -13,6 +13,7 @@ from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
 from bodycam_ros.nodes.parameters import REGISTRATION_GROUPS, RegistrationParameters
@@ -142,6 +143,7 @@ class Registration(StageNode[RegistrationParameters]):
         except ValueError as error:
             self.skipped.add("track messages skipped", f"{camera}/tracks: malformed message ({error})")
             return
+        self.moments.note(Moment.TRACKS_HEARD, camera, frame.stamp_ns)
         if camera not in self._cameras.refused:
             self._wait(frame)
             self._go_on(camera)
@@ -173,6 +175,7 @@ class Registration(StageNode[RegistrationParameters]):
             self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
         matches = self._registrars[camera].register(frame)
         self._landmarks[camera].publish(landmarks_message(self.make, matches))
+        self.moments.note(Moment.REGISTERED, camera, frame.stamp_ns)
         pose = camera_pose_message(self.make, matches)
         if pose is not None:
             self._poses[camera].publish(pose)

@@ -37,6 +37,7 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
         node.work(signals.have_come)
         if node.failure is not None:
             return _say(name, node.failure)
+        node.moments.write()
         node.finish()
     except BodycamError as error:
         return _say(name, error)

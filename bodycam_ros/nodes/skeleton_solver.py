@@ -18,6 +18,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import verdict_health
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -148,7 +149,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
         if self._calibration is not None:
             self._calibration.add(matches)
         if self._pipeline is not None:
-            self._publish(self._pipeline.add(matches))
+            begun = self.moments.now()
+            self._publish(self._pipeline.add(matches), begun)
 
     def _on_corrected(self, matches: LandmarkMatches) -> None:
         """The verdict compares cameras at the times at which they saw, whatever their clocks say."""
@@ -161,6 +163,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         except ValueError as error:
             self.skipped.add("registrations skipped", f"{camera}/landmarks: malformed message ({error})")
             return
+        self.moments.note(Moment.LANDMARKS_HEARD, camera, matches.stamp_ns)
         if self._missed.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
             self.skipped.add(
                 "registrations lost", f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
@@ -198,10 +201,13 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._publish(outputs)
         return len(outputs)
 
-    def _publish(self, outputs: Iterable[BodyOutput]) -> None:
+    def _publish(self, outputs: Iterable[BodyOutput], begun: Instant | None = None) -> None:
         for output in outputs:
             if self._body is not None:
                 self._topics.publish(output, self._body)
+                if begun is not None:
+                    self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, begun)
+                    self.moments.note(Moment.SOLVED, "", output.state.stamp_ns)
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 import rclpy
@@ -15,12 +16,19 @@ from rclpy.timer import Timer
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import BodycamError, SettingsError
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
+from bodycam_ros.moments import Moments
 from bodycam_ros.nodes.flow_of_frames import Skipped
 from bodycam_ros.nodes.message_classes import message_class, node_messages
-from bodycam_ros.nodes.parameters import declare, given_parameters, own_parameters, settings_from_parameters
+from bodycam_ros.nodes.parameters import (
+    CommonParameters,
+    declare,
+    given_parameters,
+    own_parameters,
+    settings_from_parameters,
+)
 from bodycam_ros.nodes.qos import reliable
 
-P = TypeVar("P")
+P = TypeVar("P", bound=CommonParameters)
 
 _SPIN_S = 0.2
 _REPORT_S = 1.0
@@ -43,6 +51,7 @@ class StageNode(Node, Generic[P]):
         calibration_settings: of the calibration of a body.
         make: makes messages.
         skipped: what could not be used, warned about once and counted.
+        moments: when frames came and went, if the parameter ``moments`` asks for that.
         failure: the user's error that ends the node.
 
     Raises:
@@ -64,6 +73,7 @@ class StageNode(Node, Generic[P]):
             declare(self, getattr(of, group), group)
         self.make = node_messages()
         self.skipped = Skipped(self.get_logger().warning)
+        self.moments = Moments(Path(self.parameters.moments) if self.parameters.moments else None)
         self.failure: BodycamError | None = None
         self._diagnostics = self.publisher(
             "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", reliable(_DIAGNOSTICS_DEPTH)

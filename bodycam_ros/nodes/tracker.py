@@ -12,6 +12,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered, OrderOfTime
 from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
@@ -21,12 +22,15 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.every_second_image import EverySecondImage
 from bodycam_ros.video.video_decoder import VideoDecoder
 
 _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _LOOK_S = 0.25
 _PATIENCE_S = 2.0
 """Images may come slowly, from a bag that is played slowly; none for so long is an error."""
+
+_THINNED = "every second image left out, the machine does not keep up"
 
 
 class _Arrival(NamedTuple):
@@ -53,7 +57,7 @@ class Tracker(StageNode[TrackerParameters]):
 
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
     that nobody heard of is lost for good. Where the time of the images goes back, or their camera_info changes, it
-    begins anew.
+    begins anew. Where images wait for too long it leaves out every second one, undecoded, until it keeps up again.
     """
 
     def __init__(self) -> None:
@@ -65,6 +69,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[_Arrival]] = deque()
         self._answers = AnsweredFrames(self.parameters.most_ahead)
+        self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
         self._tally = _Tally()
         self._restarts = 0
         self._readers = 0
@@ -89,11 +94,13 @@ class Tracker(StageNode[TrackerParameters]):
         """Nothing is known of the images so far; the next is a keyframe without a predecessor."""
         self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
         self._answers.forget()
+        self._thinning.forget()
 
     def _on_image(self, message: Message, transport: str) -> None:
         self._tally.arrived += 1
         stamp = image_stamp_ns(message)
         now_s = time.monotonic()
+        self.moments.note(Moment.IMAGE_HEARD, self.camera, stamp)
         if stamp <= 0:
             self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
         elif transport in _CONVERTERS:
@@ -153,19 +160,33 @@ class Tracker(StageNode[TrackerParameters]):
             image = self._waiting.popleft()
             if image.begins_anew:
                 self._begin()
-            self._track(self._tracker, image.item)
+            if not self._is_left_out(image.item):
+                self._track(self._tracker, image.item)
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
+
+    def _is_left_out(self, arrival: _Arrival) -> bool:
+        """Whether the image goes undecoded, because the machine does not keep up."""
+        now_s = time.monotonic()
+        # While the registration does not answer images wait for it to start, and not because the machine is slow.
+        since_s = now_s if self._answers.since_s is None else max(arrival.seconds, self._answers.since_s)
+        stamp = arrival.image.stamp_ns if isinstance(arrival.image, CameraImage) else image_stamp_ns(arrival.image)
+        left_out = self._thinning.leaves_out(stamp, now_s - since_s, now_s)
+        if left_out:
+            self.skipped.add("images left out", f"camera {self.camera}: {_THINNED}")
+        return left_out
 
     def _track(self, tracker: LandmarkTracker, arrival: _Arrival) -> None:
         try:
             convert = _CONVERTERS.get(arrival.transport)
             image = convert(arrival.image, self.camera) if convert else arrival.image
+            self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
             frame = tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))
             return
         self._tracks.publish(tracks_message(self.make, frame))
+        self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self._answers.sent(frame.stamp_ns)
         self._tally.images += 1
         self._tally.tracks += len(frame.track_ids)
@@ -222,6 +243,8 @@ class Tracker(StageNode[TrackerParameters]):
             return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
         if tally.tracks == 0:
             return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
+        if self._thinning.active:
+            return HealthLevel.WARN, _THINNED
         if lost:
             return HealthLevel.WARN, f"tracking, but some input was left out: {self.skipped.latest}"
         return HealthLevel.OK, "tracking"

@@ -159,3 +159,20 @@ def test_two_players_of_one_camera_are_not_mixed() -> None:
     strays: list[str] = []
     stamps = [stamp for k in range(1, 30) for stamp in (50_000 + 33 * k, 10_000 + 33 * k)]
     assert ordered(stamps, strays) == [(50_000 + 33 * k, False) for k in range(1, 30)]
+
+
+def test_answers_come_since_the_first_until_nobody_answers() -> None:
+    frames = AnsweredFrames(most_ahead=2)
+    assert frames.since_s is None
+    frames.sent(10)
+    assert frames.answered(10)
+    since_s = frames.since_s
+    assert since_s is not None
+    frames.sent(20)
+    assert frames.answered(20) and frames.since_s == since_s
+    frames.expect_nobody()
+    assert frames.since_s is None
+    frames.sent(30)
+    assert frames.answered(30) and frames.since_s is not None
+    frames.forget()
+    assert frames.since_s is None

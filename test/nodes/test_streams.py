@@ -196,3 +196,56 @@ def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: An
     graph.until(lambda: count("landmarks") >= goes_on, _SOON_S, "it goes on")
     assert len(keyframes()) <= 4, "it does not go on asking"
     assert set(graph.end().values()) == {0} and "Traceback" not in registration.printed, graph.report()
+
+
+def test_a_machine_that_is_too_slow_leaves_out_every_second_image_and_comes_back(graph: Any) -> None:
+    """The registration is played by the test, so that how slow it is does not depend on the machine."""
+    from bodycam_ros.nodes.message_classes import node_messages
+    from bodycam_ros.nodes.qos import latched, reliable
+
+    make, camera = node_messages(), Camera(graph, "left", reliable(100), latched())
+    answers = graph.publisher("/left/landmarks", "bodycam_msgs/msg/LandmarkMatches", reliable(10))
+    graph.listen(_TRACKS | _DIAGNOSTICS)
+    camera.inform()
+    adaptive = {"most_ahead": 1, "longest_wait": 0.5, "recovery": 1.5, "image_queue": 1000}
+    graph.start(NodeProcess("tracker", "tracker_left", {**camera.tracker.parameters, **adaptive}))
+    graph.until(
+        lambda: camera.images.get_subscription_count() and answers.get_subscription_count(), _START_S, "it reads"
+    )
+    images = iter(_stamps(0, 100_000))
+    answered, due_s = 0, 0.0
+
+    def go_on(pause_s: float) -> None:
+        """An image where it is due, and an answer so long after the one before."""
+        nonlocal answered, due_s
+        if camera.is_due():
+            camera.show([next(images)])
+        if answered < len(graph.heard["/left/tracks"]) and time.monotonic() > due_s:
+            (frame,) = graph.messages("/left/tracks", answered)[:1]
+            answer = make("bodycam_msgs/msg/LandmarkMatches", header=frame.header, registered=False)
+            answers.publish(answer)
+            answered, due_s = answered + 1, time.monotonic() + pause_s
+
+    def says(text: str, pause_s: float) -> bool:
+        go_on(pause_s)
+        return bool(text in graph.diagnostics("tracker_left: camera left").get("text", ""))
+
+    def tracked() -> list[int]:
+        return [stamp_ns(message.header.stamp) for message in graph.messages("/left/tracks")]
+
+    graph.until(lambda: says("tracking", 0.0) and answered > 20, _SOON_S, "it keeps up")
+    assert np.all(np.diff(tracked()) == FRAME_NS), "nothing is left out where it keeps up"
+    # A quarter slower than the images come, so that half of them are little.
+    slow = 1.25 * _PERIOD_S
+    graph.until(lambda: says("every second image left out", slow), _SOON_S, "it leaves images out, and says so")
+    assert graph.diagnostics("tracker_left: camera left")["level"] == _WARN
+    first = len(tracked())
+    graph.until(lambda: says("", slow) and len(tracked()) > first + 10, _SOON_S, "it goes on")
+    apart = np.diff(tracked()[first : first + 10])
+    assert np.mean(apart == 2 * FRAME_NS) > 0.8 and apart.max() <= 3 * FRAME_NS
+    graph.until(lambda: says("tracking", 0.0), _SOON_S, "it comes back")
+    first = len(tracked()) + 5
+    graph.until(lambda: says("", 0.0) and len(tracked()) > first + 10, _SOON_S, "it goes on")
+    assert np.all(np.diff(tracked()[first:]) == FRAME_NS)
+    assert "images dropped" not in graph.diagnostics("tracker_left: camera left")
+    assert set(graph.end().values()) == {0}, graph.report()

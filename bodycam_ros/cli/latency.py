@@ -1,0 +1,146 @@
+"""bodycam latency: how long a joint state takes from its images, in the live graph, stage by stage. Needs ROS 2."""
+
+import argparse
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.progress import Progress
+from rich.table import Table
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.latency import STAGES, Latency, ProcessorTime, latency_of, processor_time
+from bodycam_ros.evaluate.live_run import play_live
+from bodycam_ros.evaluate.machine_estimate import estimate_machine
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.whole_file import scratch_folder
+
+_CAMERAS_A_CORE = 2
+"""That a core holds in real time; where to begin to look for a rate at which nothing queues."""
+
+_SLOWEST = 0.02
+_LAPTOP_CORES, _LAPTOP_CAMERAS, _LAPTOP_HZ = 8, 16, 30.0
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "latency", help="time the live graph from image to joint state (needs ROS 2)", description=__doc__
+    )
+    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
+    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
+    parser.add_argument("--body", type=Path, required=True, help="body YAML, made by 'bodycam body'")
+    parser.add_argument(
+        "--cameras", type=int, nargs="+", default=[4, 16], help="how many cameras to play, the body's first ones"
+    )
+    parser.add_argument("--delays", type=int, nargs="+", default=[0, 2, 4], help="values of smoother.output_delay")
+    parser.add_argument(
+        "--rate", type=float, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
+    )
+    parser.add_argument("--registrations", type=int, default=4, help="processes that share the registration")
+    parser.set_defaults(run=run)
+
+
+@dataclass(frozen=True)
+class _Played:
+    """One run of the graph."""
+
+    cameras: int
+    rate: float
+    output_delay: int
+    latency: Latency
+    cost: ProcessorTime
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    mounts = list(read_body(arguments.body).mounts)
+    with open_recording(arguments.recording) as recording:
+        there = [camera for camera in mounts if camera in recording.cameras]
+        images = max(map(recording.image_count, there), default=0)
+        frame_s = recording.duration_s / max(1, images - 1)
+    if not there:
+        raise RecordingError(f"{arguments.recording}: has no camera of {arguments.body}")
+    played: list[_Played] = []
+    with Progress(console=Terminal(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=None)
+        for count in dict.fromkeys(min(count, len(there)) for count in arguments.cameras):
+            rate = arguments.rate or min(1.0, _CAMERAS_A_CORE * (os.cpu_count() or 1) / count)
+            for delay in arguments.delays:
+                progress.update(task, description=f"{count} cameras, output_delay {delay}")
+                played.append(_play(arguments, there[:count], rate, delay, images, frame_s))
+                rate = played[-1].rate
+    console = Terminal()
+    console.print(_table(played))
+    console.print(_explanation(arguments.registrations, played), soft_wrap=True)
+    return 0
+
+
+def _play(
+    arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, images: int, frame_s: float
+) -> _Played:
+    """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
+    while True:
+        with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+            noted = play_live(
+                arguments.recording,
+                arguments.map,
+                arguments.body,
+                scratch,
+                cameras,
+                rate,
+                delay,
+                arguments.registrations,
+            )
+        latency = latency_of(chain.from_iterable(noted.values()))
+        queues = latency.way_s > frame_s / rate
+        if arguments.rate or not queues:
+            if not len(latency.stamps_ns):
+                raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
+            return _Played(len(cameras), rate, delay, latency, processor_time(noted))
+        if rate < _SLOWEST:
+            raise RecordingError(f"{arguments.recording}: images queue even at {rate:g} of its speed; is it too short?")
+        rate /= 2
+
+
+def _table(played: Sequence[_Played]) -> Table:
+    table = Table("cameras", "rate", "delay", *STAGES, "median", "p95", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for each in played:
+        stages = (f"{value:.1f}" for value in 1e3 * np.median(each.latency.stages_s, axis=0))
+        median, p95 = 1e3 * np.percentile(each.latency.total_s, (50, 95))
+        table.add_row(
+            str(each.cameras),
+            f"{each.rate:g}",
+            str(each.output_delay),
+            *stages,
+            f"{median:.1f}",
+            f"{p95:.1f}",
+        )
+    return table
+
+
+def _explanation(registrations: int, played: Sequence[_Played]) -> str:
+    most = max(played, key=lambda each: (each.cameras, -each.output_delay))
+    cost = most.cost
+    laptop = estimate_machine(cost, _LAPTOP_CORES, _LAPTOP_CAMERAS, registrations, _LAPTOP_HZ)
+    return (
+        f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
+        "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
+        "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much.\n"
+        f"processor time, all threads: tracker {1e3 * cost.tracker_s:.1f} ms an image, registration "
+        f"{1e3 * cost.registration_s:.1f} ms an image, solver {1e3 * cost.solver_s:.1f} ms an instant "
+        f"({most.cameras} cameras)\n"
+        f"estimate for {_LAPTOP_CORES} such cores, {_LAPTOP_CAMERAS} cameras at {_LAPTOP_HZ:g} Hz, {registrations} "
+        f"registrations, output_delay 0: {1e3 * laptop.latency_s:.0f} ms from image to joint state, of which one "
+        f"tracker, one registration and the solver after one another are {1e3 * laptop.chain_s:.0f}; cores busy "
+        f"{100 * laptop.busy:.0f} %, busiest process {100 * laptop.busiest:.0f} % of its core: "
+        f"{'keeps up' if laptop.keeps_up else 'does not keep up'}. The work of one instant is laid out on the cores: "
+        "trackers at once, each registration its cameras in turn, the solver last."
+    )

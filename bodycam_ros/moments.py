@@ -1,0 +1,96 @@
+"""When frames came and went in each process of the live graph, as a CSV file.
+
+Times are of the steady clock, which all processes of a machine share, so that files of several can be laid side by
+side. Imports no ROS.
+"""
+
+import csv
+import time
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.whole_file import failure_named
+
+_COLUMNS = ("moment", "camera", "stamp_ns", "steady_ns", "cpu_ns")
+
+
+class Moment(Enum):
+    """What happened to a frame, in the order in which it happens."""
+
+    PLAYED = "played"
+    IMAGE_HEARD = "image heard"
+    TRACKING = "tracking"
+    TRACKED = "tracked"
+    TRACKS_HEARD = "tracks heard"
+    REGISTERED = "registered"
+    LANDMARKS_HEARD = "landmarks heard"
+    SOLVING = "solving"
+    SOLVED = "solved"
+
+
+class Instant(NamedTuple):
+    """A time in a process: of the steady clock, and the processor time of all its threads so far [ns]."""
+
+    steady_ns: int
+    cpu_ns: int
+
+
+class Noted(NamedTuple):
+    """A line of the file; ``camera`` is empty where all are concerned."""
+
+    moment: Moment
+    camera: str
+    stamp_ns: int
+    at: Instant
+
+
+class Moments:
+    """Notes moments, if it is asked to.
+
+    Args:
+        path: file to be; None if nobody wants to know.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._noted: list[Noted] = []
+
+    def now(self) -> Instant | None:
+        """The time now; None if nobody wants to know."""
+        return None if self._path is None else Instant(time.monotonic_ns(), time.process_time_ns())
+
+    def note(self, moment: Moment, camera: str, stamp_ns: int, at: Instant | None = None) -> None:
+        """Note what has happened to a frame, now unless it was before."""
+        if (instant := at or self.now()) is not None:
+            self._noted.append(Noted(moment, camera, stamp_ns, instant))
+
+    def write(self) -> None:
+        """Write the file, if there is to be one.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self._path is None:
+            return
+        with failure_named(self._path), self._path.open("w", newline="", encoding="utf-8") as file:
+            lines = csv.writer(file)
+            lines.writerow(_COLUMNS)
+            lines.writerows((n.moment.value, n.camera, n.stamp_ns, *n.at) for n in self._noted)
+
+
+def read_moments(path: Path) -> list[Noted]:
+    """Read what a process noted.
+
+    Raises:
+        RecordingError: it is not there, or no such file.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = csv.reader(file)
+            if tuple(next(lines)) != _COLUMNS:
+                raise ValueError("its columns are others")
+            return [Noted(Moment(what), camera, int(a), Instant(int(b), int(c))) for what, camera, a, b, c in lines]
+    except (OSError, ValueError, StopIteration) as error:
+        raise RecordingError(f"{path}: no moments of a process ({error})") from error
