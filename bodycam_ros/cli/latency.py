@@ -135,7 +135,7 @@ def _rate(text: str) -> float:
 
 
 def _ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.1f}" if seconds < 0.1 else f"{1e3 * seconds:.0f}"
+    return f"{1e3 * seconds:.1f}" if seconds < 0.01 else f"{1e3 * seconds:.0f}"
 
 
 def _explanation(registrations: int, played: Sequence[_Played]) -> str:
