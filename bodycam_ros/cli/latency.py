@@ -108,7 +108,7 @@ def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, de
 
 
 def _table(played: Sequence[_Played]) -> Table:
-    columns = ("cameras", "rate", "delay", *STAGES, "median", "p95", "at 1")
+    columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "at 1")
     table = Table(*columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for each in played:
         median_s, p95_s = np.percentile(each.latency.total_s, (50, 95))
@@ -146,7 +146,7 @@ def _explanation(registrations: int, played: Sequence[_Played]) -> str:
         f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
         "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
         "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much; "
-        "'at 1' is the median without that.\n"
+        "'at 1' is the median (p50) without that.\n"
         f"processor time, all threads: tracker {1e3 * cost.tracker_s:.1f} ms an image, registration "
         f"{1e3 * cost.registration_s:.1f} ms an image, solver {1e3 * cost.solver_s:.1f} ms an instant "
         f"({most.cameras} cameras)\n"
