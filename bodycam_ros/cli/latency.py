@@ -38,13 +38,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument("--body", type=Path, required=True, help="body YAML, made by 'bodycam body'")
     parser.add_argument(
-        "--cameras", type=int, nargs="+", default=[4, 16], help="how many cameras to play, the body's first ones"
+        "--cameras", type=_count, nargs="+", default=[4, 16], help="how many cameras to play, the body's first ones"
     )
     parser.add_argument("--delays", type=int, nargs="+", default=[0, 2, 4], help="values of smoother.output_delay")
     parser.add_argument(
-        "--rate", type=float, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
+        "--rate", type=_rate, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
     )
-    parser.add_argument("--registrations", type=int, default=4, help="processes that share the registration")
+    parser.add_argument("--registrations", type=_count, default=4, help="processes that share the registration")
     parser.set_defaults(run=run)
 
 
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
             rate = arguments.rate or min(1.0, _CAMERAS_A_CORE * (os.cpu_count() or 1) / count)
             for delay in arguments.delays:
                 progress.update(task, description=f"{count} cameras, output_delay {delay}")
-                played.append(_play(arguments, there[:count], rate, delay, images, frame_s))
+                played.append(_play(arguments, there[:count], rate, delay, frame_s))
                 rate = played[-1].rate
     console = Terminal()
     console.print(_table(played))
@@ -83,9 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _play(
-    arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, images: int, frame_s: float
-) -> _Played:
+def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
     while True:
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
@@ -100,10 +98,9 @@ def _play(
                 arguments.registrations,
             )
         latency = latency_of(chain.from_iterable(noted.values()))
-        queues = latency.way_s > frame_s / rate
-        if arguments.rate or not queues:
-            if not len(latency.stamps_ns):
-                raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
+        if not len(latency.stamps_ns):
+            raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
+        if arguments.rate or latency.way_s <= frame_s / rate:
             return _Played(len(cameras), rate, delay, latency, processor_time(noted))
         if rate < _SLOWEST:
             raise RecordingError(f"{arguments.recording}: images queue even at {rate:g} of its speed; is it too short?")
@@ -111,19 +108,34 @@ def _play(
 
 
 def _table(played: Sequence[_Played]) -> Table:
-    table = Table("cameras", "rate", "delay", *STAGES, "median", "p95", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "at 1")
+    table = Table(*columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for each in played:
-        stages = (f"{value:.1f}" for value in 1e3 * np.median(each.latency.stages_s, axis=0))
-        median, p95 = 1e3 * np.percentile(each.latency.total_s, (50, 95))
+        median_s, p95_s = np.percentile(each.latency.total_s, (50, 95))
+        real_time_s = np.median(each.latency.total_in_real_time_s(each.rate))
         table.add_row(
             str(each.cameras),
             f"{each.rate:g}",
             str(each.output_delay),
-            *stages,
-            f"{median:.1f}",
-            f"{p95:.1f}",
+            *map(_ms, (*np.median(each.latency.stages_s, axis=0), median_s, p95_s, real_time_s)),
         )
     return table
+
+
+def _count(text: str) -> int:
+    if (count := int(text)) < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return count
+
+
+def _rate(text: str) -> float:
+    if not 0.0 < (rate := float(text)) <= 1000.0:
+        raise argparse.ArgumentTypeError("must be above 0, and 1000 at most")
+    return rate
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.1f}" if seconds < 0.01 else f"{1e3 * seconds:.0f}"
 
 
 def _explanation(registrations: int, played: Sequence[_Played]) -> str:
@@ -133,7 +145,8 @@ def _explanation(registrations: int, played: Sequence[_Played]) -> str:
     return (
         f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
         "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
-        "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much.\n"
+        "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much; "
+        "'at 1' is the median (p50) without that.\n"
         f"processor time, all threads: tracker {1e3 * cost.tracker_s:.1f} ms an image, registration "
         f"{1e3 * cost.registration_s:.1f} ms an image, solver {1e3 * cost.solver_s:.1f} ms an instant "
         f"({most.cameras} cameras)\n"

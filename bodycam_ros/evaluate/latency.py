@@ -27,8 +27,9 @@ solve: in the solver, up to the joint state's publication.
 _SAME_INSTANT_NS = 8_000_000
 """Cameras' stamps apart, as the assembler takes them together."""
 
-_WARM_UP = 0.5
-"""Share of the instants: the first images find their place in the whole map, and what queued meanwhile has to go."""
+_WARM_UP = 2 / 3
+"""Share of the instants: the first images find their place in the whole map, the solver waits for its first second and
+solves it at once, and what queued meanwhile has to go."""
 
 _OF_CAMERA = (
     Moment.PLAYED,
@@ -46,7 +47,7 @@ class Latency:
     """From image to joint state.
 
     Attributes:
-        stamps_ns: (N,) instants, ascending: the second half of a run.
+        stamps_ns: (N,) instants, ascending: the last third of a run.
         stages_s: (N, 6) what each of ``STAGES`` took; the sum of a row is the latency.
     """
 
@@ -57,6 +58,10 @@ class Latency:
     def total_s(self) -> NDArray[np.float64]:
         """(N,) latency of each instant."""
         return np.asarray(self.stages_s.sum(axis=1))
+
+    def total_in_real_time_s(self, rate: float) -> NDArray[np.float64]:
+        """(N,) latency where later frames come as fast as they were recorded, and not at a rate below 1."""
+        return np.asarray(self.total_s - (1.0 - rate) * self.stages_s[:, STAGES.index("later")])
 
     @property
     def way_s(self) -> float:

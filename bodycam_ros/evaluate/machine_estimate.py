@@ -4,6 +4,7 @@ The work of one instant is laid out on the cores: every camera's tracker is free
 cameras one after the other as their tracks come, the solver begins when all are there, and whoever can work takes the
 core that is free first. Every core is taken to be as fast as one of this machine, and to do nothing else. Messages
 cost processor time in the processes that send and hear them; that is in the costs, and no more is added for the way.
+The solver's cost has all cameras' landmarks in it, most of which it hears before the last come: on the safe side.
 """
 
 from dataclasses import dataclass

@@ -44,10 +44,11 @@ def _all(noted: dict[str, list[Noted]]) -> list[Noted]:
 
 def test_the_stages_of_the_camera_that_was_waited_for_add_up() -> None:
     latency = latency_of(_all(_run(40)))
-    assert len(latency.stamps_ns) == 20
+    assert len(latency.stamps_ns) == 13
     expected_ms = dict(play=2.0, track=8.0, register=3.0, way=1.0 + 0.5 + 1.0 + 0.5, later=4.0, solve=4.0)
-    np.testing.assert_allclose(1e3 * latency.stages_s, np.tile([expected_ms[s] for s in STAGES], (20, 1)), atol=1e-6)
+    np.testing.assert_allclose(1e3 * latency.stages_s, np.tile([expected_ms[s] for s in STAGES], (13, 1)), atol=1e-6)
     np.testing.assert_allclose(1e3 * latency.total_s, 24.0, atol=1e-6)
+    np.testing.assert_allclose(1e3 * latency.total_in_real_time_s(0.25), 21.0, atol=1e-6)
 
 
 def test_queueing_shows_on_the_way() -> None:
