@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ from bodycam_ros.recording.typestore import recorded_messages, recording_typesto
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_state import BodyState
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
 STAMP_NS = 1_700_000_000_123_456_789
 
@@ -135,6 +135,20 @@ def test_tracks_survive_the_wire(
     message = send(tracks_message(make, sent))
     assert message.header.frame_id == "head_optical_frame"
     assert_same(track_frame(message, "head"), sent)
+
+
+def test_tracks_keep_the_landmarks_that_they_were_found_by(
+    library: tuple[MessageFactory, Send], rng: np.random.Generator
+) -> None:
+    make, send = library
+    landmark_ids = rng.integers(0, 2**31, 40, dtype=np.uint32)
+    landmark_ids[7:11] = NO_LANDMARK
+    sent = replace(random_tracks(rng, 40, 5), landmark_ids=landmark_ids)
+    message = send(tracks_message(make, sent))
+    assert_same(track_frame(message, "head"), sent)
+    message.landmark_ids = message.landmark_ids[:-1]
+    with pytest.raises(ValueError):
+        track_frame(message, "head")
 
 
 @pytest.mark.parametrize(("count", "registered"), [(120, True), (5, False), (0, False)])

@@ -156,3 +156,12 @@ def test_without_a_vertical_a_body_can_be_solved_but_not_made(whole: ReferenceMa
     assert "z of the output is the board's z" in assumed_vertical(tilted, PATH)
     with pytest.raises(MapError, match="place: this map does not know what is up"):
         check_upright(tilted, PATH)
+
+
+def test_landmarks_are_found_by_their_ids_in_any_order(small_map):
+    named = dataclasses.replace(small_map, landmark_ids=np.array([70, 3, 9, 2**32 - 2, 5, 1, 40, 8, 6, 11], np.uint32))
+    rows, known = named.rows_of(np.array([3, 4, 2**32 - 2, 1, 2**32 - 1, 70, 3, 0], np.uint32))
+    assert known.tolist() == [True, False, True, True, False, True, True, False]
+    assert rows[known].tolist() == [1, 3, 5, 0, 1]
+    rows, known = named.rows_of(np.zeros(0, np.uint32))
+    assert len(rows) == len(known) == 0

@@ -1,0 +1,121 @@
+"""Landmarks are chosen as NumPy chooses them: in view, facing the camera, trusted, spread over the image."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from numpy_patches import best_views_in_numpy, choose_in_numpy, exact_pixels
+
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera.lens_kernels import lens_parameters
+from bodycam_ros.geometry import exp_se3, transform_points
+from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
+
+LENSES = {
+    "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],
+    "plumb_bob": [-0.05, 0.01, 4e-4, -3e-4, 0.0],
+    "fov": [0.95],
+}
+POSE = exp_se3(np.array([0.3, -1.2, 0.5, 2.0, -1.0, 1.4]))
+STILL = np.zeros(6)
+TWIST = np.array([2.0, -3.0, 1.0, 0.5, -1.0, 0.7])
+CENTRE = POSE[:3, 3].copy()
+
+
+@pytest.fixture(params=LENSES)
+def camera(request: pytest.FixtureRequest) -> CameraModel:
+    k = [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1]
+    return camera_from_info("c", 640, 480, request.param, LENSES[request.param], k)
+
+
+def landmarks(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.float32]]:
+    """Points all around the camera, with normals and sizes of all kinds."""
+    random = np.random.default_rng(seed)
+    points = transform_points(POSE, random.normal(size=(count, 3)) * 2.0 + np.array([0.0, 0.0, 1.0]))
+    normals = random.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return points, normals.astype(np.float32), random.uniform(0.002, 0.08, count).astype(np.float32)
+
+
+def facing(points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Normals towards the camera."""
+    towards = CENTRE - points
+    return (towards / np.linalg.norm(towards, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("twist", "readout_time"), [(STILL, 0.0), (TWIST, 0.012), (TWIST, -0.02)])
+def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
+    points, normals, sizes = landmarks(3000)
+    trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
+    for cells, per_cell in [(8, 2), (3, 5), (2, 1)]:
+        arguments = (POSE, twist, readout_time, points, normals, sizes, trust, cells, per_cell, 0.8, 0.15)
+        rows, pixels = choose_landmarks(lens_parameters(camera), *arguments)
+        numpy_rows, numpy_pixels = choose_in_numpy(camera, *arguments)
+        np.testing.assert_array_equal(rows, numpy_rows)
+        np.testing.assert_allclose(pixels, numpy_pixels, atol=1e-9)
+        assert len(rows) > cells
+        exact = exact_pixels(camera, POSE, points[rows], twist, readout_time)
+        # Two rounds, to first order: near enough for where to look.
+        assert np.abs(pixels - exact).max() < (0.3 if readout_time else 1e-9)
+
+
+def test_the_trusted_are_preferred_and_every_cell_is_asked(camera: CameraModel) -> None:
+    points = transform_points(POSE, np.random.default_rng(2).uniform([-2, -2, 1.5], [2, 2, 2.5], (4000, 3)))
+    trust = np.zeros(len(points), np.float32)
+    trust[::2] = 1.0
+    sizes = np.full(len(points), 0.02, np.float32)
+    lens = lens_parameters(camera)
+    rows, pixels = choose_landmarks(lens, POSE, STILL, 0.0, points, facing(points), sizes, trust, 4, 3, 0.8, 0.1)
+    assert len(rows) == len(set(rows.tolist())) == 4 * 4 * 3
+    assert (rows % 2 == 0).all()
+    cells = (pixels[:, 1] * 4 / 480).astype(int) * 4 + (pixels[:, 0] * 4 / 640).astype(int)
+    assert (np.bincount(cells, minlength=16) == 3).all()
+
+
+def test_what_cannot_be_seen_is_not_asked(camera: CameraModel) -> None:
+    ahead = transform_points(POSE, np.array([[0.1, 0.1, 2.0]]))
+    lens = lens_parameters(camera)
+    trust, size = np.ones(1, np.float32), np.full(1, 0.02, np.float32)
+    asked = (POSE, STILL, 0.0)
+
+    def count(points: NDArray[np.float64], normals: NDArray[np.float32], sizes: NDArray[np.float32]) -> int:
+        return len(choose_landmarks(lens, *asked, points, normals, sizes, trust, 8, 2, 0.8, 0.1)[0])
+
+    assert count(ahead, facing(ahead), size) == 1
+    assert count(ahead, -facing(ahead), size) == 0
+    assert count(ahead, facing(ahead), 0.2 * size) == 0
+    assert count(CENTRE[None] + 0.0, facing(ahead), size) == 0
+    behind = transform_points(POSE, np.array([[0.1, 0.1, -2.0]]))
+    assert count(behind, facing(behind), size) == 0
+    edge = transform_points(POSE, 2.0 * camera.unproject(np.array([[3.0, 240.0]]))[0])
+    assert count(edge, facing(edge), size) == 0
+
+
+def test_the_view_is_that_of_numpy() -> None:
+    camera = camera_from_info("c", 640, 480, "fov", [0.95], [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1])
+    points, _, _ = landmarks(200)
+    random = np.random.default_rng(3)
+    centres = CENTRE + random.normal(size=(12, 3)) * 2.0
+    observers = [sorted(random.choice(12, random.integers(0, 6), replace=False).tolist()) for _ in points]
+    first = np.concatenate([[0], np.cumsum([len(seers) for seers in observers])])
+    flat = np.array([view for seers in observers for view in seers], np.uint16)
+    rows = random.permutation(200)[:150]
+    views = best_views(lens_parameters(camera), CENTRE, points, rows, 400.0, centres, first, flat)
+    np.testing.assert_array_equal(views, best_views_in_numpy(camera, CENTRE, points, rows, 400.0, centres, observers))
+    assert (views == -1).any() and len(set(views.tolist())) > 8
+
+
+def test_the_view_is_from_the_cameras_side_and_fine_enough() -> None:
+    camera = camera_from_info("c", 640, 480, "fov", [0.95], [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1])
+    point = CENTRE + np.array([[0.0, 0.0, 2.0]])
+    towards = CENTRE - point[0]
+    across = np.array([2.0, 0.0, 0.0])
+
+    def chosen(*places: NDArray[np.float64]) -> int:
+        first, views = np.array([0, len(places)]), np.arange(len(places), dtype=np.uint16)
+        asked = (point, np.zeros(1, np.int64), 239.0, np.stack(places), first, views)
+        return int(best_views(lens_parameters(camera), CENTRE, *asked)[0])
+
+    assert chosen(point[0] + across, point[0] + towards, point[0] - across) == 1
+    # From eight times as far a photograph shows too little, from half as far no less.
+    assert chosen(point[0] + 8.0 * towards, point[0] + towards + 0.2 * across) == 1
+    assert chosen(point[0] + 0.5 * towards, point[0] + towards + 0.2 * across) == 0
