@@ -36,8 +36,7 @@ class RegistrarSettings:
     min_inliers: int = setting(
         12,
         limits=(4, 500),
-        reason="fewer landmarks in agreement are no registration (the paper asks 50 of images with "
-        "twice as many pixels)",
+        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
     )
     max_strikes: int = setting(
         2,
@@ -57,8 +56,7 @@ class Registrar:
     """Registers the frames of one camera, in order of time.
 
     Args:
-        camera: its model.
-        reference_map: the map; may be shared by the registrars of all cameras.
+        camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
         settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
         readout: how long the camera's rows are read out, as far as it is known before the first image.
 
@@ -173,8 +171,7 @@ class Registrar:
         if frame.rotation_inliers:
             previous_T_camera = rigid(frame.current_R_previous.T, previous_T_camera[:3, 3])
         predicted = self._world_T_camera @ previous_T_camera
-        # Rounding would double with every image that is predicted by a step measured from predictions.
-        return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])
+        return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])  # or rounding doubles with every image
 
     def _fit(self, frame: TrackFrame, rows: NDArray[np.int64], start: NDArray[np.float64] | None) -> PoseFit | None:
         """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
