@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.errors import MapError
+from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 
@@ -93,7 +93,10 @@ class MapPhotographs:
         fx, fy, cx, cy = map(float, arrays["intrinsics"])
         model = str(arrays["distortion_model"].ravel()[0])
         k = (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
-        camera = camera_from_info("photograph", width, height, model, arrays["distortion"], k)
+        try:
+            camera = camera_from_info("photograph", width, height, model, arrays["distortion"], k)
+        except LensError as error:
+            raise MapError(f"{path}: damaged: {error}; build the map again with 'bodycam map'") from error
         return cls(
             jpegs=tuple(data[start:end] for start, end in zip(starts, ends, strict=True)),
             camera=camera,

@@ -22,7 +22,7 @@ LENSES = {
     "fov": [0.95],
 }
 STILL = np.zeros(6)
-TWIST = np.array([1.5, -2.0, 2.5, 0.8, 1.2, -0.6])
+TWIST = np.array([1.5, -2.0, 2.5, -0.8, -1.2, 0.6])
 NEAR = exp_se3(np.array([0.004, -0.005, 0.006, 0.005, -0.004, 0.006]))
 """How far off a predicted pose is, in the camera's axes: some two pixels."""
 

@@ -15,7 +15,7 @@ from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
 CAMERA = "shin_left"
 
@@ -65,6 +65,56 @@ def test_names_last_without_any_further_descriptor(reference_map, seen) -> None:
     registrar.register(frames[0])
     poses = [registrar.register(without_names(frame)).world_T_camera for frame in frames[1:12]]
     assert all(pose is not None for pose in poses)
+
+
+def named(frame: TrackFrame, names: dict[int, int]) -> TrackFrame:
+    """The frame with landmarks for some of its tracks, and no descriptors."""
+    ids = np.array([names.get(track, NO_LANDMARK) for track in frame.track_ids.tolist()], np.uint32)
+    return dataclasses.replace(without_names(frame), landmark_ids=ids)
+
+
+def test_names_that_a_frame_brings_are_carried_on_and_outdo_those_of_before(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    first = registrar.register(frames[0])
+    names = dict(zip(first.track_ids.tolist(), first.landmark_ids.tolist(), strict=True))
+    following = [track for track in frames[1].track_ids.tolist() if track in names]
+    spare = next(track for track in frames[1].track_ids.tolist() if track not in names)
+    # A landmark on another track than before, and a track with another landmark; and one that the map has not.
+    moved, renamed, unknown = following[0], following[1], following[2]
+    other = next(int(i) for i in reference_map.landmark_ids if int(i) not in names.values())
+    brought = {spare: names[moved], renamed: other, unknown: int(reference_map.landmark_ids.max()) + 1}
+    matches = registrar.register(named(frames[1], brought))
+    got = dict(zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True))
+    assert matches.world_T_camera is not None
+    assert len(set(got.values())) == len(got)
+    assert moved not in got and got[spare] == names[moved]
+    assert got[renamed] == other and got[unknown] == names[unknown]
+    # Names that agree with the pose last, those that do not are lost.
+    for frame in frames[2:5]:
+        matches = registrar.register(named(frame, {}))
+    got = dict(zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True))
+    assert renamed not in got and len(got) > 30
+
+
+def test_a_frame_of_names_alone_goes_on_from_any_frame_before(reference_map, seen) -> None:
+    """Tracks of which none was there before, as when landmarks found directly take over."""
+    camera, frames = seen
+    by_flow, direct = Registrar(camera, reference_map), Registrar(camera, reference_map)
+    direct.register(frames[0])
+    matches = [by_flow.register(frame) for frame in frames[:4]]
+    now = matches[3]
+    others = dataclasses.replace(
+        without_names(frames[3]),
+        track_ids=(now.track_ids + 100_000).astype(np.uint32),
+        pixels=now.pixels,
+        previous_stamp_ns=frames[0].stamp_ns,
+        landmark_ids=now.landmark_ids,
+    )
+    alone = direct.register(others)
+    step = log_se3(inverse(alone.world_T_camera) @ now.world_T_camera)
+    assert np.linalg.norm(step) < 0.01
+    assert set(alone.track_ids.tolist()) <= set(others.track_ids.tolist())
 
 
 def test_agrees_with_a_registrar_that_searches_every_keyframe_anew(reference_map, seen) -> None:

@@ -1,0 +1,146 @@
+"""The photographs as a map keeps them show the same places, and landmarks lie on the surfaces that there are."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from small_structure import small_structure
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.mapping.small_photographs import (
+    SmallPhotographSettings,
+    _smaller,
+    small_photographs,
+    surface_normals,
+)
+from bodycam_ros.mapping.structure import Structure
+
+SETTINGS = SmallPhotographSettings(width=160, quality=95)
+
+
+class Unshown:
+    """Progress that nobody sees."""
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        yield lambda units=1: None
+
+
+def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> Structure:
+    """Points (L, 3) that cameras at (K, 3) all see."""
+    poses = np.tile(np.eye(4), (len(centres), 1, 1))
+    poses[:, :3, 3] = centres
+    count = len(points) * len(centres)
+    return Structure(
+        names=[f"{k}.png" for k in range(len(centres))],
+        world_T_camera=poses,
+        points_world=points,
+        colours=np.zeros((len(points), 3), np.uint8),
+        observation_views=np.repeat(np.arange(len(centres)), len(points)),
+        observation_points=np.tile(np.arange(len(points)), len(centres)),
+        observation_pixels=np.zeros((count, 2)),
+        observation_features=np.zeros(count, np.int64),
+    )
+
+
+@pytest.mark.parametrize(("width", "height", "scale"), [(1600, 1200, 0.25), (1001, 667, 0.3), (640, 480, 1.0)])
+def test_the_smaller_camera_sees_where_the_smaller_picture_shows(width: int, height: int, scale: float) -> None:
+    k = [1.1 * width, 0, 0.52 * width, 0, 1.12 * width, 0.47 * height, 0, 0, 1]
+    camera = camera_from_info("c", width, height, "plumb_bob", [-0.1, 0.02, 1e-3, -5e-4, 0.0], k)
+    small = _smaller(camera, scale)
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    for bearing in ([0.1, -0.05, 1.0], [-0.3, 0.2, 1.0], [0.25, -0.2, 1.0]):
+        u, v = camera.project(np.array([bearing]))[0][0]
+        spot = 255.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2 * (4 / scale) ** 2))
+        shown = cv2.resize(spot, (small.width, small.height), interpolation=cv2.INTER_AREA)
+        down, across = np.mgrid[: small.height, : small.width]
+        centre = np.array([(across * shown).sum(), (down * shown).sum()]) / shown.sum()
+        np.testing.assert_allclose(small.project(np.array([bearing]))[0][0], centre, atol=0.01)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> tuple[Path, Structure, NDArray[np.uint8]]:
+    structure, camera = small_structure()
+    random = np.random.default_rng(4)
+    pictures = np.stack(
+        [cv2.blur(random.integers(0, 256, (camera.height, camera.width, 3)).astype(np.uint8), (21, 21)) for _ in "abc"]
+    )
+    names = ["a.png", "b.png", "c.png"]
+    for name, picture in zip(names, pictures, strict=True):
+        cv2.imwrite(str(tmp_path / name), picture)
+    return tmp_path, replace(structure, names=names), pictures
+
+
+def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> None:
+    path, structure, pictures = folder
+    camera = small_structure()[1]
+    kept = small_photographs(path, structure, camera, SETTINGS, 2, Unshown())
+    assert (kept.camera.width, kept.camera.height) == (160, 120)
+    for jpeg, picture in zip(kept.jpegs, pictures, strict=True):
+        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        wanted = cv2.resize(grey, (160, 120), interpolation=cv2.INTER_AREA)
+        shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert shown.shape == (120, 160)
+        assert np.abs(shown.astype(float) - wanted).max() < 8
+    # In the order of the landmarks, each with those that see it.
+    for row in (0, 3, 39):
+        first, end = kept.first_observation[row : row + 2]
+        seers = structure.observation_views[structure.observation_points == row]
+        assert kept.observation_view[first:end].tolist() == sorted(seers.tolist())
+    np.testing.assert_allclose(np.linalg.norm(kept.normals, axis=1), 1.0, atol=1e-6)
+
+
+def test_small_pictures_are_not_made_larger(folder) -> None:
+    path, structure, _ = folder
+    kept = small_photographs(path, structure, small_structure()[1], SmallPhotographSettings(width=4000), 1, Unshown())
+    assert (kept.camera.width, kept.camera.height) == (400, 300)
+
+
+def test_a_photograph_that_is_gone_is_named(folder) -> None:
+    path, structure, _ = folder
+    (path / "b.png").write_bytes(b"")
+    with pytest.raises(MapError, match=r"b\.png"):
+        small_photographs(path, structure, small_structure()[1], SETTINGS, 1, Unshown())
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.003])
+def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
+    random = np.random.default_rng(5)
+    walls, normals = [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            points = random.uniform(-1.7, 1.7, (400, 3))
+            points[:, axis] = 2.0 * side + noise_m * random.normal(size=400)
+            walls.append(points)
+            normals.append(np.tile(-side * np.eye(3)[axis], (400, 1)))
+    structure = structure_of(np.concatenate(walls), random.uniform(-0.5, 0.5, (4, 3)))
+    found = surface_normals(structure, SETTINGS)
+    angles = np.degrees(np.arccos(np.clip(np.einsum("ni,ni->n", found, np.concatenate(normals)), -1, 1)))
+    # Near the edges neighbours are of two walls.
+    assert np.median(angles) < (1e-5 if noise_m == 0.0 else 3.0)
+    assert (angles < 10.0).mean() > 0.95
+
+
+def test_a_bush_faces_those_who_saw_it() -> None:
+    random = np.random.default_rng(6)
+    points = random.normal(size=(500, 3))
+    centres = np.array([[20.0, 1.0, 0.0], [20.0, -1.0, 0.0]])
+    found = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=0.05))
+    towards = np.array([20.0, 0.0, 0.0]) - points
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    cosines = np.einsum("ni,ni->n", found, towards)
+    assert (cosines > 0.999).mean() > 0.95
+    always = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=1.0))
+    assert np.median(np.einsum("ni,ni->n", always, towards)) < 0.9
+
+
+def test_too_few_landmarks_face_those_who_saw_them() -> None:
+    found = surface_normals(structure_of(np.zeros((2, 3)), np.array([[0.0, 0.0, 3.0]])), SETTINGS)
+    np.testing.assert_allclose(found, [[0, 0, 1], [0, 0, 1]])

@@ -1,0 +1,158 @@
+"""The photographs of a map: read as they were written, refused where damaged, decoded when they are needed."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import MapError
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.registration.image_pyramid import pyramid_size, write_pyramid
+from bodycam_ros.registration.map_photographs import PHOTOGRAPHS_FILE, MapPhotographs
+from bodycam_ros.registration.reference_map import ReferenceMap
+
+LANDMARKS = 5
+POSES = exp_se3(np.random.default_rng(0).normal(size=(3, 6)))
+
+
+def jpeg_of(picture: np.ndarray) -> bytes:
+    return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
+
+
+@pytest.fixture
+def photographs() -> MapPhotographs:
+    random = np.random.default_rng(1)
+    normals = random.normal(size=(LANDMARKS, 3))
+    k = [100.0, 0, 47.2, 0, 101.0, 31.7, 0, 0, 1]
+    return MapPhotographs(
+        jpegs=tuple(jpeg_of(cv2.blur(random.integers(0, 256, (64, 96)).astype(np.uint8), (5, 5))) for _ in range(3)),
+        camera=camera_from_info("photograph", 96, 64, "plumb_bob", [0.1, -0.05, 1e-3, -2e-3, 0.01], k),
+        world_T_camera=POSES,
+        observation_landmark=np.array([0, 0, 2, 2, 2, 4], np.uint32),
+        observation_view=np.array([0, 2, 0, 1, 2, 1], np.uint16),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+    )
+
+
+def rewrite(folder: Path, **changed: object) -> None:
+    """Change arrays of the file; None takes one out."""
+    with np.load(folder / PHOTOGRAPHS_FILE) as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays |= {name: np.asarray(value) for name, value in changed.items()}
+    np.savez(
+        folder / PHOTOGRAPHS_FILE, **{name: array for name, array in arrays.items() if changed.get(name, 0) is not None}
+    )
+
+
+def test_what_is_saved_is_loaded(tmp_path: Path, photographs: MapPhotographs) -> None:
+    photographs.save(tmp_path)
+    loaded = MapPhotographs.load(tmp_path, POSES, LANDMARKS)
+    assert loaded is not None and loaded.jpegs == photographs.jpegs
+    for name in ("world_T_camera", "observation_landmark", "observation_view", "normals"):
+        was, is_now = getattr(photographs, name), getattr(loaded, name)
+        assert was.dtype == is_now.dtype
+        np.testing.assert_array_equal(was, is_now)
+    points = np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 2.0]])
+    np.testing.assert_array_equal(loaded.camera.project(points)[0], photographs.camera.project(points)[0])
+    assert (loaded.camera.width, loaded.camera.height) == (96, 64)
+    assert loaded.first_observation.tolist() == [0, 2, 2, 5, 5, 6]
+    np.testing.assert_allclose(
+        loaded.camera_R_world @ loaded.world_T_camera[:, :3, :3], np.tile(np.eye(3), (3, 1, 1)), atol=1e-12
+    )
+    np.testing.assert_array_equal(loaded.centres, POSES[:, :3, 3])
+
+
+def test_pictures_are_developed_when_they_are_asked_for(photographs: MapPhotographs) -> None:
+    damaged = replace(photographs, jpegs=(photographs.jpegs[0], b"no picture", photographs.jpegs[2]))
+    damaged.develop(np.array([2, 0, 2]))
+    for view in (0, 2):
+        picture = cv2.imdecode(np.frombuffer(photographs.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
+        expected = np.zeros(pyramid_size(damaged.levels), np.uint8)
+        write_pyramid(picture, damaged.levels, expected)
+        np.testing.assert_array_equal(damaged.pyramids[view], expected)
+    damaged.pyramids[0] = 7
+    damaged.develop(np.array([0, 2]))
+    assert (damaged.pyramids[0] == 7).all()  # not decoded twice
+    damaged.develop(np.zeros(0, np.int64))
+    with pytest.raises(MapError, match="photograph 1 of the map is damaged.*bodycam map"):
+        damaged.develop(np.array([0, 1]))
+    small = replace(photographs, jpegs=(jpeg_of(np.zeros((32, 48), np.uint8)), *photographs.jpegs[1:]))
+    with pytest.raises(MapError, match="photograph 0 of the map is damaged"):
+        small.develop(np.array([0]))
+
+
+def test_a_map_without_them_has_none(tmp_path: Path) -> None:
+    assert MapPhotographs.load(tmp_path, POSES, LANDMARKS) is None
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"normals": None},
+        {"normals": np.zeros((4, 3), np.float32)},
+        {"normals": np.full((5, 3), np.nan, np.float32)},
+        {"observation_landmark": np.array([0, 0, 2, 2, 2, 5], np.uint32)},
+        {"observation_landmark": np.array([0, 2, 0, 2, 2, 4], np.uint32)},
+        {"observation_landmark": np.array([0, 0, 2], np.uint32)},
+        {"observation_view": np.array([0, 2, 0, 1, 3, 1], np.uint16)},
+        {"jpeg_ends": np.array([10, 5, 20])},
+        {"jpeg_ends": np.array([10, 20])},
+        {"jpegs": np.zeros(10, np.uint8)},
+        {"size": np.array([96])},
+        {"size": np.array([96, 0])},
+        {"size": np.array([-96, 64])},
+        {"intrinsics": np.zeros(3)},
+        {"intrinsics": np.array([np.nan, 1.0, 1.0, 1.0])},
+        {"intrinsics": np.array([0.0, 1.0, 1.0, 1.0])},
+        {"distortion_model": np.array("nothing_known")},
+        {"distortion": np.full(5, np.inf)},
+    ],
+    ids=lambda changed: "-".join(changed),
+)
+def test_what_is_damaged_is_refused(tmp_path: Path, photographs: MapPhotographs, changed: dict[str, object]) -> None:
+    photographs.save(tmp_path)
+    rewrite(tmp_path, **changed)
+    with pytest.raises(MapError, match=r"photographs\.npz"):
+        MapPhotographs.load(tmp_path, POSES, LANDMARKS)
+
+
+@pytest.mark.parametrize(("poses", "landmarks"), [(POSES[:2], LANDMARKS), (POSES, LANDMARKS + 1)])
+def test_those_of_another_map_are_refused(
+    tmp_path: Path, photographs: MapPhotographs, poses: np.ndarray, landmarks: int
+) -> None:
+    photographs.save(tmp_path)
+    with pytest.raises(MapError, match=r"photographs\.npz.*another map.*bodycam map"):
+        MapPhotographs.load(tmp_path, poses, landmarks)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\x00" * 500])
+def test_a_file_that_is_none_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / PHOTOGRAPHS_FILE).write_bytes(content)
+    with pytest.raises(MapError, match=r"photographs\.npz"):
+        MapPhotographs.load(tmp_path, POSES, LANDMARKS)
+
+
+def test_maps_carry_them_and_older_maps_load_without(sample: Path, tmp_path: Path) -> None:
+    whole = ReferenceMap.load(sample / "map")
+    assert whole.photographs is not None
+    assert len(whole.photographs.jpegs) == len(whole.image_names)
+    whole.save(tmp_path / "copy")
+    again = ReferenceMap.load(tmp_path / "copy")
+    assert again.photographs is not None and again.photographs.jpegs == whole.photographs.jpegs
+    older = tmp_path / "older"
+    shutil.copytree(tmp_path / "copy", older)
+    (older / PHOTOGRAPHS_FILE).unlink()
+    loaded = ReferenceMap.load(older)
+    assert loaded.photographs is None
+    np.testing.assert_array_equal(loaded.points_world, whole.points_world)
+    shutil.copy(tmp_path / "copy" / PHOTOGRAPHS_FILE, older / PHOTOGRAPHS_FILE)
+    rewrite(older, normals=whole.photographs.normals[:-1])
+    with pytest.raises(MapError, match=r"older.*photographs\.npz"):
+        ReferenceMap.load(older)
+    # An older map in place of a newer one leaves nothing of it behind.
+    loaded.save(tmp_path / "copy", force=True)
+    assert not (tmp_path / "copy" / PHOTOGRAPHS_FILE).exists()
