@@ -24,6 +24,7 @@ from bodycam_ros.settings import setting
 
 _NOWHERE = np.zeros((0, 2))
 _STILL = np.zeros(6)
+_AGREE = 0.6  # share of what is found; what agrees by chance is less
 _LEAST_FOUND = 8
 """Landmarks of a pose that is worth a look."""
 
@@ -169,8 +170,8 @@ class DirectRegistration:
         self, before: DirectView, predicted: NDArray[np.float64], motion: ImageMotion | None
     ) -> NDArray[np.float64] | None:
         """The pose by some landmarks of the image before, each looked for as that one showed it (A eq. 2)."""
-        step = max(1, len(before.rows) // self._settings.coarse)
-        rows, shown = before.rows[::step], before.pixels[::step]
+        few = np.linspace(0, len(before.rows) - 1, min(self._settings.coarse, len(before.rows))).astype(np.int64)
+        rows, shown = before.rows[few], before.pixels[few]
         image, previous = self._pyramids
         pixels, likeness = align_patches(
             self._lens,
@@ -192,7 +193,7 @@ class DirectRegistration:
         )
         found = np.isfinite(likeness)
         fit = self._fit(rows[found], pixels[found], predicted, motion)
-        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, 0.4 * len(rows)):
+        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * found.sum()):
             return None
         return fit.world_T_camera
 
