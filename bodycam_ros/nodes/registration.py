@@ -171,7 +171,7 @@ class Registration(StageNode[RegistrationParameters]):
             )
         if frame.keyframe:
             self._described.add(camera)
-        elif camera not in self._described and frame.landmark_ids is None:
+        elif camera not in self._described:
             self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
         matches = self._registrars[camera].register(frame)
         self._landmarks[camera].publish(landmarks_message(self.make, matches))

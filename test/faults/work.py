@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from altered_sample import CAMERAS, write_altered_sample
@@ -63,9 +64,20 @@ def _write_small_map(folder: Path) -> None:
     whole = ReferenceMap.load(_SAMPLE / "map")
     rows = np.flatnonzero(np.isin(whole.landmark_ids, sorted(seen - {0})))
     described = np.flatnonzero(np.isin(whole.descriptor_landmark, rows))
-    of_landmarks = {name: getattr(whole, name)[rows] for name in ("landmark_ids", "points_world", "colours")}
+    of_landmarks: dict[str, Any] = {
+        name: getattr(whole, name)[rows] for name in ("landmark_ids", "points_world", "colours")
+    }
     of_descriptors = {n: getattr(whole, n)[described] for n in ("descriptors", "descriptor_view", "descriptor_size")}
     landmark = np.searchsorted(rows, whole.descriptor_landmark[described]).astype(np.uint32)
+    photographs = whole.photographs
+    assert photographs is not None
+    observed = np.flatnonzero(np.isin(photographs.observation_landmark, rows))
+    of_landmarks["photographs"] = replace(
+        photographs,
+        observation_landmark=np.searchsorted(rows, photographs.observation_landmark[observed]).astype(np.uint32),
+        observation_view=photographs.observation_view[observed],
+        normals=photographs.normals[rows],
+    )
     replace(whole, **of_landmarks, **of_descriptors, descriptor_landmark=landmark).save(folder / "map")
 
 
