@@ -16,7 +16,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved
 
-ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
+ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")
 FRAMES = 60
 
