@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     console = Terminal()
     console.print(_table(timing))
     console.print(
-        f"tracker: {timing.tracker_ratio:.2f} times the OpenCV calls that it needs\n"
+        f"tracker: {timing.tracker_ratio:.2f} times the OpenCV calls that flow and descriptors alone would need\n"
         f"solver: {timing.solve_ms:.1f} ms per instant, {timing.solve_ms / _DESIGN_SOLVE_MS:.2f} times the design's "
         f"{_DESIGN_SOLVE_MS:g} ms\n"
         f"replay: {summary.recorded_s:.1f} s of {len(summary.images)} cameras in {summary.elapsed_s:.1f} s with "
