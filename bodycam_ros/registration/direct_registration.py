@@ -22,7 +22,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.rolling_shutter import ImageMotion
 from bodycam_ros.settings import setting
 
-_NOWHERE = np.zeros((0, 2))
+_WHERE_THEY_PROJECT = np.zeros((0, 2))
 _STILL = np.zeros(6)
 _AGREE = 0.6  # share of what is found; what agrees by chance is less
 _LEAST_FOUND = 8
@@ -44,7 +44,7 @@ class DirectSettings:
         24, unit="landmarks", limits=(8, 200), reason="of the image before, by which the predicted pose is mended first"
     )
     coarse_level: int = setting(
-        3, limits=(0, 4), reason="of the pyramid that they begin on; on 1/8 of the size 4 px are 32"
+        3, limits=(1, 4), reason="of the pyramid that they begin on; on 1/8 of the size 4 px are 32"
     )
     fine_level: int = setting(1, limits=(0, 3), reason="of the pyramid that photographs are aligned on first")
     likeness: float = setting(
@@ -150,11 +150,11 @@ class DirectRegistration:
             self._trust,
             self._settings.cells,
             self._settings.per_cell,
-            self._settings.least_sigma_px,
+            float(self._settings.least_sigma_px),
             float(np.cos(np.radians(self._settings.max_view_angle_deg))),
         )
         views = self._views(rows, near)
-        pixels, likeness = self._align(rows, near, motion, views, _NOWHERE, self._settings.fine_level, 0)
+        pixels, likeness = self._align(rows, near, motion, views)
         found = np.isfinite(likeness)
         fit = self._fit(rows[found], pixels[found], near, motion)
         agree = np.zeros(len(rows), bool)
@@ -189,7 +189,7 @@ class DirectRegistration:
             as_rows(self._photographs.normals[rows]),
             self._settings.coarse_level,
             1,
-            self._settings.likeness,
+            float(self._settings.likeness),
         )
         found = np.isfinite(likeness)
         fit = self._fit(rows[found], pixels[found], predicted, motion)
@@ -219,10 +219,8 @@ class DirectRegistration:
         near: NDArray[np.float64],
         motion: ImageMotion | None,
         views: NDArray[np.int64],
-        shown: NDArray[np.float64],
-        first_level: int,
-        last_level: int,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the image shows landmarks (N, 2), by patches of these photographs, and how alike they are (N,)."""
         photographs = self._photographs
         found: tuple[NDArray[np.float64], NDArray[np.float64]] = align_patches(
             self._lens,
@@ -235,12 +233,12 @@ class DirectRegistration:
             photographs.pyramids,
             photographs.levels,
             views,
-            shown,
+            _WHERE_THEY_PROJECT,
             self._points[rows],
             as_rows(photographs.normals[rows]),
-            first_level,
-            last_level,
-            self._settings.likeness,
+            self._settings.fine_level,
+            0,
+            float(self._settings.likeness),
         )
         return found
 

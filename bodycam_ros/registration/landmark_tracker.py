@@ -19,6 +19,7 @@ from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
 _LEAST_NAMED = 8
@@ -130,7 +131,7 @@ class LandmarkTracker:
             track_ids=ids[order],
             pixels=view.pixels[order].astype(np.float32),
             described=np.zeros(0, np.uint32),
-            descriptors=np.zeros((0, 128), np.uint8),
+            descriptors=np.zeros((0, DESCRIPTOR_LENGTH), np.uint8),
             scales=np.zeros(0, np.float32),
             keyframe=False,
             current_R_previous=view.world_T_camera[:3, :3].T @ before.world_T_camera[:3, :3],
