@@ -56,6 +56,7 @@ class LandmarkTracker:
         self._path = RecentPath(shutter)
         self._before: DirectView | None = None
         self._earlier: DirectView | None = None
+        self._located_ns = 0
         self._track_of_landmark: dict[int, int] = {}
         self._latest: TrackFrame | None = None
 
@@ -76,13 +77,13 @@ class LandmarkTracker:
         view = self._look(self._direct, stamp_ns)
         if view is not None and len(view.rows) >= self._settings.enough and not self._features.keyframe_wanted:
             frame = self._frame_of(view)
-            self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, afresh=True)
+            self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous, afresh=True)
             self._go_on(view)
         else:
             frame = self._features.track(image, stamp_ns)
             if view is not None:
                 frame = self._joined(frame, view)
-                self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, afresh=False)
+                self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous)
             # Where the camera is, the registrar says.
             self._earlier, self._before = self._before, None
         self._latest = frame
@@ -96,7 +97,12 @@ class LandmarkTracker:
             return
         if (known := readout_of(matches.readout_time, matches.readout_sigma)) is not None:
             self._readout = ReadoutTime(self._shutter, known)
-        if self._before is None and matches.world_T_camera is not None:
+        if matches.world_T_camera is None:
+            if self._before is not None and matches.stamp_ns > self._located_ns:
+                # Who does not believe these landmarks needs descriptors, which only features have.
+                self._before = None
+                self._features.want_keyframe()
+        elif self._before is None:
             self._locate(matches, matches.world_T_camera)
 
     def want_keyframe(self) -> None:
@@ -191,6 +197,7 @@ class LandmarkTracker:
         if fit.inliers.sum() < _LEAST_NAMED:
             return
         agree = fit.inliers
+        self._located_ns = latest.stamp_ns
         self._before = DirectView(latest.stamp_ns, fit.world_T_camera, rows[agree], pixels[agree])
         self._track_of_landmark = dict(zip(rows[agree].tolist(), latest.track_ids[at[agree]].tolist(), strict=True))
         registered = RegisteredView(latest.stamp_ns, fit.world_T_camera, points_world[agree], pixels[agree])

@@ -195,7 +195,7 @@ def _warp(
     start, height, width = level[0], level[1], level[2]
     reach = 0.5 * (_RING - 1)
     across, down = reach * (abs(w00) + abs(w01)), reach * (abs(w10) + abs(w11))
-    if not (u - across >= 0.0 and v - down >= 0.0 and u + across < width - 1.0 and v + down < height - 1.0):
+    if not (u - across >= 0.0 and v - down >= 0.0 and u + across < width - 1.001 and v + down < height - 1.001):
         return False
     for j in range(_RING):
         for i in range(_RING):

@@ -158,7 +158,8 @@ class FeatureTracker:
         stamp_ns: int,
         track_ids: NDArray[np.uint32],
         pixels: NDArray[np.float32],
-        afresh: bool,
+        current_R_previous: NDArray[np.float64],
+        afresh: bool = False,
     ) -> None:
         """Go on from an image in which somebody else has found what to track.
 
@@ -166,6 +167,7 @@ class FeatureTracker:
             image, stamp_ns: as of ``track``.
             track_ids: (N,) ascending; those of ``new_ids`` or of tracks that are there.
             pixels: (N, 2) where they are.
+            current_R_previous: (3, 3) rotation of the camera since the image before.
             afresh: whether these are all that is needed, as after a keyframe.
         """
         at = np.searchsorted(self._ids, track_ids)
@@ -175,6 +177,7 @@ class FeatureTracker:
         if not afresh:
             born_ns[known] = self._born_ns[at[known]]
         self._image, self._stamp_ns = image, stamp_ns
+        self._rotation_per_frame = current_R_previous
         self._ids, self._born_ns = track_ids.astype(np.uint32), born_ns
         self._pixels = np.ascontiguousarray(pixels, np.float32)
         self._bearings = self.camera.unproject(self._pixels)[0]

@@ -168,6 +168,22 @@ def test_it_begins_though_the_registrar_is_late(reference_map, seen, late: int) 
     assert all(matches.world_T_camera is not None for _, matches in said)
 
 
+def test_a_registrar_that_does_not_believe_landmarks_gets_descriptors(
+    reference_map: ReferenceMap, seen: tuple[CameraModel, Images]
+) -> None:
+    camera, images = seen
+    tracker = landmark_tracker(camera, reference_map, PipelineSettings())
+    registering = registrar(camera, reference_map, PipelineSettings())
+    frames = []
+    for number, (image, stamp_ns) in enumerate(images):
+        frames.append(tracker.track(image, stamp_ns))
+        matches = registering.register(frames[-1])
+        tracker.hear(replace(matches, world_T_camera=None) if number == 10 else matches)
+    assert is_direct(frames[10]), "landmarks alone until then"
+    assert frames[11].keyframe and len(frames[11].described), "named anew"
+    assert is_direct(frames[13]), "and on"
+
+
 def test_wrong_names_are_not_believed(reference_map, seen) -> None:
     camera, images = seen
 
