@@ -108,7 +108,7 @@ class DirectRegistration:
         settings: DirectSettings,
         pose_fit: PoseFitSettings,
     ) -> None:
-        self._camera, self._map, self._photographs = camera, reference_map, photographs
+        self._camera, self._photographs = camera, photographs
         self._settings = settings
         self._pose_fit = pose_fit
         self._lens = lens_parameters(camera)
@@ -160,8 +160,7 @@ class DirectRegistration:
         agree = np.zeros(len(rows), bool)
         if fit is not None:
             agree[found] = fit.errors_px < self._settings.inlier_px
-        count = int(agree.sum())
-        if fit is None or count < _LEAST_FOUND:
+        if fit is None or agree.sum() < _LEAST_FOUND:
             return None
         self._learn(rows, agree)
         return DirectView(stamp_ns, fit.world_T_camera, rows[agree], pixels[agree])

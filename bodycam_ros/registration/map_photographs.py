@@ -142,11 +142,6 @@ class MapPhotographs:
         return np.searchsorted(self.observation_landmark, np.arange(len(self.normals) + 1))
 
     @cached_property
-    def camera_R_world(self) -> NDArray[np.float64]:
-        """(K, 3, 3)."""
-        return np.ascontiguousarray(self.world_T_camera[:, :3, :3].transpose(0, 2, 1))
-
-    @cached_property
     def centres(self) -> NDArray[np.float64]:
         """(K, 3) where the photographs were taken [m]."""
         return np.ascontiguousarray(self.world_T_camera[:, :3, 3])
