@@ -28,6 +28,8 @@ KERNEL_FILES = (
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
     "registration/landmark_choice_kernels.py",
+    "registration/local_landmark_kernels.py",
+    "registration/descriptor_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
 )

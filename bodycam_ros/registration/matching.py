@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.kernels.kernel import as_bytes
+from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 
@@ -68,6 +70,7 @@ def match_near_prediction(
     scales: NDArray[np.floating],
     radius_px: float,
     settings: MatchingSettings,
+    candidates: NDArray[np.int64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match features to the landmarks that project near them.
 
@@ -79,32 +82,36 @@ def match_near_prediction(
         scales: (M,) their sigma [px].
         radius_px: how far from its projection a landmark may show.
         settings: thresholds.
+        candidates: rows of all landmarks that may be in view, ascending; None asks all of the map.
 
     Returns:
         Rows of the matched features and, for each, the row of its landmark. No landmark is matched twice.
     """
-    offsets = reference_map.points_world - world_T_camera[:3, 3]
-    squared_distances = np.einsum("ij,ij->i", offsets, offsets)
-    large_enough = reference_map.landmark_sizes**2 * camera.fx**2 > settings.min_visible_scale_px**2 * squared_distances
-    candidates = np.flatnonzero(large_enough)
-    projected, valid = camera.project(offsets[candidates] @ world_T_camera[:3, :3])
+    asked = np.arange(len(reference_map.points_world)) if candidates is None else candidates
+    centre = world_T_camera[:3, 3]
+    offsets = reference_map.points_world[asked] - centre
+    squared_ranges = np.einsum("ij,ij->i", offsets, offsets)
+    sizes = reference_map.landmark_sizes[asked]
+    large_enough = sizes**2 * camera.fx**2 > settings.min_visible_scale_px**2 * squared_ranges
+    projected, valid = camera.project(offsets[large_enough] @ world_T_camera[:3, :3])
     in_view = valid & camera.in_image(projected)
-    visible, projected = candidates[in_view], projected[in_view]
+    visible, projected = asked[large_enough][in_view], projected[in_view]
     if len(visible) == 0 or len(pixels) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     near = cKDTree(pixels).sparse_distance_matrix(cKDTree(projected), radius_px, output_type="coo_matrix")
     feature, look = _looks_of(reference_map.descriptor_landmark, near.row.astype(np.int64), visible[near.col])
     landmark = reference_map.descriptor_landmark[look].astype(np.int64)
 
-    distances = np.sqrt(squared_distances[landmark])
-    cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets[landmark]) / distances
+    offsets = reference_map.points_world[landmark] - centre
+    distances = np.sqrt(np.einsum("ij,ij->i", offsets, offsets))
+    cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets) / distances
     expected_scale = camera.fx * reference_map.descriptor_size[look] / distances
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
     alike = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
     alike &= cosines > np.cos(np.radians(settings.max_view_angle_deg))
     feature, look, landmark = feature[alike], look[alike], landmark[alike]
-    difference = descriptors[feature].astype(np.float32) - reference_map.descriptors[look].astype(np.float32)
-    distance = np.sqrt(np.einsum("ij,ij->i", difference, difference))
+    known = as_bytes(reference_map.descriptors)
+    distance = np.sqrt(squared_distances(as_bytes(descriptors), feature, known, look))
     return _unambiguous(feature, landmark, distance, settings.max_distance, settings.ratio)
 
 
@@ -168,6 +175,7 @@ def _looks_of(
     landmark_of_look: NDArray[np.integer], feature: NDArray[np.int64], landmark: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pairs of feature and landmark as pairs of feature and each look of that landmark; looks ascend by landmark."""
+    landmark = landmark.astype(landmark_of_look.dtype)  # or all looks would be converted
     first = np.searchsorted(landmark_of_look, landmark, side="left")
     count = np.searchsorted(landmark_of_look, landmark, side="right") - first
     start_of_pair = np.cumsum(count) - count

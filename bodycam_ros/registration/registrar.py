@@ -16,6 +16,7 @@ from bodycam_ros.geometry import inverse, nearest_rotation, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
@@ -84,6 +85,7 @@ class Registrar:
         self._pose_fit = pose_fit or PoseFitSettings()
         self._shutter = shutter or ShutterSettings()
         self.readout = ReadoutTime(self._shutter, readout)
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, self._matching.min_visible_scale_px)
         self._path = RecentPath(self._shutter)
         self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
@@ -162,6 +164,7 @@ class Registrar:
             frame.scales,
             radius_px,
             self._matching,
+            self._local.around(pose[:3, 3]),
         )
         before = self._carried.snapshot()
         # A fresh match has to prove itself at once; an old one may fail for a moment.

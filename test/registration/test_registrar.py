@@ -10,6 +10,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -170,6 +171,20 @@ def test_guided_matching_finds_the_landmarks_that_an_exhaustive_search_confirms(
         looks = reference_map.descriptors[reference_map.descriptor_landmark == landmark].astype(float)
         distance = np.linalg.norm(looks - frame.descriptors[feature].astype(float), axis=1).min()
         assert distance < MatchingSettings().max_distance
+
+
+def test_the_landmarks_around_the_camera_are_all_that_guided_matching_needs(reference_map, seen) -> None:
+    camera, frames = seen
+    settings = MatchingSettings()
+    local = LocalLandmarks(reference_map.grid, camera.fx, settings.min_visible_scale_px)
+    pose = Registrar(camera, reference_map).register(frames[0]).world_T_camera
+    for frame in frames:
+        asked = (frame.pixels[frame.described.astype(int)], frame.descriptors, frame.scales, 20.0, settings)
+        near = pose @ exp_se3(np.array([0.0, 0.02, 0.0, 0.1, 0.0, 0.05]))
+        rows = local.around(near[:3, 3])
+        everything = match_near_prediction(reference_map, camera, near, *asked)
+        np.testing.assert_array_equal(match_near_prediction(reference_map, camera, near, *asked, rows), everything)
+        assert len(rows) < 0.5 * len(reference_map.landmark_ids)
 
 
 def test_a_search_of_the_whole_map_is_mostly_right(reference_map, seen) -> None:
