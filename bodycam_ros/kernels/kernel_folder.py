@@ -30,6 +30,7 @@ KERNEL_FILES = (
     "registration/landmark_choice_kernels.py",
     "registration/local_landmark_kernels.py",
     "registration/descriptor_kernels.py",
+    "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
 )

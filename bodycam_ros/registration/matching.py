@@ -1,8 +1,6 @@
 """Which landmark does a described track show: near its predicted place, or anywhere in the map."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +11,6 @@ from bodycam_ros.kernels.kernel import as_bytes
 from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
-
-_BLOCK = 4096
 
 
 @dataclass(frozen=True)
@@ -49,6 +45,24 @@ class MatchingSettings:
         300,
         limits=(20, 20000),
         reason="features looked up in the whole map; 300 bring some 50 right matches, 12 are needed",
+    )
+    searched_lists: int = setting(
+        16,
+        limits=(1, 64),
+        reason="of the map's index that are searched for a feature; 16 find what a search of all looks finds",
+    )
+    similar_places: int = setting(
+        20,
+        unit="photographs",
+        limits=(1, 1000),
+        reason="whose landmarks a lost camera is asked for before those of the whole map; with 10 a camera in 60 is "
+        "found only then",
+    )
+    max_expected_radius_px: float = setting(
+        150.0,
+        unit="px",
+        limits=(5.0, 2000.0),
+        reason="search around the projection where the body says where a lost camera is, however unsure it is",
     )
     max_size_ratio: float = setting(
         2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts"
@@ -115,60 +129,27 @@ def match_near_prediction(
     return _unambiguous(feature, landmark, distance, settings.max_distance, settings.ratio)
 
 
-def match_everywhere(
-    reference_map: ReferenceMap, descriptors: NDArray[np.uint8], every_view: bool, settings: MatchingSettings
+def match_by_looks(
+    reference_map: ReferenceMap,
+    descriptors: NDArray[np.uint8],
+    wanted: NDArray[np.bool_] | None,
+    settings: MatchingSettings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Match features to the landmarks of the whole map by their descriptors alone; returns as above.
+    """Match features to landmarks by their descriptors alone; returns as above.
 
     Args:
-        reference_map: the map.
+        reference_map: the map, whose index is searched.
         descriptors: (M, 128) RootSIFT, the strongest first; a few dozen matches are enough to find a camera, so only
             the first ``max_features_lost`` are looked up.
-        every_view: compare with all descriptors of a landmark; else with the one from the nearest photograph, which is
-            four times faster and finds three of four.
+        wanted: (L,) the landmarks that are asked for; None: all.
         settings: thresholds.
     """
-    if len(descriptors) == 0 or len(reference_map.descriptors) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    landmark_of_look = reference_map.descriptor_landmark.astype(np.int64)
-    starts = np.flatnonzero(np.diff(landmark_of_look, prepend=-1))
-    looks = np.arange(len(landmark_of_look)) if every_view else starts
-    firsts = starts if every_view else np.arange(len(starts))
-    query = descriptors[: settings.max_features_lost].astype(np.float32)
-    rows = np.arange(len(query))
-    best, rival = np.full((2, len(query)), np.inf, np.float32)
-    landmark = np.zeros(len(query), np.int64)
-    for first, last in _blocks(firsts, len(looks)):
-        known = reference_map.descriptors[looks[first:last]].astype(np.float32)
-        landmark_of_known = landmark_of_look[looks[first:last]]
-        # Squared distances less the query's own length, which does not change which is nearest.
-        squared = (-2.0 * query) @ known.T
-        squared += np.einsum("ij,ij->i", known, known)
-        nearest = np.argmin(squared, axis=1)
-        best_here, landmark_here = squared[rows, nearest], landmark_of_known[nearest]
-        # The other descriptors of the same landmark are no rivals of its best.
-        row, own = _looks_of(landmark_of_known, rows, landmark_here)
-        squared[row, own] = np.inf
-        nearer = best_here < best
-        rival = np.minimum(np.minimum(rival, squared.min(axis=1)), np.where(nearer, best, best_here))
-        landmark = np.where(nearer, landmark_here, landmark)
-        best = np.minimum(best, best_here)
-    lengths = np.einsum("ij,ij->i", query, query)
-    best, rival = np.sqrt(np.maximum(best + lengths, 0)), np.sqrt(np.maximum(rival + lengths, 0))
-    good = (best < settings.max_distance_lost) & (best < settings.ratio * rival)
-    return _one_feature_per_landmark(rows[good], landmark[good], best[good])
-
-
-def _blocks(firsts: NDArray[np.int64], count: int) -> Iterator[tuple[int, int]]:
-    """Ranges of looks, each of whole landmarks, whose distances fit into a processor's cache.
-
-    Args:
-        firsts: the first look of every landmark.
-        count: of looks.
-    """
-    edges = firsts[np.searchsorted(firsts, np.arange(0, count, _BLOCK), side="right") - 1].tolist()
-    edges = sorted({*edges, count})
-    yield from pairwise(edges)
+    if wanted is None:
+        wanted = np.ones(len(reference_map.landmark_ids), bool)
+    query = descriptors[: settings.max_features_lost]
+    landmark, best, rival = reference_map.search.index.nearest(query, wanted, settings.searched_lists)
+    good = np.flatnonzero((landmark >= 0) & (best < settings.max_distance_lost) & (best < settings.ratio * rival))
+    return _one_feature_per_landmark(good, landmark[good], best[good])
 
 
 def _looks_of(
