@@ -21,7 +21,7 @@ def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, looks: 
     return squared
 
 
-@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], b1[::1], i8[::1], i8[::1], i8[::1])")
+@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], i8[::1], i8[::1], i8[::1])")
 def search_lists(
     descriptors: Bytes,
     lists: Whole,
@@ -29,7 +29,6 @@ def search_lists(
     looks: Whole,
     known: Bytes,
     landmark_of_look: NDArray[np.uint32],
-    wanted: NDArray[np.bool_],
     nearest: Whole,
     best: Whole,
     rival: Whole,
@@ -43,7 +42,6 @@ def search_lists(
         looks: (N,) rows of the looks, list by list.
         known: (D, 128) descriptors of all looks.
         landmark_of_look: (D,) their landmarks.
-        wanted: (L,) landmarks that are asked for.
         nearest: (M,) most alike so far, or -1; mended.
         best, rival: (M,) squared distances to it, and to the next landmark; mended.
     """
@@ -52,8 +50,6 @@ def search_lists(
             for j in range(first_of_list[lists[i, p]], first_of_list[lists[i, p] + 1]):
                 look = looks[j]
                 landmark = np.int64(landmark_of_look[look])
-                if not wanted[landmark]:
-                    continue
                 squared = _squared_distance(descriptors, i, known, look)
                 if landmark == nearest[i]:
                     best[i] = min(best[i], squared)

@@ -25,7 +25,7 @@ class _Lists:
     first: NDArray[np.int64]
 
     @classmethod
-    def of(cls, looks: NDArray[np.int64], lists: NDArray[np.int64], count: int) -> "_Lists":
+    def of(cls, looks: NDArray[np.int64], lists: NDArray[np.integer], count: int) -> "_Lists":
         order = np.argsort(lists, kind="stable")
         return cls(looks[order], np.searchsorted(lists[order], np.arange(count + 1)).astype(np.int64))
 
@@ -50,6 +50,7 @@ class LandmarkIndex:
         self._landmark_of_look = np.require(landmark_of_look, np.uint32, ("C", "A", "W", "E"))
         nothing = np.zeros(0, np.int64)
         self._looks = self._lists = nothing
+        self._list_of_look = np.zeros(len(descriptors), np.int32)
         self._sorted = self._later = _Lists.of(nothing, nothing, words.lists)
 
     def add(self, looks: NDArray[np.int64], words: NDArray[np.int64] | None = None) -> None:
@@ -61,6 +62,7 @@ class LandmarkIndex:
         """
         descriptors = self._descriptors[looks]
         lists = self._words.list_of(descriptors, self._words.words_of(descriptors) if words is None else words)
+        self._list_of_look[looks] = lists
         self._looks, self._lists = np.concatenate([self._looks, looks]), np.concatenate([self._lists, lists])
         settled = len(self._sorted.looks)
         if len(self._looks) - settled > max(_SORTED_IN_ABOVE, settled // _SORTED_IN_SHARE) or not settled:
@@ -68,23 +70,26 @@ class LandmarkIndex:
         self._later = _Lists.of(self._looks[settled:], self._lists[settled:], self._words.lists)
 
     def nearest(
-        self, descriptors: NDArray[np.uint8], wanted: NDArray[np.bool_], lists: int
+        self, descriptors: NDArray[np.uint8], lists: int, among: NDArray[np.int64] | None = None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """The landmark that is most like each descriptor, of those in some lists.
 
         Args:
             descriptors: (M, 128) uint8.
-            wanted: (L,) the landmarks that are asked for.
             lists: how many are searched for each descriptor.
+            among: (N,) rows of the looks that are asked for; None: all.
 
         Returns:
             Rows (M,) of landmarks, -1 where there is none, and the distances (M,) to each and to the next one; those
             of nobody are beyond all others.
         """
+        parts: tuple[_Lists, ...] = (self._sorted, self._later)
+        if among is not None:
+            parts = (_Lists.of(among, self._list_of_look[among], self._words.lists),)
         count = len(descriptors)
         landmarks, best, rival = np.full(count, -1), np.full(count, FARTHEST), np.full(count, FARTHEST)
         probed = self._words.lists_near(descriptors, lists)
-        for part in (self._sorted, self._later):
+        for part in parts:
             search_lists(
                 as_bytes(descriptors),
                 probed,
@@ -92,7 +97,6 @@ class LandmarkIndex:
                 part.looks,
                 self._descriptors,
                 self._landmark_of_look,
-                wanted,
                 landmarks,
                 best,
                 rival,
