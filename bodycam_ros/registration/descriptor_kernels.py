@@ -11,13 +11,15 @@ Whole = NDArray[np.int64]
 FARTHEST = 1 << 30
 """More than the squared distance of any two descriptors."""
 
+_HALF = 64  # entries of a descriptor
+
 
 @kernel("(u1[:, ::1], i8[::1], u1[:, ::1], i8[::1])")
 def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, looks: Whole) -> Whole:
     """(P,) squared distances of pairs of descriptors, given by their rows (P,) in two tables (M, 128), (D, 128)."""
     squared = np.empty(len(features), np.int64)
     for p in range(len(features)):
-        squared[p] = _squared_distance(descriptors, features[p], known, looks[p])
+        squared[p] = _squared_distance(descriptors, features[p], known, looks[p], FARTHEST)
     return squared
 
 
@@ -50,7 +52,7 @@ def search_lists(
             for j in range(first_of_list[lists[i, p]], first_of_list[lists[i, p] + 1]):
                 look = looks[j]
                 landmark = np.int64(landmark_of_look[look])
-                squared = _squared_distance(descriptors, i, known, look)
+                squared = _squared_distance(descriptors, i, known, look, rival[i])
                 if landmark == nearest[i]:
                     best[i] = min(best[i], squared)
                 elif squared < best[i]:
@@ -60,9 +62,15 @@ def search_lists(
 
 
 @kernel()
-def _squared_distance(a: Bytes, i: int, b: Bytes, j: int) -> int:
+def _squared_distance(a: Bytes, i: int, b: Bytes, j: int, enough: int) -> int:
+    """Or, if it is no less than ``enough``, what half of the entries tell, if that is so already: most are far away."""
     squared = np.int32(0)
-    for k in range(a.shape[1]):
+    for k in range(_HALF):
+        difference = np.int32(a[i, k]) - np.int32(b[j, k])
+        squared += np.int32(difference * difference)
+    if squared >= enough:
+        return int(squared)
+    for k in range(_HALF, 2 * _HALF):
         difference = np.int32(a[i, k]) - np.int32(b[j, k])
         squared += np.int32(difference * difference)
     return int(squared)
