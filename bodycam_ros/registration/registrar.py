@@ -253,4 +253,5 @@ class Registrar:
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
+            grown=int((self._carried.rows >= self.map.first_grown).sum()),
         )
