@@ -17,7 +17,7 @@ class GrowthSettings:
         reason="that may be there at a time; the longest unseen go first, so an hour costs no more than a minute",
     )
     covered: float = setting(
-        0.6,
+        0.5,
         limits=(0.0, 1.0),
         reason="a camera that finds landmarks in this share of its view adds none, and pays for no keyframes",
     )
@@ -28,7 +28,7 @@ class GrowthSettings:
         20.0, unit="deg", limits=(1.0, 180.0), reason="or that it turns: SIFT stands some 30"
     )
     keyframe_gap: float = setting(
-        0.2, unit="s", limits=(0.0, 60.0), reason="least time between two; SIFT costs as much as ten images of tracking"
+        0.3, unit="s", limits=(0.0, 60.0), reason="least time between two; SIFT costs as much as ten images of tracking"
     )
     max_sigma: float = setting(
         0.02, unit="m", limits=(0.001, 1.0), reason="of a keyframe's position; rays from who knows where make no points"
