@@ -23,7 +23,8 @@ from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.images_backwards import images_backwards
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -118,6 +119,8 @@ class RegistrationTask:
         settings: of the pipeline.
         max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
         with_messages: make the messages that a bag keeps of each image.
+        backwards: register the last image first. Then time is mirrored: stamps, what comes of them, and the read-out of
+            the rows count from the end; ``mirrored_ns`` turns stamps back.
         readouts: camera -> how long its rows are read out, where something but the recording knows.
     """
 
@@ -126,6 +129,7 @@ class RegistrationTask:
     settings: PipelineSettings
     max_rate: float = math.inf
     with_messages: bool = True
+    backwards: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
 
 
@@ -189,15 +193,16 @@ def register_images(
                 recording.camera_model(camera),
                 reference_map,
                 task.settings,
-                best_known(recording.readout(camera), task.readouts.get(camera)),
+                _readout(recording, camera, task),
                 None if growth is None else growth.map,
             )
             for camera in cameras
         }
         beat = Beat(task.max_rate)
         stamp_ns = 0
-        for image in recording.images(cameras):
-            stamp_ns = image.stamp_ns
+        images = images_backwards(recording, cameras) if task.backwards else recording.images(cameras)
+        for image in images:
+            stamp_ns = mirrored_ns(recording, image.stamp_ns) if task.backwards else image.stamp_ns
             if not beat.is_due(image.camera, stamp_ns):
                 continue
             if growth is not None:
@@ -217,6 +222,16 @@ def register_images(
         for camera, count in sorted(recording.lost.items()):
             if count:
                 yield LostImages(camera, stamp_ns, count)
+
+
+def mirrored_ns(recording: Recording, stamp_ns: int) -> int:
+    """A stamp as it is where the recording's time runs from its end to its start, or one of those as it was [ns]."""
+    return 2 * recording.start_ns + round(1e9 * recording.duration_s) - stamp_ns
+
+
+def _readout(recording: Recording, camera: str, task: RegistrationTask) -> Readout | None:
+    known = best_known(recording.readout(camera), task.readouts.get(camera))
+    return Readout(-known.seconds, known.sigma) if task.backwards and known is not None else known
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:
