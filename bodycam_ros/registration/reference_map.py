@@ -96,11 +96,16 @@ class ReferenceMap:
     @cached_property
     def search(self) -> MapSearch:
         """What the map is asked by descriptors alone, for all cameras."""
+        return self._search(len(self.descriptors))
+
+    def _search(self, looks: int) -> MapSearch:
+        """The search of so many of the descriptors; others may be added."""
         return MapSearch(
             self.points_world,
             self.descriptors,
             self.descriptor_landmark,
             self.descriptor_view,
+            looks,
             self.world_T_camera,
             self.photographs,
         )
