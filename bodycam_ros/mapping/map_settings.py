@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
+from bodycam_ros.mapping.coverage import CoverageSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
@@ -55,3 +56,4 @@ class MapSettings(SettingsGroups):
     kept: SmallPhotographSettings = SmallPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    coverage: CoverageSettings = CoverageSettings()
