@@ -22,7 +22,7 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
 
-_MORE = "'bodycam map check MAP' says what a map covers; a place in a folder named like that is given as ./check."
+_MORE = "'bodycam map check MAP' says what a map covers; a folder that is named check is given as ./check."
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

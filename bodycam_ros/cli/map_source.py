@@ -55,9 +55,14 @@ def check_source(arguments: argparse.Namespace) -> None:
     """Refuse flags that do not go together, before the work.
 
     Raises:
-        MapError: a flag that this source has no use for.
+        MapError: there is no source, or a flag that it has no use for.
         OutputError: the frames cannot be kept where they should.
     """
+    if not arguments.source.exists():
+        raise MapError(
+            f"{arguments.source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, "
+            "or a bag"
+        )
     moving = is_moving(arguments.source)
     if arguments.topic is not None and not is_bag(arguments.source):
         raise MapError(f"{arguments.source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")

@@ -39,7 +39,7 @@ class CoverageSettings:
         500,
         unit="landmarks",
         limits=(12, 100_000),
-        reason="that a worn camera should see: with that many or more predicted, 97 % of the images of two recordings "
+        reason="that a worn camera should see: with that many or more predicted, 98 % of the images of two recordings "
         "were registered in halves of a map, with 160 to 480 two in three",
     )
     spacing: float = setting(

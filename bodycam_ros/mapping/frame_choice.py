@@ -13,8 +13,9 @@ from bodycam_ros.settings import setting
 
 _LOG = logging.getLogger(__name__)
 
-_NEIGHBOURS_S = 0.5  # before and after: what is seen is still much the same
+_NEIGHBOURS_S = 1.0  # before and after: what is seen is still much the same
 _SHARP_PERCENTILE = 80
+_POOREST = 0.25  # of the sharpness of the whole; seconds of blur are no measure for each other, but bare walls may be
 _REACH = 0.35  # of a step to either side of where a frame is due, so that no two are next to each other
 _OFF_CENTRE = 0.2  # of its sharpness is what a frame may lose by coming half a step late
 
@@ -45,7 +46,7 @@ class FrameChoiceSettings:
     min_sharpness: float = setting(
         0.6,
         limits=(0.0, 1.0),
-        reason="least contrast of fine detail against the frames half a second around; one that moves more is blurred",
+        reason="least contrast of fine detail against the frames of a second around; one that moves more is blurred",
     )
 
 
@@ -84,13 +85,13 @@ def choose_frames(motion: FrameMotion, name: str, settings: FrameChoiceSettings)
 
 
 def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
-    """(N,) sharpness of the better frames around each."""
+    """(N,) sharpness of the better frames around each, or of a poor part of the whole if that is more."""
     duration_s = float(motion.seconds[-1] - motion.seconds[0])
     reach = round(_NEIGHBOURS_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
     usual: NDArray[np.float64] = percentile_filter(
         motion.sharpness, _SHARP_PERCENTILE, size=2 * max(1, reach) + 1, mode="nearest"
     )
-    return usual
+    return np.maximum(usual, _POOREST * np.percentile(motion.sharpness, _SHARP_PERCENTILE))
 
 
 def _warn(

@@ -18,7 +18,9 @@ _SHARP_WIDTH, _FLOW_WIDTH = 1280, 480
 """Blur by two pixels of what a map is made of must show; motion shows in far fewer pixels."""
 
 _MOST_POINTS, _LEAST_POINTS = 200, 12
+_LEAST_SHARE = 0.25  # of the points of the frame before; of a picture of something else fewer seem to be found again
 _APART = 0.02  # of the width, between points that are followed
+_RETURN_PX = 1.0
 _TREMOR_DEG = 2.0
 """What a hand that stays where it is moves the picture by. Points are followed until they moved by more, so that an
 hour of it adds up to nothing."""
@@ -90,25 +92,22 @@ class _Follower:
 
     def follow(self, grey: Grey) -> float:
         """How far the view has changed until this frame [deg]."""
-        if self._grey is not None and len(self._pixels):
-            ahead, found, _ = cv2.calcOpticalFlowPyrLK(self._grey, grey, self._pixels, np.empty_like(self._pixels))
-            height, width = grey.shape
-            inside = np.all((ahead[:, 0] >= 0.0) & (ahead[:, 0] <= (width - 1, height - 1)), axis=1)
-            kept = (found.ravel() == 1) & inside
+        if self._grey is not None and len(self._pixels) >= _LEAST_POINTS:
+            ahead, kept = _followed(self._grey, grey, self._pixels)
             self._pixels, self._first_rays = ahead[kept], self._first_rays[kept]
-            self._measure(grey)
-        if self._grey is None or len(self._pixels) < max(_LEAST_POINTS, self._begun // 2):
+            # Some points always seem to be found again, in whatever picture.
+            if kept.sum() < max(_LEAST_POINTS, _LEAST_SHARE * len(kept)):
+                self.path_deg += self._cut_deg
+                self._pixels = self._pixels[:0]
+            else:
+                self._measure(grey)
+        if len(self._pixels) < max(_LEAST_POINTS, self._begun // 2):
             self._begin(grey)
         self._grey = grey
         return self.path_deg
 
     def _measure(self, grey: Grey) -> None:
-        if len(self._pixels) < _LEAST_POINTS:
-            if self._begun >= _LEAST_POINTS:
-                self.path_deg += self._cut_deg
-            return
-        rays = self._rays(self._pixels, grey)
-        cosines = np.einsum("ij,ij->i", rays, self._first_rays)
+        cosines = np.einsum("ij,ij->i", self._rays(self._pixels, grey), self._first_rays)
         moved_deg = float(np.degrees(np.arccos(np.clip(np.nanmedian(cosines), -1.0, 1.0))))
         self.path_deg = self._before_deg + moved_deg
         if moved_deg > _TREMOR_DEG:
@@ -125,6 +124,17 @@ class _Follower:
         """Unit bearings (N, 3) of pixels (N, 1, 2) in the smaller picture; NaN outside the lens."""
         scale = self._camera.width / grey.shape[1]
         return self._camera.unproject(scale * (pixels[:, 0] + 0.5) - 0.5)[0]
+
+
+def _followed(before: Grey, after: Grey, pixels: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where points (N, 1, 2) have gone, and which of them come back to where they were when they are followed back."""
+    ahead, found, _ = cv2.calcOpticalFlowPyrLK(before, after, pixels, np.empty_like(pixels))
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, ahead, np.empty_like(pixels))
+    height, width = after.shape
+    inside = np.all((ahead[:, 0] >= 0.0) & (ahead[:, 0] <= (width - 1, height - 1)), axis=1)
+    returned = np.linalg.norm(back[:, 0] - pixels[:, 0], axis=1) < _RETURN_PX
+    kept: NDArray[np.bool_] = (found.ravel() == 1) & (found_back.ravel() == 1) & inside & returned
+    return np.asarray(ahead, np.float32), kept
 
 
 def _at_width(grey: Grey, width: int) -> Grey:
