@@ -1,0 +1,64 @@
+"""The sharp frames of a bag's camera as a reference folder."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from unshown_progress import Unshown
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import OutputError
+from bodycam_ros.mapping.bag_camera import BagCamera
+from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
+from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
+from bodycam_ros.mapping.photographs import find_photographs
+from bodycam_ros.messages.camera_info import camera_info_message
+from bodycam_ros.messages.header import header_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+
+LENS = camera_from_info("hand", 320, 240, "equidistant", [0.01, 0.0, 0.0, 0.0], [150, 0, 160, 0, 151, 120, 0, 0, 1])
+SHARP = [1, 4, 7]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Three pictures that have nothing in common, each between two that are blurred by motion, by the camera /hand."""
+    rng, make = np.random.default_rng(1), recorded_messages()
+    with write_recording(tmp_path / "bag") as writer:
+        for number in range(9):
+            if number % 3 == 0:
+                texture = cv2.resize(
+                    rng.integers(0, 256, (60, 80), np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC
+                )
+            picture = texture if number in SHARP else cv2.blur(texture, (9, 1))
+            stamp_ns = 1_000_000_000 + number * 100_000_000
+            writer.write("/hand/camera_info", stamp_ns, camera_info_message(make, LENS, stamp_ns))
+            data = cv2.imencode(".png", picture)[1].reshape(-1)
+            header = header_message(make, stamp_ns, "hand_optical_frame")
+            image = make("sensor_msgs/msg/CompressedImage", header=header, format="png", data=data)
+            writer.write("/hand/image_raw/compressed", stamp_ns, image)
+    return tmp_path / "bag"
+
+
+def test_sharp_frames_and_the_lens_are_written(bag: Path, tmp_path: Path) -> None:
+    progress = Unshown()
+    folder = tmp_path / "kept"
+    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), force=False, progress=progress)
+    photographs = find_photographs(folder)
+    assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
+    assert np.array_equal(photographs.camera.parameters, LENS.parameters)
+    assert progress.done == progress.totals == {"looking at frames": 9, "keeping sharp frames": 3}
+
+
+def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    for name in ("frame_000099.jpg", "camera.yaml"):
+        (folder / name).touch()
+    with pytest.raises(OutputError, match="--force"):
+        keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), False, Unshown())
+    assert (folder / "frame_000099.jpg").exists()
+    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), True, Unshown())
+    assert sorted(path.name for path in folder.iterdir()) == ["camera.yaml", *(f"frame_{n:06d}.png" for n in SHARP)]
