@@ -18,6 +18,10 @@ from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.growth.growing_map import GrowingMap
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.keyframe_choice import KeyframeChoice
+from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -57,6 +61,7 @@ class PipelineSettings(SettingsGroups):
     flow: OpticalFlowSettings = OpticalFlowSettings()
     rotation: RotationSettings = RotationSettings()
     registrar: RegistrarSettings = RegistrarSettings()
+    growth: GrowthSettings = GrowthSettings()
     direct: DirectSettings = DirectSettings()
     matching: MatchingSettings = MatchingSettings()
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
@@ -102,7 +107,15 @@ def registrar(
 
 
 class CameraPipeline:
-    """One camera from images to registrations; ``readout`` as of ``registrar``."""
+    """One camera from images to registrations.
+
+    Args:
+        camera: its model.
+        reference_map: what its tracker finds landmarks by.
+        settings: of all stages.
+        readout: as of ``registrar``.
+        growing_map: what it is registered in, if not that map; the same with room for more landmarks.
+    """
 
     def __init__(
         self,
@@ -110,16 +123,32 @@ class CameraPipeline:
         reference_map: ReferenceMap,
         settings: PipelineSettings,
         readout: Readout | None = None,
+        growing_map: GrowingMap | None = None,
     ) -> None:
+        self._camera = camera
         self._tracker = landmark_tracker(camera, reference_map, settings, readout)
-        self._registrar = registrar(camera, reference_map, settings, readout)
+        self._registrar = registrar(camera, growing_map or reference_map, settings, readout)
+        self._keyframes = None if growing_map is None else KeyframeChoice(camera, settings.growth)
 
-    def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
-        """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
+    def process(
+        self, image: NDArray[np.uint8], stamp_ns: int
+    ) -> tuple[TrackFrame, LandmarkMatches, WornKeyframe | None]:
+        """Track and register the next image (H, W); what the map may grow by, if it is a keyframe.
+
+        Raises:
+            RecordingError: as ``FeatureTracker.track``.
+        """
         tracks = self._tracker.track(image, stamp_ns)
         matches = self._registrar.register(tracks)
         self._tracker.hear(matches)
-        return tracks, matches
+        if self._keyframes is None:
+            return tracks, matches, None
+        keyframe = worn_keyframe(self._camera, tracks, matches) if tracks.keyframe else None
+        if keyframe is not None:
+            self._keyframes.taken(matches)
+        elif self._keyframes.is_due(matches):
+            self._tracker.want_keyframe()
+        return tracks, matches, keyframe
 
 
 class SkeletonPipeline:

@@ -14,6 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, nearest_rotation, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
@@ -22,7 +23,7 @@ from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
 from bodycam_ros.settings import setting
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
 
@@ -84,9 +85,7 @@ class Registrar:
         self._shutter = shutter or ShutterSettings()
         self.readout = ReadoutTime(self._shutter, readout)
         self._path = RecentPath(self._shutter)
-        self._carried_ids = np.zeros(0, np.uint32)
-        self._carried_landmarks = np.zeros(0, np.int64)
-        self._strikes = np.zeros(0, np.int64)
+        self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
         self._previous_T_camera = np.eye(4)
         self._frames_predicted = 0
@@ -100,7 +99,7 @@ class Registrar:
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
-        rows = self._carry(frame)
+        rows = self._carried.into(frame)
         predicted = self._predict(frame)
         self._motion = self._path.motion(frame.stamp_ns, frame.previous_stamp_ns, frame, self.readout)
         fit = self._fit(frame, rows, predicted)
@@ -109,7 +108,7 @@ class Registrar:
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
         if fit is not None:
-            points_world = self.map.points_world[self._carried_landmarks]
+            points_world = self._carried.points_world
             view = RegisteredView(frame.stamp_ns, fit.world_T_camera, points_world, frame.pixels[rows])
             self._path.add(view, frame.previous_stamp_ns)
             self._time_rows()
@@ -131,38 +130,6 @@ class Registrar:
         named_rows, named_fit = self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
         return (named_rows, named_fit) if named_fit else (rows, fit)
 
-    def _carry(self, frame: TrackFrame) -> NDArray[np.int64]:
-        """Rows of the frame's tracks that carry a landmark from before; ended tracks take theirs along."""
-        positions = np.searchsorted(frame.track_ids, self._carried_ids)
-        alive = positions < len(frame.track_ids)
-        alive[alive] = frame.track_ids[positions[alive]] == self._carried_ids[alive]
-        self._forget(~alive)
-        rows = np.asarray(positions[alive], np.int64)
-        return rows if frame.landmark_ids is None else self._take_names(frame, frame.landmark_ids, rows)
-
-    def _take_names(
-        self, frame: TrackFrame, landmark_ids: NDArray[np.uint32], rows: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Rows of the tracks with a landmark, those included that the tracker found by their landmarks."""
-        named = np.flatnonzero(landmark_ids != NO_LANDMARK)
-        landmarks, known = self.map.rows_of(landmark_ids[named])
-        named, landmarks = named[known], landmarks[known]
-        if len(named) == len(frame.track_ids):
-            self._forget(np.ones(len(rows), bool))
-            return self._give_names(frame, named, landmarks, strikes=0)
-        kept = rows[self._forget(np.isin(rows, named) | np.isin(self._carried_landmarks, landmarks))]
-        return self._give_names(frame, np.concatenate([kept, named]), landmarks, strikes=0)
-
-    def _give_names(
-        self, frame: TrackFrame, rows: NDArray[np.int64], landmarks: NDArray[np.int64], strikes: int
-    ) -> NDArray[np.int64]:
-        """Carry landmarks (M,) beside those that are carried; the rows (N,) of all, theirs last, come back in order."""
-        order = np.argsort(rows, kind="stable")
-        self._carried_ids = frame.track_ids[rows[order]]
-        self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
-        self._strikes = np.concatenate([self._strikes, np.full(len(landmarks), strikes)])[order]
-        return rows[order]
-
     def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
         """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
         if self._world_T_camera is None:
@@ -177,8 +144,7 @@ class Registrar:
         """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
         if start is None or len(rows) < self.settings.min_inliers:
             return None
-        points_world = self.map.points_world[self._carried_landmarks]
-        fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
+        fit = fit_pose(self.camera, self._carried.points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
         agree = fit.inliers.sum() >= self.settings.min_inliers
         return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
 
@@ -197,16 +163,14 @@ class Registrar:
             radius_px,
             self._matching,
         )
-        before = self._carried_ids, self._carried_landmarks, self._strikes
-        # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
-        stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
-        all_rows = np.concatenate([rows[self._forget(stale)], described[named]])
+        before = self._carried.snapshot()
         # A fresh match has to prove itself at once; an old one may fail for a moment.
-        all_rows = self._give_names(frame, all_rows, landmarks, self.settings.max_strikes - 1)
+        strikes = self.settings.max_strikes - 1
+        all_rows = self._carried.instead_of_older(frame, rows, described, described[named], landmarks, strikes)
         fit = self._fit(frame, all_rows, pose)
         if fit is None:
             # Names that no pose confirms are worse than none.
-            self._carried_ids, self._carried_landmarks, self._strikes = before
+            self._carried.restore(before)
             return rows, None
         return all_rows, fit
 
@@ -251,20 +215,12 @@ class Registrar:
         """
         shifts = frame.pixels[rows] - self._steady(frame.pixels[rows]) if fit is None else fit.shifts
         if fit is None:
-            keep = np.full(len(rows), self._frames_predicted < self.settings.max_predicted_frames)
+            keep = self._carried.forget(
+                np.full(len(rows), self._frames_predicted >= self.settings.max_predicted_frames)
+            )
         else:
-            self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
-            keep = self._strikes < self.settings.max_strikes
-        self._forget(~keep)
+            keep = self._carried.judge(fit.inliers, self.settings.max_strikes)
         return rows[keep], shifts[keep]
-
-    def _forget(self, forgotten: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Take the landmarks from some of the tracks that carry one; which of them keep theirs."""
-        keep = ~forgotten
-        self._carried_ids = self._carried_ids[keep]
-        self._carried_landmarks = self._carried_landmarks[keep]
-        self._strikes = self._strikes[keep]
-        return keep
 
     def _remember(self, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
         if fit is not None:
@@ -287,9 +243,9 @@ class Registrar:
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=frame.previous_stamp_ns,
             track_ids=frame.track_ids[rows],
-            landmark_ids=self.map.landmark_ids[self._carried_landmarks],
+            landmark_ids=self.map.landmark_ids[self._carried.rows],
             pixels=(frame.pixels[rows] - shifts).astype(np.float32),
-            points_world=self.map.points_world[self._carried_landmarks].astype(np.float32),
+            points_world=self._carried.points_world.astype(np.float32),
             world_T_camera=None if fit is None else fit.world_T_camera,
             pose_covariance=covariance,
             current_R_previous=frame.current_R_previous,
@@ -297,4 +253,5 @@ class Registrar:
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
+            grown=int((self._carried.rows >= self.map.first_grown).sum()),
         )
