@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
+from bodycam_ros.geometry import log_so3
 from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -20,6 +22,7 @@ _SHARP_WIDTH, _FLOW_WIDTH = 1280, 480
 _MOST_POINTS, _LEAST_POINTS = 200, 12
 _LEAST_SHARE = 0.25  # of the points of the frame before; of a picture of something else fewer seem to be found again
 _APART = 0.02  # of the width, between points that are followed
+_ROTATION = RotationSettings()
 _RETURN_PX = 1.0
 _TREMOR_DEG = 2.0
 """What a hand that stays where it is moves the picture by. Points are followed until they moved by more, so that an
@@ -36,11 +39,13 @@ class FrameMotion:
             between frames that show the same.
         path_deg: (N,) by how much the view has changed since the first frame [deg]: the sum of what the directions to
             things changed by, be it because the camera turned or because it went past them. Never decreases.
+        angular_velocity: (N, 3) by which the camera turned, in its own axes [rad/s]; zero where nobody needs it.
     """
 
     seconds: Array
     sharpness: Array
     path_deg: Array
+    angular_velocity: Array
 
 
 def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], None]) -> FrameMotion:
@@ -55,8 +60,8 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
         MapError: there is no frame.
         LensError: the camera's intrinsics are for images of another size.
     """
-    seconds, sharpness, path_deg = [], [], []
-    follower = _Follower(source.camera, cut_deg)
+    seconds, sharpness, path_deg, turns = [], [], [], []
+    follower = _Follower(source.camera, cut_deg, turns=source.readout_s != 0.0)
     with source.frames() as frames:
         for frame in frames:
             try:
@@ -67,20 +72,32 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
             if grey is None:
                 sharpness.append(0.0)
                 path_deg.append(follower.path_deg)
+                turns.append(np.zeros(3))
             else:
                 _check_size(source, grey)
                 sharpness.append(_sharpness(_at_width(grey, _SHARP_WIDTH)))
                 path_deg.append(follower.follow(_at_width(grey, _FLOW_WIDTH)))
+                turns.append(follower.turn)
             on_frame()
     if not any(sharpness):
         raise MapError(f"{source.name}: none of its {len(sharpness)} frames shows anything; give another recording")
-    return FrameMotion(np.array(seconds), np.array(sharpness), np.maximum.accumulate(path_deg))
+    times = np.array(seconds)
+    velocity = _velocity(times, np.array(turns))
+    return FrameMotion(times, np.array(sharpness), np.maximum.accumulate(path_deg), velocity)
+
+
+def _velocity(seconds: Array, turns: Array) -> Array:
+    """(N, 3) angular velocity at each frame, the mean of both sides, of the turns (N, 3) [rad] from those before."""
+    steps = np.diff(seconds, prepend=seconds[0] - 1.0, append=seconds[-1] + 1.0)
+    rates = np.concatenate([turns, turns[-1:]]) / np.maximum(steps, 1e-6)[:, None]
+    rates[0], rates[-1] = rates[1], rates[-2]
+    return np.asarray(0.5 * (rates[:-1] + rates[1:]), np.float64)
 
 
 class _Follower:
     """Follows points from frame to frame, and sums up what the directions to them change by."""
 
-    def __init__(self, camera: CameraModel, cut_deg: float) -> None:
+    def __init__(self, camera: CameraModel, cut_deg: float, turns: bool) -> None:
         self._camera = camera
         self._cut_deg = cut_deg
         self._before_deg = 0.0
@@ -88,12 +105,20 @@ class _Follower:
         self._pixels = np.zeros((0, 1, 2), np.float32)
         self._first_rays = np.zeros((0, 3))
         self._begun = 0
+        self._turns = turns
         self.path_deg = 0.0
+        self.turn = np.zeros(3)
 
     def follow(self, grey: Grey) -> float:
-        """How far the view has changed until this frame [deg]."""
+        """How far the view has changed until this frame [deg]; ``turn`` [rad] is by how much since the one before."""
+        self.turn = np.zeros(3)
         if self._grey is not None and len(self._pixels) >= _LEAST_POINTS:
             ahead, kept = _followed(self._grey, grey, self._pixels)
+            if self._turns:
+                before, after = self._rays(self._pixels[kept], grey), self._rays(ahead[kept], grey)
+                known = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
+                current_R_previous, _ = estimate_rotation(before[known], after[known], _ROTATION, seed=0)
+                self.turn = log_so3(current_R_previous.T)
             self._pixels, self._first_rays = ahead[kept], self._first_rays[kept]
             # Some points always seem to be found again, in whatever picture.
             if kept.sum() < max(_LEAST_POINTS, _LEAST_SHARE * len(kept)):

@@ -15,7 +15,9 @@ SETTINGS = FrameChoiceSettings()
 
 def motion(path_deg: np.ndarray, sharpness: np.ndarray | None = None) -> FrameMotion:
     seconds = np.arange(len(path_deg)) / RATE_HZ
-    return FrameMotion(seconds, np.full(len(path_deg), 5.0) if sharpness is None else sharpness, path_deg)
+    return FrameMotion(
+        seconds, np.full(len(path_deg), 5.0) if sharpness is None else sharpness, path_deg, np.zeros((len(path_deg), 3))
+    )
 
 
 @pytest.mark.parametrize(

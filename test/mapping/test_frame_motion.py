@@ -8,30 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from turned_view import CAMERA, HEIGHT, WIDTH
+from turned_view import turned_view as view
 
-from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.mapping.frame_motion import FrameMotion, frame_motion
 from bodycam_ros.mapping.moving_camera import Frame
 
-WIDTH, HEIGHT, FOCAL = 640, 480, 500.0
 CUT_DEG = 10.0
-CAMERA = camera_from_info(
-    "hand", WIDTH, HEIGHT, "plumb_bob", [], [FOCAL, 0, (WIDTH - 1) / 2, 0, FOCAL, (HEIGHT - 1) / 2, 0, 0, 1]
-)
-TEXTURE = cv2.resize(
-    np.random.default_rng(2).integers(0, 256, (700, 700), np.uint8), (2800, 2800), interpolation=cv2.INTER_CUBIC
-)
-
-
-def view(pan_deg: float, tilt_deg: float = 0.0) -> NDArray[np.uint8]:
-    """What a camera that has turned sees of a plane far off, on which TEXTURE is."""
-    pan, tilt = np.radians([pan_deg, tilt_deg])
-    turn = cv2.Rodrigues(np.array([0.0, pan, 0.0]))[0] @ cv2.Rodrigues(np.array([tilt, 0.0, 0.0]))[0]
-    k = np.array([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
-    plane = np.array([[FOCAL, 0, 1400], [0, FOCAL, 1400], [0, 0, 1]])
-    from_texture = k @ turn.T @ np.linalg.inv(plane)
-    return np.asarray(cv2.warpPerspective(TEXTURE, from_texture, (WIDTH, HEIGHT)), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -55,7 +39,8 @@ class Stills:
 
     name, camera = "walk.mp4", CAMERA
 
-    def __init__(self, pictures: Sequence[NDArray[np.uint8] | None]) -> None:
+    def __init__(self, pictures: Sequence[NDArray[np.uint8] | None], readout_s: float = 0.0) -> None:
+        self.readout_s = readout_s
         self._frames = [Still(row / 30.0, picture) for row, picture in enumerate(pictures)]
         self.count = len(pictures)
 
@@ -64,9 +49,9 @@ class Stills:
         yield iter(self._frames)
 
 
-def measured(pictures: Sequence[NDArray[np.uint8] | None]) -> FrameMotion:
+def measured(pictures: Sequence[NDArray[np.uint8] | None], readout_s: float = 0.0) -> FrameMotion:
     told = []
-    motion = frame_motion(Stills(pictures), CUT_DEG, lambda: told.append(True))
+    motion = frame_motion(Stills(pictures, readout_s), CUT_DEG, lambda: told.append(True))
     assert len(told) == len(pictures) == len(motion.seconds) == len(motion.sharpness) == len(motion.path_deg)
     return motion
 
@@ -78,6 +63,13 @@ def test_the_path_is_by_how_much_the_camera_turned() -> None:
     walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pans)))])
     assert motion.path_deg == pytest.approx(walked, abs=3.0)
     assert np.all(np.diff(motion.path_deg) >= 0.0)
+
+
+def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one() -> None:
+    pictures = [view(1.5 * number, -0.5 * number) for number in range(6)]
+    assert not measured(pictures).angular_velocity.any()
+    found = np.degrees(measured(pictures, readout_s=0.01).angular_velocity)
+    assert found == pytest.approx(np.tile([-15.0, 45.0, 0.0], (6, 1)), abs=2.0)  # it rolls a little, too
 
 
 def test_a_hand_that_trembles_goes_nowhere() -> None:
