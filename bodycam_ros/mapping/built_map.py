@@ -1,6 +1,6 @@
 """A map that is ready to be saved, with what a person wants to know before trusting it, there and in ``map.yaml``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -57,8 +57,13 @@ class BuiltMap:
     residual: BoardResidual | None
     seconds: dict[str, float]
 
-    def save(self, path: Path, *, force: bool = False) -> None:
+    def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the map folder with its COLMAP model and PLY, whole or not at all.
+
+        Args:
+            path: folder to create.
+            force: replace a map that is there.
+            also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
             MapError: the folder exists already.
@@ -68,6 +73,7 @@ class BuiltMap:
         def write_structure(folder: Path) -> None:
             colmap.write_model(folder / _MODEL_FOLDER, self.structure)
             write_ply(folder / _PLY_FILE, self.structure)
+            also(folder)
 
         self.reference_map.save(path, force=force, also=write_structure)
 
@@ -102,7 +108,7 @@ def map_summary(
     return {
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "program": f"bodycam_ros {__version__}",
-        "reference": photographs.folder.resolve().name,
+        "reference": photographs.name,
         "photographs": len(photographs.paths),
         "registered": len(structure.names),
         "landmarks": len(structure.points_world),
