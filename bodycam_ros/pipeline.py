@@ -18,6 +18,7 @@ from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.keyframe_choice import KeyframeChoice
@@ -62,6 +63,7 @@ class PipelineSettings(SettingsGroups):
     rotation: RotationSettings = RotationSettings()
     registrar: RegistrarSettings = RegistrarSettings()
     growth: GrowthSettings = GrowthSettings()
+    extend: ExtensionSettings = ExtensionSettings()
     direct: DirectSettings = DirectSettings()
     matching: MatchingSettings = MatchingSettings()
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()

@@ -16,6 +16,7 @@ from bodycam_ros.shown import printable
 COMMANDS = (
     "map",
     "map check",
+    "map extend",
     "ingest",
     "body",
     "replay",

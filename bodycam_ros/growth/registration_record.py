@@ -100,6 +100,10 @@ class RegistrationRecord:
         registered = self._registered[camera]
         return [registered[stamp_ns] for stamp_ns in sorted(registered)]
 
+    def places(self, camera: str) -> NDArray[np.float64]:
+        """(N, 3) where the registered images of a camera were taken [m]."""
+        return np.array([pose.world_T_camera[:3, 3] for pose in self.poses(camera)]).reshape(-1, 3)
+
     def keyframes(self, settings: ExtensionSettings) -> dict[str, list[RegisteredImagePose]]:
         """Camera -> images from places and sides that differ, which show what the photographs do not."""
         chosen = {camera: self._spread(camera, settings.covered) for camera in self._registered}

@@ -29,7 +29,7 @@ VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
 _PARTS = re.compile(
-    r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|coverage\.png|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
+    r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|(coverage|rounds)\.png|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
 )
 
 _GROWN = "grown_landmarks"

@@ -1,8 +1,8 @@
 """Rounds of registration and growth over a recording, forwards and backwards in time (A 4.1)."""
 
 import logging
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import gettempdir
 
@@ -15,7 +15,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.extended_map import KeptImage, extended_map
-from bodycam_ros.growth.extension_settings import ExtensionSettings
+from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.growth.growing_map import growing
 from bodycam_ros.growth.map_growth import MapGrowth
 from bodycam_ros.growth.registration_record import RegisteredImagePose, RegistrationRecord
@@ -37,26 +37,7 @@ from bodycam_ros.whole_file import scratch_folder
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Round:
-    """What one round of registration brought.
-
-    Attributes:
-        backwards: whether it went from the recording's end to its start.
-        shares: camera -> share of its images that are registered, in this round or before.
-        share: the same of all images.
-        absolute: share of all images that landmarks of the map as it was would have been enough for.
-        landmarks: that the map had beside those of the photographs.
-    """
-
-    backwards: bool
-    shares: Mapping[str, float]
-    share: float
-    absolute: float
-    landmarks: int
-
-
-OnRound = Callable[[str, float], None]
+OnProgress = Callable[[str, float], None]
 """What is told of the progress: the step, and its share that is done, 0 to 1."""
 
 
@@ -66,37 +47,37 @@ class MapExtension:
     Args:
         recording_path: the recording.
         map_path: folder of the map.
-        pipeline: settings of tracking and registration.
-        settings: of the rounds.
+        settings: of all stages, and of the rounds.
         jobs: processes.
         cameras: that are used; all by default.
         readouts: camera -> how long its rows are read out, where somebody but the recording knows.
         on_progress: told how far it is.
 
     Attributes:
-        rounds: what each brought, absolute registration alone first.
+        rounds: what each brought.
+        elapsed_s: time that they took.
     """
 
     def __init__(
         self,
         recording_path: Path,
         map_path: Path,
-        pipeline: PipelineSettings,
-        settings: ExtensionSettings,
+        settings: PipelineSettings,
         jobs: int,
         cameras: Sequence[str] | None = None,
         readouts: Mapping[str, Readout] | None = None,
-        on_progress: OnRound = lambda step, share: None,
+        on_progress: OnProgress = lambda step, share: None,
     ) -> None:
         self._recording_path, self._map_path = recording_path, map_path
         self._map = ReferenceMap.load(map_path)
-        self._pipeline, self._settings = pipeline, settings
+        self._pipeline, self._settings = settings, settings.extend
         self._jobs, self._readouts, self._on_progress = jobs, readouts or {}, on_progress
         with open_recording(recording_path) as recording:
             names = recording.cameras if cameras is None else cameras
             self._cameras = {name: recording.camera_model(name) for name in names}
             self._start_ns, self._duration_s = recording.start_ns, recording.duration_s
-        self.rounds: list[Round] = []
+        self.rounds: list[ExtensionRound] = []
+        self.elapsed_s = 0.0
 
     def run(self) -> ReferenceMap:
         """The extended map.
@@ -104,6 +85,7 @@ class MapExtension:
         Raises:
             BodycamError: what is wrong with recording or map.
         """
+        started_s = time.monotonic()
         record = RegistrationRecord(self._cameras, self._pipeline.growth, self._pipeline.registrar.min_inliers)
         extended = self._map
         with scratch_folder(Path(gettempdir())) as scratch:
@@ -119,6 +101,7 @@ class MapExtension:
                 extended = self._grow(record)
                 map_path = scratch / f"round_{len(self.rounds)}"
                 extended.save(map_path)
+        self.elapsed_s = time.monotonic() - started_s
         return extended
 
     def _register(self, map_path: Path, record: RegistrationRecord, backwards: bool) -> None:
@@ -143,9 +126,12 @@ class MapExtension:
         return 2 * self._start_ns + round(1e9 * self._duration_s) - stamp_ns
 
     def _note(self, record: RegistrationRecord, backwards: bool, extended: ReferenceMap) -> None:
-        shares = {camera: record.share(camera) for camera in self._cameras}
         landmarks = extended.grown - self._map.grown
-        self.rounds.append(Round(backwards, shares, record.share_of_all, record.absolute_share, landmarks))
+        places = {camera: record.places(camera) for camera in self._cameras}
+        shares = {camera: record.share(camera) for camera in self._cameras}
+        self.rounds.append(
+            ExtensionRound(backwards, shares, record.share_of_all, record.absolute_share, landmarks, places)
+        )
         logger.info("round %d: %.1f %% of all images registered", len(self.rounds), 100 * record.share_of_all)
 
     def _is_enough(self) -> bool:
