@@ -260,7 +260,7 @@ class FeatureTracker:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
         keypoints = self._detector.detect(image, self._mask)
         fresh = thin_out(keypoints.pixels, keypoints.responses, self.settings.min_distance_px)
-        fresh = fresh[np.argsort(-keypoints.responses[fresh], kind="stable")]
+        # They stay in the detector's order: a registrar that looks only some of them up asks all parts of the picture.
         pixels = keypoints.pixels[fresh]
         young = self._stamp_ns - self._born_ns < 1e9 * self.settings.max_track_age
         self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))
