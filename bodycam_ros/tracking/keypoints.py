@@ -40,6 +40,12 @@ class KeypointSettings:
         reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred "
         "hold a pose to millimetres",
     )
+    max_keypoints_lost: int = setting(
+        1000,
+        limits=(50, 20000),
+        reason="the same for a camera that is not registered: where people fill half of its picture, a tenth of the "
+        "strongest are landmarks, and a dozen must be",
+    )
     cells: int = setting(
         8,
         limits=(1, 100),
@@ -79,13 +85,14 @@ class KeypointDetector:
         most = settings.max_keypoints if settings.cells == 1 else 0
         self._sift = cv2.SIFT_create(nfeatures=most, contrastThreshold=settings.contrast_threshold)
 
-    def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> Keypoints:
-        """Keypoints of an (H, W) grey image where the (H, W) mask is not zero."""
+    def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8], lost: bool = False) -> Keypoints:
+        """Keypoints of an (H, W) grey image where the (H, W) mask is not zero; more for a camera that is lost."""
         scale = self._settings.image_scale
         if scale < 1.0:
             image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
             mask = np.asarray(cv2.resize(mask, image.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
-        raw, descriptors = self._found(image, mask)
+        most = self._settings.max_keypoints_lost if lost else self._settings.max_keypoints
+        raw, descriptors = self._found(image, mask, most)
         if descriptors is None:
             nothing = np.zeros((0, 2), np.float32)
             return Keypoints(nothing, nothing[:, 0], nothing[:, 0], np.zeros((0, DESCRIPTOR_LENGTH), np.uint8))
@@ -99,7 +106,7 @@ class KeypointDetector:
         )
 
     def _found(
-        self, image: NDArray[np.uint8], mask: NDArray[np.uint8]
+        self, image: NDArray[np.uint8], mask: NDArray[np.uint8], most: int
     ) -> tuple[Sequence[cv2.KeyPoint], NDArray[np.float32] | None]:
         """OpenCV's keypoints and descriptors; only what is kept is described."""
         if self._settings.cells == 1:
@@ -114,7 +121,7 @@ class KeypointDetector:
             (image.shape[0], image.shape[1]),
             self._settings.cells,
         )
-        raw, descriptors = self._sift.compute(image, [found[row] for row in kept[: self._settings.max_keypoints]])
+        raw, descriptors = self._sift.compute(image, [found[row] for row in kept[:most]])
         return raw, descriptors
 
 
