@@ -20,6 +20,7 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
+from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.matching import MatchingSettings
@@ -27,7 +28,8 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -62,6 +64,7 @@ class PipelineSettings(SettingsGroups):
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
+    doubt: DoubtSettings = DoubtSettings()
     readout: ReadoutSettings = ReadoutSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
@@ -98,6 +101,7 @@ def registrar(
         settings.pose_fit,
         settings.shutter,
         readout,
+        settings.doubt,
     )
 
 
