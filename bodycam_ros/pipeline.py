@@ -7,7 +7,7 @@ registrations. The live graph runs the two halves of ``CameraPipeline`` in diffe
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,7 @@ from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.refusal_log import Refusal
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
@@ -196,7 +197,17 @@ class SkeletonPipeline:
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._smoother.refused
+        return self._smoother.refusals.counts
+
+    @property
+    def doubted(self) -> Mapping[str, Refusal]:
+        """Cameras that the body has been contradicting for a while, until now; ``Registrar.doubt`` is for them."""
+        return self._smoother.refusals.doubted
+
+    @property
+    def doubts(self) -> Sequence[Refusal]:
+        """The same of the past, in order of the ends, for another pass over the recording."""
+        return self._smoother.refusals.doubts
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
