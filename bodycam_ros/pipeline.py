@@ -7,7 +7,7 @@ registrations. The live graph runs the two halves of ``CameraPipeline`` in diffe
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from bodycam_ros.growth.keyframe_choice import KeyframeChoice
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
+from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.matching import MatchingSettings
@@ -32,7 +33,8 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -42,6 +44,7 @@ from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.refusal_log import Refusal
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
@@ -69,6 +72,7 @@ class PipelineSettings(SettingsGroups):
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
+    doubt: DoubtSettings = DoubtSettings()
     readout: ReadoutSettings = ReadoutSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
@@ -105,6 +109,7 @@ def registrar(
         settings.pose_fit,
         settings.shutter,
         readout,
+        settings.doubt,
     )
 
 
@@ -223,7 +228,17 @@ class SkeletonPipeline:
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._smoother.refused
+        return self._smoother.refusals.counts
+
+    @property
+    def doubted(self) -> Mapping[str, Refusal]:
+        """Cameras that the body has been contradicting for a while, until now; ``Registrar.doubt`` is for them."""
+        return self._smoother.refusals.doubted
+
+    @property
+    def doubts(self) -> Sequence[Refusal]:
+        """The same of the past, in order of the ends, for another pass over the recording."""
+        return self._smoother.refusals.doubts
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""

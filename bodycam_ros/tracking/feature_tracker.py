@@ -75,6 +75,9 @@ class FeatureTracker:
     Args:
         camera: its model; the rotation is estimated on bearings.
         settings, keypoints, flow, rotation: settings of the tracker and of its steps.
+
+    Attributes:
+        lost: whether the camera is not registered, so that keyframes have more keypoints to find it by.
     """
 
     def __init__(
@@ -100,6 +103,7 @@ class FeatureTracker:
         self._next_id = 1
         self._keyframe_ns: int | None = None
         self._keyframe_wanted = False
+        self.lost = False
         self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
@@ -258,9 +262,9 @@ class FeatureTracker:
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
-        keypoints = self._detector.detect(image, self._mask)
+        keypoints = self._detector.detect(image, self._mask, self.lost)
         fresh = thin_out(keypoints.pixels, keypoints.responses, self.settings.min_distance_px)
-        fresh = fresh[np.argsort(-keypoints.responses[fresh], kind="stable")]
+        # They stay in the detector's order: a registrar that looks only some of them up asks all parts of the picture.
         pixels = keypoints.pixels[fresh]
         young = self._stamp_ns - self._born_ns < 1e9 * self.settings.max_track_age
         self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))
