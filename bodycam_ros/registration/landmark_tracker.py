@@ -94,6 +94,8 @@ class LandmarkTracker:
         self._features.lost = matches.world_T_camera is None
         if matches.world_T_camera is not None:
             self._features.prune(matches.stamp_ns, matches.track_ids)
+        else:
+            self._features.lost()
         if self._direct is None:
             return
         if (known := readout_of(matches.readout_time, matches.readout_sigma)) is not None:

@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-_SIGMAS = 3.0  # of where the body has the camera
+_SIGMAS = 3.0  # of where the body has the camera, for a landmark's place in the image
+_AGREES = 4.0  # sigmas by which it may be elsewhere
+_EXACT = 0.05  # [rad, m] that a first pose may err by itself
 _LATEST_S = 0.5  # a limb may be anywhere by then
 _TURNS = 2.0  # [rad/s] and
 _MOVES = 1.0  # [m/s] by which a limb leaves what was expected of it
@@ -26,10 +29,24 @@ Matches = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class _Expectation:
+    """Where a camera should be, and by how much that may be wrong [rad, m] along any axis."""
+
     stamp_ns: int
     world_T_camera: NDArray[np.float64]
     turn: float
     shift: float
+
+    def at(self, stamp_ns: int) -> "_Expectation":
+        """What is left of it some time earlier or later."""
+        passed_s = 1e-9 * abs(stamp_ns - self.stamp_ns)
+        turn, shift = float(np.hypot(self.turn, _TURNS * passed_s)), float(np.hypot(self.shift, _MOVES * passed_s))
+        return _Expectation(stamp_ns, self.world_T_camera, turn, shift)
+
+    def agrees(self, world_T_camera: NDArray[np.float64]) -> bool:
+        """Whether the camera may be there. What looks alike beside the expected place is elsewhere by more."""
+        apart = log_se3(inverse(self.world_T_camera) @ world_T_camera)
+        turned, moved = np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])
+        return bool(turned < _AGREES * self.turn + _EXACT and moved < _AGREES * self.shift + _EXACT)
 
 
 class LostCamera:
@@ -73,34 +90,29 @@ class LostCamera:
             stamp_ns: of the image [ns].
             pixels, descriptors, scales: (M, 2), (M, 128), (M,) its keypoints, the strongest first.
         """
-        for named, landmarks in self._matches(stamp_ns, pixels, descriptors, scales):
-            if len(named) < self._absolute_pose.ransac_min_inliers:
-                continue
-            points_world = self._map.points_world[landmarks]
-            found = find_pose(self._camera, points_world, pixels[named], self._absolute_pose)
-            if found is not None:
-                yield found
-
-    def _matches(
-        self,
-        stamp_ns: int,
-        pixels: NDArray[np.float64],
-        descriptors: NDArray[np.uint8],
-        scales: NDArray[np.floating],
-    ) -> Iterator[Matches]:
-        """Keypoints and landmarks that may be the same, most of them wrong."""
         if (expected := self._expected) is not None and abs(stamp_ns - expected.stamp_ns) < 1e9 * _LATEST_S:
-            yield match_near_prediction(
+            expected = expected.at(stamp_ns)
+            matches = match_near_prediction(
                 self._map,
                 self._camera,
                 expected.world_T_camera,
                 pixels,
                 descriptors,
                 scales,
-                self._radius_px(expected, stamp_ns),
+                self._radius_px(expected),
                 self._matching,
                 self._local.around(expected.world_T_camera[:3, 3]),
             )
+            found = self._pose(pixels, matches)
+            if found is not None and expected.agrees(found):
+                yield found
+        for matches in self._alike(descriptors):
+            found = self._pose(pixels, matches)
+            if found is not None:
+                yield found
+
+    def _alike(self, descriptors: NDArray[np.uint8]) -> Iterator[Matches]:
+        """Keypoints and landmarks that look alike: of similar photographs, then of the whole map."""
         places = self._map.search.places
         if len(places) > self._matching.similar_places:
             similar = places.similar(descriptors, self._matching.similar_places)
@@ -108,14 +120,18 @@ class LostCamera:
             yield match_by_looks(self._map, descriptors, seen, self._matching)
         yield match_by_looks(self._map, descriptors, None, self._matching)
 
-    def _radius_px(self, expected: _Expectation, stamp_ns: int) -> float:
+    def _pose(self, pixels: NDArray[np.float64], matches: Matches) -> NDArray[np.float64] | None:
+        """The pose that enough of these matches agree on."""
+        named, landmarks = matches
+        if len(named) < self._absolute_pose.ransac_min_inliers:
+            return None
+        return find_pose(self._camera, self._map.points_world[landmarks], pixels[named], self._absolute_pose)
+
+    def _radius_px(self, expected: _Expectation) -> float:
         """How far from where it is expected a landmark may show."""
-        passed_s = 1e-9 * abs(stamp_ns - expected.stamp_ns)
         T = expected.world_T_camera
         offsets = self._map.points_world[self._local.around(T[:3, 3])] - T[:3, 3]
         distances = np.linalg.norm(offsets[offsets @ T[:3, 2] > 0.0], axis=1)
         near = float(np.quantile(distances, _NEAR_SHARE)) if len(distances) else np.inf
-        turn = np.hypot(expected.turn, _TURNS * passed_s)
-        shift = np.hypot(expected.shift, _MOVES * passed_s)
-        radius = _SIGMAS * self._camera.fx * float(np.hypot(turn, shift / near))
+        radius = _SIGMAS * self._camera.fx * float(np.hypot(expected.turn, expected.shift / near))
         return float(np.clip(radius, self._matching.lost_radius_px, self._matching.max_expected_radius_px))

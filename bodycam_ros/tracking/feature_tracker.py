@@ -44,6 +44,12 @@ class TrackerSettings:
         reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
         "turns quickly needs just that",
     )
+    lost_keyframe_gap: float = setting(
+        0.18,
+        unit="s",
+        limits=(0.0, 5.0),
+        reason="a camera that the registration has lost is described again so soon: the next image may show more",
+    )
     starved_survival: float = setting(
         0.25,
         limits=(0.0, 1.0),
@@ -205,6 +211,10 @@ class FeatureTracker:
     def want_keyframe(self) -> None:
         """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
         self._keyframe_wanted = True
+
+    def lost(self) -> None:
+        """Somebody could not register the images: the next is a keyframe, unless there was one lately."""
+        self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= 1e9 * self.settings.lost_keyframe_gap
 
     def check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
         """Refuse what is no next image of this camera; raises RecordingError as ``track``."""

@@ -93,6 +93,19 @@ def test_a_keyframe_comes_when_it_is_wanted(camera: CameraModel, panorama: np.nd
     assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == [0, 5]
 
 
+def test_a_lost_camera_is_described_again_soon_but_not_in_every_image(
+    camera: CameraModel, panorama: np.ndarray
+) -> None:
+    tracker = FeatureTracker(camera, TrackerSettings(lost_keyframe_gap=0.18))
+    image = look(panorama, camera, turn(0))
+    keyframes = []
+    for index in range(20):
+        keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
+        tracker.lost()
+    gap = 7  # the seventh image after it, for the sixth is 0.2 s after it
+    assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == list(range(0, 20, gap))
+
+
 def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: CameraModel, panorama: np.ndarray) -> None:
     tracker = FeatureTracker(camera)
     image = look(panorama, camera, turn(0))
