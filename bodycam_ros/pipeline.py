@@ -48,11 +48,12 @@ from bodycam_ros.solving.refusal_log import Refusal
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
 from bodycam_ros.verdict.verdict import VerdictSettings
 
 

@@ -91,7 +91,6 @@ class LandmarkTracker:
 
     def hear(self, matches: LandmarkMatches) -> None:
         """What the registrar made of a frame: of the latest, or, live, of one before it."""
-        self._features.lost = matches.world_T_camera is None
         if matches.world_T_camera is not None:
             self._features.prune(matches.stamp_ns, matches.track_ids)
         else:
