@@ -1,6 +1,6 @@
 """A map that is ready to be saved, with what a person wants to know before trusting it, there and in ``map.yaml``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,7 +46,6 @@ class BuiltMap:
     Attributes:
         reference_map: landmarks, descriptors, poses.
         structure: the same with all observations, in the map frame.
-        camera: of the photographs.
         registrations: one per readable photograph.
         residual: of the board; None without one.
         seconds: step -> time that it took.
@@ -54,13 +53,17 @@ class BuiltMap:
 
     reference_map: ReferenceMap
     structure: Structure
-    camera: CameraModel
     registrations: tuple[Registration, ...]
     residual: BoardResidual | None
     seconds: dict[str, float]
 
-    def save(self, path: Path, *, force: bool = False) -> None:
+    def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the map folder with its COLMAP model and PLY, whole or not at all.
+
+        Args:
+            path: folder to create.
+            force: replace a map that is there.
+            also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
             MapError: the folder exists already.
@@ -68,17 +71,18 @@ class BuiltMap:
         """
 
         def write_structure(folder: Path) -> None:
-            colmap.write_model(folder / _MODEL_FOLDER, self.structure, self.camera)
+            colmap.write_model(folder / _MODEL_FOLDER, self.structure)
             write_ply(folder / _PLY_FILE, self.structure)
+            also(folder)
 
         self.reference_map.save(path, force=force, also=write_structure)
 
 
 def registration_table(
-    names: Sequence[str], structure: Structure, camera: CameraModel, tags: Mapping[str, Sequence[TagView]]
+    names: Sequence[str], structure: Structure, tags: Mapping[str, Sequence[TagView]]
 ) -> tuple[Registration, ...]:
     """What became of each of the photographs ``names``, in their order."""
-    errors = structure.reprojection_errors(camera)
+    errors = structure.reprojection_errors()
     view_of = {name: view for view, name in enumerate(structure.names)}
     registrations = []
     for name in names:
@@ -95,28 +99,22 @@ def registration_table(
 def map_summary(
     photographs: Photographs,
     structure: Structure,
-    camera: CameraModel,
     settings: MapSettings,
     residual: BoardResidual | None,
     registrations: Sequence[Registration],
 ) -> dict[str, Any]:
     """The document, of plain values only."""
-    errors = structure.reprojection_errors(camera)
+    errors = structure.reprojection_errors()
     return {
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "program": f"bodycam_ros {__version__}",
-        "reference": photographs.folder.resolve().name,
+        "reference": photographs.name,
         "photographs": len(photographs.paths),
         "registered": len(structure.names),
         "landmarks": len(structure.points_world),
         "observations": len(errors),
         "mean_reprojection_error_px": round(float(errors.mean()), 4),
-        "camera": {
-            "distortion_model": camera.distortion_model,
-            "size": [camera.width, camera.height],
-            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
-            "d": list(camera.distortion),
-        },
+        **_cameras_summary(structure.cameras),
         "board_residual": None if residual is None else asdict(residual),
         "settings": settings.as_mapping(),
         "registrations": [
@@ -125,3 +123,18 @@ def map_summary(
             for r in registrations
         ],
     }
+
+
+def _cameras_summary(cameras: Sequence[CameraModel]) -> dict[str, Any]:
+    documents = [
+        {
+            "distortion_model": camera.distortion_model,
+            "size": [camera.width, camera.height],
+            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
+            "d": list(camera.distortion),
+        }
+        for camera in cameras
+    ]
+    if len(cameras) == 1:
+        return {"camera": documents[0]}
+    return {"cameras": {camera.name: document for camera, document in zip(cameras, documents, strict=True)}}

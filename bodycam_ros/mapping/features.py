@@ -62,7 +62,12 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
         )
     # The detector that the tracker uses at run time, so that descriptors agree.
     detector = KeypointDetector(
-        KeypointSettings(image_scale=1.0, contrast_threshold=settings.contrast, max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM)
+        KeypointSettings(
+            image_scale=1.0,
+            contrast_threshold=settings.contrast,
+            max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM,
+            cells=1,
+        )
     )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     found = detector.detect(gray, np.full_like(gray, 255))

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
+from bodycam_ros.mapping.coverage import CoverageSettings
 from bodycam_ros.mapping.features import FeatureSettings
+from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
@@ -46,6 +48,7 @@ class LandmarkSettings:
 class MapSettings(SettingsGroups):
     """Settings of every step from photographs to a map."""
 
+    frames: FrameChoiceSettings = FrameChoiceSettings()
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
@@ -53,3 +56,4 @@ class MapSettings(SettingsGroups):
     kept: SmallPhotographSettings = SmallPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    coverage: CoverageSettings = CoverageSettings()

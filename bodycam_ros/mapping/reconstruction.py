@@ -2,7 +2,7 @@
 
 import logging
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +29,7 @@ _SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same d
 
 def reconstruct(
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     pair_settings: PairSettings,
     landmark_settings: LandmarkSettings,
     workers: int,
@@ -42,7 +42,7 @@ def reconstruct(
     """
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         database = scratch / "database.db"
-        colmap.write_database(database, camera, features)
+        colmap.write_database(database, camera_of_name, features)
 
         with progress.step("choosing pairs", len(features)) as advance:
             counts = []
@@ -67,24 +67,24 @@ def reconstruct(
             "sharp and well lit, and check that camera.yaml belongs to the camera"
         )
 
-    matched = colmap.structure_from(model)
+    matched = colmap.structure_from(model, camera_of_name)
     with progress.step("adjusting the bundle", 2) as advance:
         # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
         colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
         colmap.adjust(model, workers)
         advance()
         colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
-        structure = colmap.structure_from(model)
+        structure = colmap.structure_from(model, camera_of_name)
         advance()
     structure = _keep_seen(structure, landmark_settings)
-    _check_fits(structure, matched, camera, landmark_settings)
+    _check_fits(structure, matched, landmark_settings)
     return _coloured(structure, features)
 
 
 def adopt_model(
     folder: Path,
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     settings: LandmarkSettings,
 ) -> Structure:
     """Take over an existing COLMAP model, with our descriptors at its observations.
@@ -92,7 +92,7 @@ def adopt_model(
     Args:
         folder: of the model's cameras, images and points3D.
         features: of all photographs; those that the model lacks are left out.
-        camera: that took the photographs; must be the one of the model.
+        camera_of_name: the camera of each photograph; must be those of the model.
         settings: criteria for landmarks.
 
     Raises:
@@ -100,15 +100,16 @@ def adopt_model(
     """
     model = colmap.read_model(folder)
     colmap.keep_good_points(model, np.inf, settings.min_angle)
-    structure = colmap.structure_from(model)
     known = {image.name: image for image in features}
-    missing = [name for name in structure.names if name not in known]
-    if missing or len(structure.names) < 2:
+    names = colmap.registered_names(model)
+    missing = [name for name in names if name not in known]
+    if missing or len(names) < 2:
         raise MapError(
-            f"{folder}: the model registers {len(structure.names)} photographs, of which {len(missing)} are not "
+            f"{folder}: the model registers {len(names)} photographs, of which {len(missing)} are not "
             f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder of the model"
         )
-    errors = structure.reprojection_errors(camera)
+    structure = colmap.structure_from(model, camera_of_name)
+    errors = structure.reprojection_errors()
     if not len(errors) or not float(np.median(errors)) <= settings.max_model_error:
         median = float(np.median(errors)) if len(errors) else float("nan")
         raise MapError(
@@ -120,7 +121,7 @@ def adopt_model(
     return _coloured(_keep_seen(structure, settings), features)
 
 
-def _check_fits(structure: Structure, matched: Structure, camera: CameraModel, settings: LandmarkSettings) -> None:
+def _check_fits(structure: Structure, matched: Structure, settings: LandmarkSettings) -> None:
     """Refuse a structure that is a small part of what was matched: with wrong intrinsics only scraps fit together.
 
     Errors alone do not tell, because what errs by more than ``max_error`` has been left out.
@@ -134,11 +135,11 @@ def _check_fits(structure: Structure, matched: Structure, camera: CameraModel, s
         f"{settings.max_error:g} px"
     )
     if share >= settings.min_fitting:
-        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(camera))
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(structure.cameras[0]))
         return
     raise MapError(
         f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
-        f"(landmarks.min_fitting). {wrong_camera(camera)}"
+        f"(landmarks.min_fitting). {wrong_camera(structure.cameras[0])}"
     )
 
 

@@ -1,7 +1,6 @@
 """The photographs as the map keeps them: small, grey, and with the surfaces that its landmarks lie on."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -42,7 +41,6 @@ class SmallPhotographSettings:
 def small_photographs(
     folder: Path,
     structure: Structure,
-    camera: CameraModel,
     settings: SmallPhotographSettings,
     workers: int,
     progress: Progress,
@@ -52,7 +50,6 @@ def small_photographs(
     Args:
         folder: with the photographs.
         structure: in the frame of the map.
-        camera: that took them.
         settings: sizes.
         workers: threads.
         progress: shows the step.
@@ -60,17 +57,22 @@ def small_photographs(
     Raises:
         MapError: a photograph cannot be read any more.
     """
-    small = _smaller(camera, min(1.0, settings.width / camera.width))
-    encode = partial(_encoded, size=(small.width, small.height), quality=settings.quality)
+    cameras = tuple(_smaller(camera, min(1.0, settings.width / camera.width)) for camera in structure.cameras)
+
+    def encode(view: int) -> bytes:
+        camera = cameras[structure.camera_of_view[view]]
+        return _encoded(folder / structure.names[view], (camera.width, camera.height), settings.quality)
+
     jpegs = []
     with progress.step("keeping photographs", len(structure.names)) as advance:
-        for jpeg in in_parallel(encode, [folder / name for name in structure.names], workers):
+        for jpeg in in_parallel(encode, range(len(structure.names)), workers):
             jpegs.append(jpeg)
             advance()
     order = np.lexsort((structure.observation_views, structure.observation_points))
     return MapPhotographs(
         jpegs=tuple(jpegs),
-        camera=small,
+        cameras=cameras,
+        camera_of_view=structure.camera_of_view.astype(np.uint16),
         world_T_camera=structure.world_T_camera,
         observation_landmark=structure.observation_points[order].astype(np.uint32),
         observation_view=structure.observation_views[order].astype(np.uint16),
@@ -86,10 +88,28 @@ def surface_normals(structure: Structure, settings: SmallPhotographSettings) -> 
     facing = np.zeros_like(points)
     np.add.at(facing, structure.observation_points, towards)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)
+    return plane_normals(points, np.arange(len(points)), facing, settings)
+
+
+def plane_normals(
+    points: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    facing: NDArray[np.float64],
+    settings: SmallPhotographSettings,
+) -> NDArray[np.float64]:
+    """(M, 3) unit normals of the planes that some points span with their neighbours.
+
+    Args:
+        points: (L, 3) all points.
+        rows: (M,) of those that are asked.
+        facing: (M, 3) unit directions to where they were seen from: the side of the normals, and what stands in for one
+            where the neighbours are in no plane.
+        settings: of the planes.
+    """
     count = min(settings.neighbours + 1, len(points))
-    if count < 4:
+    if count < 4 or not len(rows):
         return facing
-    _, near = cKDTree(points).query(points, k=count)
+    _, near = cKDTree(points).query(points[rows], k=count)
     offsets = points[near] - np.median(points[near], axis=1, keepdims=True)
     spreads, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
     normals = axes[:, :, 0]

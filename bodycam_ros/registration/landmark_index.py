@@ -66,6 +66,9 @@ class LandmarkIndex:
         self._looks, self._lists = np.concatenate([self._looks, looks]), np.concatenate([self._lists, lists])
         settled = len(self._sorted.looks)
         if len(self._looks) - settled > max(_SORTED_IN_ABOVE, settled // _SORTED_IN_SHARE) or not settled:
+            # A look that has been listed again is what it was listed as last.
+            latest = len(self._looks) - 1 - np.unique(self._looks[::-1], return_index=True)[1]
+            self._looks, self._lists = self._looks[latest], self._lists[latest]
             self._sorted, settled = _Lists.of(self._looks, self._lists, self._words.lists), len(self._looks)
         self._later = _Lists.of(self._looks[settled:], self._lists[settled:], self._words.lists)
 

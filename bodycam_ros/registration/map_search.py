@@ -20,6 +20,7 @@ class MapSearch:
     Args:
         points_world: (L, 3) its landmarks [m].
         descriptors, landmark_of_look, sides: (D, 128), (D,), (D, 3) its looks, see ``ReferenceMap``.
+        looks: how many of them are there by now; the others are added to the index when they come.
         world_T_camera: (K, 4, 4) poses of its photographs.
         photographs: which landmarks they show; None: those that they gave looks of. No picture is needed.
 
@@ -34,28 +35,29 @@ class MapSearch:
         descriptors: NDArray[np.uint8],
         landmark_of_look: NDArray[np.uint32],
         sides: NDArray[np.float32],
+        looks: int,
         world_T_camera: NDArray[np.float64],
         photographs: MapPhotographs | None,
     ) -> None:
-        words = VisualWords.learn(descriptors)
-        word_of_look = words.words_of(descriptors)
+        words = VisualWords.learn(descriptors[:looks])
+        word_of_look = words.words_of(descriptors[:looks])
         self.index = LandmarkIndex(words, descriptors, landmark_of_look)
-        self.index.add(np.arange(len(descriptors)), word_of_look)
+        self.index.add(np.arange(looks), word_of_look)
         self.places = PlaceMemory(words)
-        landmarks = landmark_of_look.astype(np.int64)
+        landmarks = landmark_of_look[:looks].astype(np.int64)
         first, observers = np.zeros(0, np.int64), np.zeros(0, np.int64)
         if photographs is not None:
             first, observers = photographs.first_observation, photographs.observation_view.astype(np.int64)
         centres = as_rows(world_T_camera[:, :3, 3])
-        givers = givers_of_looks(as_rows(points_world), landmarks, as_rows(sides), centres, first, observers)
+        givers = givers_of_looks(as_rows(points_world), landmarks, as_rows(sides[:looks]), centres, first, observers)
         looks_given = _grouped(givers, len(centres))
-        shown = [np.unique(landmarks[looks]) for looks in looks_given]
+        shown = [np.unique(landmarks[given]) for given in looks_given]
         if photographs is not None:
             # A photograph shows more landmarks than it gave looks of.
             seen = photographs.observation_landmark.astype(np.int64)
             shown = [seen[rows] for rows in _grouped(observers, len(centres))]
-        for looks, of_place in zip(looks_given, shown, strict=True):
-            self.places.add(descriptors[looks], of_place, word_of_look[looks])
+        for given, of_place in zip(looks_given, shown, strict=True):
+            self.places.add(descriptors[given], of_place, word_of_look[given])
 
 
 def _grouped(group: NDArray[np.int64], groups: int) -> list[NDArray[np.int64]]:

@@ -1,11 +1,10 @@
 """Absolute registration of one body camera against the reference map (A 4.1).
 
 A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is lost.
-From then on the track carries its landmark until it ends. Growth of the map (A 4.1, second part) belongs between
-``_name_tracks`` and ``_fit``: it would add landmarks that the tracks without a name triangulate.
+From then on the track carries its landmark until it ends.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, nearest_rotation, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
+from bodycam_ros.registration.doubted_place import DoubtedPlace, DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.lost_camera import LostCamera
@@ -23,8 +23,8 @@ from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
@@ -32,35 +32,12 @@ _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a d
 _FROM_A_FIT = 2  # steps of a fit that starts where another has ended
 
 
-@dataclass(frozen=True)
-class RegistrarSettings:
-    """When a camera counts as registered, and when a track loses its landmark."""
-
-    min_inliers: int = setting(
-        12,
-        limits=(4, 500),
-        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
-    )
-    max_strikes: int = setting(
-        2,
-        unit="frames",
-        limits=(1, 30),
-        reason="a track whose landmark disagrees on this many frames in a row loses it",
-    )
-    max_predicted_frames: int = setting(
-        15,
-        unit="frames",
-        limits=(0, 300),
-        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
-    )
-
-
 class Registrar:
     """Registers the frames of one camera, in order of time.
 
     Args:
         camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
-        settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
+        settings, matching, absolute_pose, pose_fit, shutter, doubt: settings of the registrar and of its steps.
         readout: how long the camera's rows are read out, as far as it is known before the first image.
 
     Attributes:
@@ -77,6 +54,7 @@ class Registrar:
         pose_fit: PoseFitSettings | None = None,
         shutter: ShutterSettings | None = None,
         readout: Readout | None = None,
+        doubt: DoubtSettings | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
@@ -96,6 +74,8 @@ class Registrar:
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
         self._until_rows = 0
+        self._doubt = doubt or DoubtSettings()
+        self._doubted: DoubtedPlace | None = None
 
     def learn(self, readout: Readout) -> None:
         """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
@@ -112,6 +92,13 @@ class Registrar:
         """
         self._lost.expect(stamp_ns, world_T_camera, covariance)
 
+    def doubt(self, stamp_ns: int) -> None:
+        """The body contradicts the pose of an image [ns]: search anew, and come back by stronger evidence only."""
+        if self._world_T_camera is not None:
+            self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self._doubt)
+        self._world_T_camera, self._previous_T_camera, self._frames_predicted = None, np.eye(4), 0
+        self._carried.forget(np.ones(len(self._carried.rows), bool))
+
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
         rows = self._carried.into(frame)
@@ -120,6 +107,8 @@ class Registrar:
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
+        if fit and self._doubted and self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
+            rows, fit, predicted = rows[self._carried.forget(np.ones(len(rows), bool))], None, None
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
         if fit is not None:
@@ -263,4 +252,5 @@ class Registrar:
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
+            grown=int((self._carried.rows >= self.map.first_grown).sum()),
         )

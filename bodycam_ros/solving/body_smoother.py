@@ -4,7 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import islice
@@ -36,6 +36,7 @@ from bodycam_ros.solving.camera_evidence import (
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
+from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
 
@@ -54,7 +55,7 @@ class BodySmoother:
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
 
     Attributes:
-        refused: camera -> instants at which its registration was not believed.
+        refusals: whose registrations were not believed, and for how long.
         bridged: instants without any image that were filled in.
 
     Raises:
@@ -94,7 +95,7 @@ class BodySmoother:
         self._joint_ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
         ).reshape(-1, 2)
-        self.refused: Counter[str] = Counter()
+        self.refusals = RefusalLog(self._trust_settings.doubt_after)
         self.bridged = 0
         self._begin_anew()
 
@@ -133,7 +134,7 @@ class BodySmoother:
 
         moved = self._predict_motion(frame.stamp_ns)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
-        self.refused.update(trusted.refused)
+        self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
         path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
         turns = self._predict_turns(frame, {seen.segment for seen in trusted.evidence.values()}, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
@@ -166,6 +167,7 @@ class BodySmoother:
         """The states that were still waiting for later frames; the recording is over."""
         if self._window.instants:
             self._window.settle()
+        self.refusals.end()
         return self._publish(0)
 
     def _publish_before(self, stamp_ns: int) -> list[BodyState]:

@@ -122,14 +122,17 @@ def test_a_map_is_not_replaced_by_accident(built, sample, capsys):
 
 
 def test_an_existing_model_is_taken_over(built, sample, tmp_path):
-    """From a model in another frame and scale the same map comes out, with our descriptors."""
+    """From a model in another frame and scale the same map comes out, with our descriptors and the model's camera."""
     turned = pycolmap.Reconstruction(built[0] / "sparse")
     turned.transform(
         pycolmap.Sim3d(3.0, pycolmap.Rotation3d(np.array([0.5, 0.5, 0.5, 0.5])), np.array([1.0, 2.0, 3.0]))
     )
     (tmp_path / "colmap").mkdir()
     turned.write(tmp_path / "colmap")
-    arguments = ["map", str(sample / "reference"), "--model", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
+    reference = tmp_path / "reference"
+    shutil.copytree(sample / "reference", reference)
+    (reference / "camera.yaml").unlink()
+    arguments = ["map", str(reference), "--model", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
     assert main([*arguments, *QUICK]) == 0
     ours, taken = ReferenceMap.load(built[0]), ReferenceMap.load(tmp_path / "map")
     assert taken.image_names == ours.image_names

@@ -43,6 +43,7 @@ def search_of(reference_map: ReferenceMap, with_photographs: bool) -> MapSearch:
         reference_map.descriptors,
         reference_map.descriptor_landmark,
         reference_map.descriptor_view,
+        len(reference_map.descriptors),
         reference_map.world_T_camera,
         reference_map.photographs if with_photographs else None,
     )
@@ -81,6 +82,7 @@ def test_a_map_that_knows_no_photograph_has_no_place(reference_map: ReferenceMap
         reference_map.descriptors,
         reference_map.descriptor_landmark,
         reference_map.descriptor_view,
+        len(reference_map.descriptors),
         np.zeros((0, 4, 4)),
         None,
     )

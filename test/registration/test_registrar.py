@@ -10,6 +10,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.pose_fit import reprojection_errors
@@ -267,3 +268,40 @@ def test_a_wrong_expectation_costs_time_alone(reference_map, seen) -> None:
     registrar = Registrar(camera, reference_map)
     registrar.expect(frames[0].stamp_ns, true, np.full((6, 6), np.nan))
     assert registrar.register(frames[0]).world_T_camera is not None
+
+
+def test_a_doubted_camera_searches_anew_and_stays_away_for_a_while(reference_map, seen) -> None:
+    """The same images lead to the same place: refused as long as the doubt lasts, and believed again after that."""
+    camera, frames = seen
+    lasting_s = 1e-9 * (frames[14].stamp_ns - frames[9].stamp_ns)
+    registrar = Registrar(camera, reference_map, doubt=DoubtSettings(lasting=lasting_s - 0.01))
+    before = [registrar.register(frame) for frame in frames[:10]]
+    assert before[-1].world_T_camera is not None
+    registrar.doubt(frames[9].stamp_ns)
+    # Every image brings descriptors, as of a keyframe, by which the whole map is searched.
+    doubted = [registrar.register(described(frame, frames[0])) for frame in frames[10:14]]
+    assert all(matches.world_T_camera is None and len(matches.track_ids) == 0 for matches in doubted)
+    back = [registrar.register(described(frame, frames[0])) for frame in frames[14:20]]
+    assert all(matches.world_T_camera is not None for matches in back)
+
+
+def test_a_doubted_camera_is_believed_elsewhere_at_once(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    first = registrar.register(frames[0])
+    assert first.world_T_camera is not None
+    # As if it had been tracked at a wrong place.
+    registrar._world_T_camera = exp_se3(np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0])) @ first.world_T_camera
+    registrar.doubt(frames[0].stamp_ns)
+    found = registrar.register(described(frames[1], frames[0]))
+    assert found.world_T_camera is not None
+    assert np.linalg.norm(found.world_T_camera[:3, 3] - first.world_T_camera[:3, 3]) < 0.1
+
+
+def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:
+    """The frame with the descriptors that its tracks had on a keyframe."""
+    began = keyframe.track_ids[keyframe.described]
+    _, rows, of = np.intersect1d(frame.track_ids, began, assume_unique=True, return_indices=True)
+    return dataclasses.replace(
+        frame, described=rows.astype(np.uint32), descriptors=keyframe.descriptors[of], scales=keyframe.scales[of]
+    )

@@ -211,6 +211,8 @@ def test_one_wrong_camera_overrules_nobody(walk, usual, camera: str) -> None:
     skeleton, states = walk.solve(walk.blinded([camera], 0.0, 99.0, moved))
     positions, rotations = errors(walk, states, usual).of(walk.body, walk.body.segments, 0.0, 9.0)
     assert skeleton.refused == {camera: len(usual)}
+    (doubt,) = skeleton.doubts
+    assert doubt.camera == camera and doubt.lasting_s > walk.seconds(usual[-1].stamp_ns) - 0.1
     assert positions.mean() < 0.0030 and positions.max() < 0.012 and rotations.max() < 1.0
 
 

@@ -7,7 +7,8 @@ import pytest
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
-from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
 
 STEP_NS = 33_000_000
 
