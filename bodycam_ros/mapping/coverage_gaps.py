@@ -94,6 +94,7 @@ def with_coverage(reference_map: ReferenceMap, coverage: Coverage) -> ReferenceM
 
 def coverage_summary(coverage: Coverage, reference_map: ReferenceMap) -> dict[str, Any]:
     """The same as plain values, for ``map.yaml``."""
+    poor = poor_places(coverage)
     by_azimuth = (coverage.share_by_direction * coverage.weights).sum(axis=0) / coverage.weights.sum(axis=0)
     return {
         "share": round(coverage.share, 3),
@@ -114,21 +115,23 @@ def coverage_summary(coverage: Coverage, reference_map: ReferenceMap) -> dict[st
             }
             for gap in find_gaps(coverage, reference_map)
         ],
-        "poor_places": [[round(float(value), 2) for value in place] for place in poor_places(coverage)],
+        "poor_places": len(poor),
+        "poorest": [[round(float(value), 2) for value in place] for place in _spread(poor)],
     }
 
 
 def _said(gap: Gap, first: bool, upright: bool) -> str:
+    low, high = gap.elevations_deg
+    what = "this wall"
     if gap.all_around:
-        middle = "up" if gap.elevation_deg > 0.0 else "down" if gap.elevation_deg < 0.0 else "everywhere"
-        where = f"all around, {middle}"
+        what = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more"
+        where = "all around"
     else:
         origin = "from the map's x axis, counter-clockwise as seen from above" if upright else "from the map's x axis"
         where = f"towards azimuth {gap.azimuth_deg:.0f} deg" + (f" ({origin})" if first else "")
         where += f", from {gap.azimuths_deg[0]:.0f} to {gap.azimuths_deg[1]:.0f} deg"
-    low, high = gap.elevations_deg
     return (
-        f"photograph this wall too: {where}, elevation {low:.0f} to {high:.0f} deg; {100 * gap.share:.0f} % of the "
+        f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; {100 * gap.share:.0f} % of the "
         f"places see enough there, {gap.seen} landmarks in the median. The nearest photograph, {gap.nearest}, looks "
         f"{gap.nearest_deg:.0f} deg away from it"
     )
