@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.registration.map_search import MapSearch
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -62,6 +63,14 @@ class GrowingMap(ReferenceMap):
         return self.slots_from - self.grown
 
     @cached_property
+    def search(self) -> MapSearch:
+        """What the map is asked by descriptors alone, for all cameras."""
+        settled = len(self.descriptor_landmark) - LOOKS * self.capacity
+        search = self._search(settled)
+        search.index.add(settled + np.flatnonzero(self.descriptor_size[settled:] > 0.0))
+        return search
+
+    @cached_property
     def _settled_by_id(self) -> NDArray[np.int64]:
         return np.argsort(self.landmark_ids[: self.slots_from], kind="stable")
 
@@ -87,6 +96,9 @@ class GrowingMap(ReferenceMap):
         self.descriptor_view[looks] = grown.views
         self.descriptor_size[looks] = sizes
         self.landmark_sizes[rows] = sizes.max(axis=1)
+        self.grid.put(rows)
+        if "search" in self.__dict__:  # else nobody has been lost yet, and it will be made of all that is there
+            self.search.index.add(looks[sizes > 0.0])
 
 
 def growing(reference_map: ReferenceMap, capacity: int) -> GrowingMap:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.growth.growing_map import LOOKS
 from bodycam_ros.growth.triangulation import Rays
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
@@ -21,6 +20,8 @@ NO_SLOT = -1
 class Sighting:
     """One feature of one keyframe: a ray, and what it looks like."""
 
+    camera: str
+    stamp_ns: int
     centre: NDArray[np.float64]
     direction: NDArray[np.float64]
     focal_length: float
@@ -32,6 +33,8 @@ def sighting(keyframe: WornKeyframe, feature: int) -> Sighting:
     """Feature number so-and-so of a keyframe."""
     world_T_camera = keyframe.world_T_camera
     return Sighting(
+        camera=keyframe.camera,
+        stamp_ns=keyframe.stamp_ns,
         centre=world_T_camera[:3, 3],
         direction=world_T_camera[:3, :3] @ keyframe.bearings[feature],
         focal_length=keyframe.focal_length,
@@ -68,18 +71,29 @@ class GrownPoint:
         self.sightings.append(one)
         return True
 
-    def looks(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
-        """Descriptors (LOOKS, 128), directions (LOOKS, 3) and sizes (LOOKS,), of the sides farthest from each other."""
-        descriptors = np.zeros((LOOKS, DESCRIPTOR_LENGTH), np.uint8)
-        views, sizes = np.zeros((LOOKS, 3), np.float32), np.zeros(LOOKS, np.float32)
+    def looks(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
+        """What it looks like from the sides farthest from each other, the nearest sighting first.
+
+        Args:
+            count: how many sides.
+
+        Returns:
+            Descriptors (count, 128); unit directions (count, 3) to where they were seen from; their sizes (count,) as
+            ``ReferenceMap.descriptor_size``. A point that was seen less often says the same twice.
+        """
+        descriptors = np.zeros((count, DESCRIPTOR_LENGTH), np.uint8)
+        views, sizes = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
         towards = np.array([s.centre for s in self.sightings]) - self.position
         distances = np.linalg.norm(towards, axis=1)
         towards /= distances[:, None]
-        nearest = int(distances.argmin())
-        for row, which in enumerate((nearest, int((towards @ towards[nearest]).argmin()))):
+        which = int(distances.argmin())
+        cosines = np.full(len(towards), -np.inf)
+        for row in range(count):
             chosen = self.sightings[which]
             descriptors[row], views[row] = chosen.descriptor, towards[which]
             sizes[row] = chosen.scale * distances[which] / chosen.focal_length
+            cosines = np.maximum(cosines, towards @ towards[which])
+            which = int(cosines.argmin())
         return descriptors, views, sizes
 
 

@@ -71,6 +71,10 @@ class MapGrowth:
         """Landmarks that have grown and are there."""
         return len(self._point_in_slot)
 
+    def grown_points(self) -> list[GrownPoint]:
+        """Those that are landmarks, in the order of their slots."""
+        return [self._points[number] for _, number in sorted(self._point_in_slot.items())]
+
     def add(self, keyframe: WornKeyframe) -> None:
         """Grow by one more keyframe."""
         if keyframe.position_sigma > self.settings.max_sigma:
@@ -121,7 +125,7 @@ class MapGrowth:
             if slot in self._point_in_slot:
                 point = self._points[self._point_in_slot[slot]]
                 ids[row], positions[row] = point.landmark_id, point.position
-                descriptors[row], views[row], sizes[row] = point.looks()
+                descriptors[row], views[row], sizes[row] = point.looks(LOOKS)
         changes = GrownLandmarks(np.array(slots), ids, positions, descriptors, views, sizes)
         self.map.take(changes)
         return changes

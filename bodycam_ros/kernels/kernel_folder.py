@@ -28,8 +28,12 @@ KERNEL_FILES = (
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
     "registration/landmark_choice_kernels.py",
+    "registration/local_landmark_kernels.py",
+    "registration/descriptor_kernels.py",
+    "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
+    "growth/matching_kernels.py",
 )
 """All that hold kernels, in the order in which they are compiled."""
 

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
+from bodycam_ros.registration.local_landmarks import LandmarkGrid
 from bodycam_ros.registration.map_photographs import MapPhotographs
+from bodycam_ros.registration.map_search import MapSearch
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -85,6 +87,28 @@ class ReferenceMap:
         sizes = np.zeros(len(self.landmark_ids), np.float32)
         np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
         return sizes
+
+    @cached_property
+    def grid(self) -> LandmarkGrid:
+        """Where the landmarks are, for all cameras."""
+        return LandmarkGrid(self.points_world, self.landmark_sizes)
+
+    @cached_property
+    def search(self) -> MapSearch:
+        """What the map is asked by descriptors alone, for all cameras."""
+        return self._search(len(self.descriptors))
+
+    def _search(self, looks: int) -> MapSearch:
+        """The search of so many of the descriptors; others may be added."""
+        return MapSearch(
+            self.points_world,
+            self.descriptors,
+            self.descriptor_landmark,
+            self.descriptor_view,
+            looks,
+            self.world_T_camera,
+            self.photographs,
+        )
 
     @cached_property
     def _by_id(self) -> NDArray[np.int64]:

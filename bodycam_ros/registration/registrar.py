@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, nearest_rotation, rigid
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
+from bodycam_ros.registration.lost_camera import LostCamera
+from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
@@ -80,10 +82,13 @@ class Registrar:
         self.map = reference_map
         self.settings = settings or RegistrarSettings()
         self._matching = matching or MatchingSettings()
-        self._absolute_pose = absolute_pose or AbsolutePoseSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._shutter = shutter or ShutterSettings()
         self.readout = ReadoutTime(self._shutter, readout)
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, self._matching.min_visible_scale_px)
+        self._lost = LostCamera(
+            camera, reference_map, self._local, self._matching, absolute_pose or AbsolutePoseSettings()
+        )
         self._path = RecentPath(self._shutter)
         self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
@@ -96,6 +101,16 @@ class Registrar:
         """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
         if readout.sigma <= self.readout.sigma:
             self.readout = ReadoutTime(self._shutter, readout)
+
+    def expect(self, stamp_ns: int, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Somebody knows where the camera should be, such as the body that carries it; a lost camera looks there first.
+
+        Args:
+            stamp_ns: when [ns]; it is of use for half a second before and after.
+            world_T_camera: (4, 4) the pose.
+            covariance: (6, 6) of it, rotation [rad] then translation [m], both in camera axes.
+        """
+        self._lost.expect(stamp_ns, world_T_camera, covariance)
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
@@ -121,10 +136,7 @@ class Registrar:
         if fit is None and predicted is not None:
             rows, fit = self._name_tracks(frame, rows, predicted, self._matching.lost_radius_px)
         if fit is None:
-            found = self._find(frame)
-            if found is None:
-                return rows, None
-            rows, fit = self._name_tracks(frame, rows, found, self._matching.lost_radius_px)
+            rows, fit = self._find(frame, rows)
         if fit is None:
             return rows, None
         named_rows, named_fit = self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
@@ -162,6 +174,7 @@ class Registrar:
             frame.scales,
             radius_px,
             self._matching,
+            self._local.around(pose[:3, 3]),
         )
         before = self._carried.snapshot()
         # A fresh match has to prove itself at once; an old one may fail for a moment.
@@ -174,17 +187,14 @@ class Registrar:
             return rows, None
         return all_rows, fit
 
-    def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
-        """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1)."""
-        for every_view in (False, True):
-            named, landmarks = match_everywhere(self.map, frame.descriptors, every_view, self._matching)
-            if len(named) < self.settings.min_inliers:
-                continue
-            pixels = self._steady(frame.pixels[frame.described.astype(np.int64)[named]])
-            found = find_pose(self.camera, self.map.points_world[landmarks], pixels, self._absolute_pose)
-            if found is not None:
-                return found
-        return None
+    def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], PoseFit | None]:
+        """Name the described tracks around the first pose that they confirm, of those where a lost camera may be."""
+        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
+        for pose in self._lost.poses(frame.stamp_ns, pixels, frame.descriptors, frame.scales):
+            rows, fit = self._name_tracks(frame, rows, pose, self._matching.lost_radius_px)
+            if fit is not None:
+                return rows, fit
+        return rows, None
 
     def _steady(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (M, 2) as they would be if all rows were exposed together, near enough for a gate."""
