@@ -74,9 +74,8 @@ def coverage_lines(coverage: Coverage, reference_map: ReferenceMap) -> list[str]
         f"{len(coverage.places_world)} places where a person would be ({coverage.enough} landmarks in sight are enough)"
     ]
     gaps = find_gaps(coverage, reference_map)
-    lines += [_said(gap, first=row == 0, upright=reference_map.gravity_aligned) for row, gap in enumerate(gaps)][
-        :_MOST_SAID
-    ]
+    first = next((gap for gap in gaps if not gap.all_around), None)
+    lines += [_said(gap, gap is first, reference_map.gravity_aligned) for gap in gaps[:_MOST_SAID]]
     poor = poor_places(coverage)
     if len(poor) == len(coverage.places_world) and len(poor) > 1:
         lines.append("from no place does it do so in half of them: take more photographs everywhere")
