@@ -73,7 +73,7 @@ def keep_chosen_frames(
 def _straight(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:
     """Suffix and content of the frame's file, without what reading out its rows did to it."""
     suffix, content = frame.file()
-    if source.readout_s == 0.0 or not angular_velocity.any():
+    if not any(source.readout_s) or not angular_velocity.any():
         return suffix, content
     pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR), np.uint8)
     straight = steady_picture(pixels, source.camera, angular_velocity, source.readout_s)

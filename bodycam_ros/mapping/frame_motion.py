@@ -61,7 +61,7 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
         LensError: the camera's intrinsics are for images of another size.
     """
     seconds, sharpness, path_deg, turns = [], [], [], []
-    follower = _Follower(source.camera, cut_deg, turns=source.readout_s != 0.0)
+    follower = _Follower(source.camera, cut_deg, turns=any(source.readout_s))
     with source.frames() as frames:
         for frame in frames:
             try:
