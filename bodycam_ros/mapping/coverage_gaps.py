@@ -141,25 +141,23 @@ def _gap(coverage: Coverage, reference_map: ReferenceMap, cells: NDArray[np.bool
     weights = coverage.weights[cells] * (1.0 - coverage.share_by_direction[cells])
     vectors = directions_level(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
     mean = weights @ vectors
-    covered: NDArray[np.bool_] = np.any(cells, axis=0)
-    around = bool(covered.all())
     elevation = float(weights @ coverage.elevations_deg[elevations] / weights.sum())
     azimuth = float(np.degrees(np.arctan2(mean[1], mean[0])))
+    at_middle = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
+    covered = at_middle if at_middle.any() else np.any(cells, axis=0)
+    around = bool(covered.all())
     middle = directions_level(np.array(elevation), np.array(azimuth))
     forward_level = reference_map.world_T_camera[:, :3, 2] @ coverage.level_R_world.T
-    # A gap all around is one of elevation alone.
-    cosines = forward_level[:, 2] * middle[2] if around else forward_level @ middle
-    if around:
-        cosines = cosines + np.linalg.norm(forward_level[:, :2], axis=1) * np.linalg.norm(middle[:2])
-    nearest = int(np.argmax(cosines))
-    level_row = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
+    if around:  # one of elevation alone
+        away = np.abs(np.arcsin(np.clip(forward_level[:, 2], -1.0, 1.0)) - np.radians(elevation))
+    else:
+        away = np.arccos(np.clip(forward_level @ middle, -1.0, 1.0))
+    nearest = int(np.argmin(away))
     return Gap(
         cells=cells,
         azimuth_deg=azimuth,
         elevation_deg=elevation,
-        azimuths_deg=(-180.0, 180.0)
-        if around
-        else _arc(coverage.azimuths_deg, level_row if level_row.any() else covered),
+        azimuths_deg=(-180.0, 180.0) if around else _arc(coverage.azimuths_deg, covered),
         elevations_deg=(
             float(coverage.elevations_deg[elevations].min()),
             float(coverage.elevations_deg[elevations].max()),
@@ -168,7 +166,7 @@ def _gap(coverage: Coverage, reference_map: ReferenceMap, cells: NDArray[np.bool
         seen=int(np.median(coverage.seen[:, cells])),
         size=float(coverage.weights[cells].sum()),
         nearest=reference_map.image_names[nearest],
-        nearest_deg=float(np.degrees(np.arccos(np.clip(cosines[nearest], -1.0, 1.0)))),
+        nearest_deg=float(np.degrees(away[nearest])),
     )
 
 
