@@ -72,6 +72,9 @@ def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one()
     assert not measured(pictures).angular_velocity.any()
     found = np.degrees(measured(pictures, readout_s=(0.0, 0.01)).angular_velocity)
     assert found == pytest.approx(np.tile([-15.0, 45.0, 0.0], (6, 1)), abs=2.0)  # it rolls a little, too
+    # A frame that is damaged makes those beside it no faster.
+    torn = np.degrees(measured([*pictures[:3], None, *pictures[4:]], readout_s=(0.0, 0.01)).angular_velocity)
+    assert np.delete(torn, 3, axis=0) == pytest.approx(np.delete(found, 3, axis=0), abs=2.0)
 
 
 def test_a_hand_that_trembles_goes_nowhere() -> None:
