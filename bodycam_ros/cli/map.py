@@ -38,7 +38,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
-    parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
+    parser.add_argument(
+        "--force", action="store_true", help="replace MAP, and DIR of --keep-frames, if it is there already"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     add_settings_flags(parser, MapSettings)

@@ -98,9 +98,9 @@ def photographs_of(
     else:
         camera = VideoCamera(source, arguments.camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        folder: Path = arguments.keep_frames or scratch / source.stem
+        folder: Path = arguments.keep_frames or scratch / "frames"
         keep_chosen_frames(camera, folder, settings, arguments.force, progress)
-        board = source.parent / BOARD_FILE
+        board = source.resolve().parent / BOARD_FILE
         yield find_photographs(folder, name=camera.name, board_path=board if board.is_file() else None)
 
 

@@ -116,7 +116,7 @@ def _features(
             advance()
     if len(features) < 2:
         raise MapError(
-            f"{photographs.folder}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
+            f"{photographs.where}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
     return features
@@ -144,7 +144,7 @@ def _tag_views(
             advance()
     if not any(tags.values()):
         raise MapError(
-            f"{photographs.folder}: no photograph shows a tag of the board ({board.family}: "
+            f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
             f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
             "from near by, or leave the board out (--no-board) for a map without scale"
         )
