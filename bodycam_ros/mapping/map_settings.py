@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
+from bodycam_ros.mapping.epipolar_matching import EpipolarSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
@@ -48,6 +49,7 @@ class MapSettings(SettingsGroups):
 
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
+    epipolar: EpipolarSettings = EpipolarSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     descriptors: DescriptorSettings = DescriptorSettings()
     kept: SmallPhotographSettings = SmallPhotographSettings()
