@@ -8,6 +8,12 @@ def root_sifts(rng, n):
     return np.round(512 * np.sqrt(shares)).clip(0, 255).astype(np.float32)
 
 
+def noisy(rng, descriptors):
+    """The same descriptors a little changed, and of the length that they have."""
+    changed = np.clip(descriptors + rng.normal(0.0, 8.0, descriptors.shape), 0.0, 255.0)
+    return (512.0 * changed / np.linalg.norm(changed, axis=1, keepdims=True)).astype(np.float32)
+
+
 def by_distances(first, second, max_ratio):
     distances = np.linalg.norm(first[:, None] - second[None], axis=2)
     pairs = []
@@ -22,7 +28,7 @@ def by_distances(first, second, max_ratio):
 def test_matches_are_those_of_all_distances():
     rng = np.random.default_rng(3)
     first = root_sifts(rng, 80)
-    second = np.concatenate([first[20:60] + rng.normal(0.0, 8.0, (40, 128)).astype(np.float32), root_sifts(rng, 30)])
+    second = np.concatenate([noisy(rng, first[20:60]), root_sifts(rng, 30)])
     found = mutual_matches(first, second, 0.8)
     assert [tuple(pair) for pair in found.tolist()] == by_distances(first, second, 0.8)
     assert len(found) >= 40
@@ -31,7 +37,7 @@ def test_matches_are_those_of_all_distances():
 def test_what_is_there_twice_is_left_out():
     rng = np.random.default_rng(4)
     first = root_sifts(rng, 50)
-    once, again = (np.clip(first + rng.normal(0.0, 8.0, first.shape), 0.0, 255.0).astype(np.float32) for _ in range(2))
+    once, again = (noisy(rng, first) for _ in range(2))
     assert len(mutual_matches(first, once, 0.8)) == 50
     assert len(mutual_matches(first, np.concatenate([once, again]), 0.8)) < 5
 
