@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.registration.patch_kernels import PATCH
 from bodycam_ros.registration.rolling_shutter import seen_later
@@ -85,24 +86,34 @@ def choose_in_numpy(
 
 def best_views_in_numpy(
     camera: CameraModel,
-    centre: Array,
+    world_T_camera: Array,
     points_world: Array,
     rows: NDArray[np.int64],
-    reference_focal_px: float,
-    reference_centres: Array,
+    reference_cameras: list[CameraModel],
+    world_T_reference: Array,
     observers: list[list[int]],
 ) -> NDArray[np.int64]:
-    """``observers``: for each landmark the photographs that see it."""
+    """``reference_cameras``: of each photograph; ``observers``: for each landmark the photographs that see it."""
     views = np.full(len(rows), -1)
     for n, row in enumerate(rows):
-        if not observers[row]:
-            continue
-        point, seers = points_world[row], np.array(observers[row])
-        ours, theirs = centre - point, reference_centres[seers] - point
-        distance, apart = np.linalg.norm(ours), np.linalg.norm(theirs, axis=1)
-        coarser = np.log2((camera.fx / distance) / (reference_focal_px / apart))
-        views[n] = seers[np.argmax(theirs @ ours / (apart * distance) - 0.15 * np.maximum(coarser, 0.0))]
+        point = points_world[row]
+        ours, scale = shown_in_numpy(camera, world_T_camera, point)
+        best = -np.inf
+        for k in observers[row]:
+            theirs, shown = shown_in_numpy(reference_cameras[k], world_T_reference[k], point)
+            merit = theirs @ ours - 0.15 * max(np.log2(scale / shown), 0.0)
+            if merit > best:
+                best, views[n] = merit, k
     return views
+
+
+def shown_in_numpy(camera: CameraModel, world_T_camera: Array, point: Array) -> tuple[Array, float]:
+    """Unit direction to a point, and how finely it is shown [px/m], by the table of the lens."""
+    offset = point - world_T_camera[:3, 3]
+    distance = float(np.linalg.norm(offset))
+    scales = local_scales(camera)
+    at = np.rint((offset @ world_T_camera[:3, 2] / distance + 1.0) / 2.0 * (len(scales) - 1))
+    return offset / distance, float(scales[int(at)]) / distance
 
 
 def align_in_numpy(
@@ -111,7 +122,7 @@ def align_in_numpy(
     twist: Array,
     readout_time: float,
     image: Levels,
-    reference_camera: CameraModel,
+    reference_cameras: list[CameraModel],
     world_T_reference: Array,
     references: list[Levels],
     views: NDArray[np.int64],
@@ -122,14 +133,14 @@ def align_in_numpy(
     last_level: int,
     least_likeness: float,
 ) -> tuple[Array, Array]:
-    """As ``align_patches``; pyramids are lists of images."""
+    """As ``align_patches``; ``reference_cameras``: of each picture; pyramids are lists of images."""
     pixels, valid = project_moving_in_numpy(camera, world_T_camera, points_world, twist, readout_time)
     likeness = np.full(len(points_world), np.nan)
     for n in np.flatnonzero(valid & (views >= 0)):
         k = views[n]
         along = plane_axes(normals[n])
         _, here = derivative(camera, world_T_camera, points_world[n], along)
-        shown, there = derivative(reference_camera, world_T_reference[k], points_world[n], along)
+        shown, there = derivative(reference_cameras[k], world_T_reference[k], points_world[n], along)
         if not (np.isfinite(here).all() and np.isfinite(there).all()) or abs(np.linalg.det(here)) <= 1e-9:
             continue
         if len(reference_pixels):

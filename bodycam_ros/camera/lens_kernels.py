@@ -22,9 +22,10 @@ Mask = NDArray[np.bool_]
 PERSPECTIVE, EQUIDISTANT, FOV = 0.0, 1.0, 2.0
 _MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, _MAX_ANGLE, _MAX_RADIUS, _REGULAR_ANGLE = range(10)
 _COEFFICIENTS = 10
-_TABLE = (
-    18  # distorted radii, then what has them: undistorted radii of a perspective lens, angles of an equidistant one
-)
+PROJECTION = 18
+"""Entries of a lens that projecting takes: kernels that do no more may be given these alone."""
+# Then distorted radii, and what has them: undistorted radii of a perspective lens, angles of an equidistant one.
+_TABLE = PROJECTION
 
 _TINY = 1e-300
 _MAX_STEPS = 20

@@ -47,6 +47,7 @@ def build_map(
     board = None if board_path is None else read_board(board_path)
     timed = TimedProgress(progress)
     camera = photographs.camera
+    camera_of_name = {path.name: camera for path in photographs.paths}
 
     # Features, with the detector that body cameras use.
     features = _features(photographs, settings.features, workers, timed)
@@ -54,9 +55,11 @@ def build_map(
     tags = {} if board is None else _tag_views(photographs, features, board, settings.tags, workers, timed)
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
-        structure = reconstruct(features, camera, settings.pairs, settings.epipolar, settings.landmarks, workers, timed)
+        structure = reconstruct(
+            features, camera_of_name, settings.pairs, settings.epipolar, settings.landmarks, workers, timed
+        )
     else:
-        structure = adopt_model(model_folder, features, camera, settings.landmarks)
+        structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
 
     # Scale, origin and upward direction.
     alignment = None
@@ -74,12 +77,12 @@ def build_map(
     with timed.step("describing landmarks", 1) as advance:
         by_name = {image.name: image for image in features}
         seen = [by_name[name] for name in structure.names]
-        chosen = choose_descriptors(structure, seen, camera, settings.descriptors)
+        chosen = choose_descriptors(structure, seen, settings.descriptors)
         advance()
     kept = None
     if settings.kept.keep:
-        kept = small_photographs(photographs.folder, structure, camera, settings.kept, workers, timed)
-    registrations = registration_table([image.name for image in features], structure, camera, tags)
+        kept = small_photographs(photographs.folder, structure, settings.kept, workers, timed)
+    registrations = registration_table([image.name for image in features], structure, tags)
     residual = None if alignment is None else alignment.residual
     reference_map = ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
@@ -94,9 +97,9 @@ def build_map(
         metric=alignment is not None,
         gravity_aligned=board is not None and board.map_R_board is not None,
         photographs=kept,
-        summary=map_summary(photographs, structure, camera, settings, residual, registrations),
+        summary=map_summary(photographs, structure, settings, residual, registrations),
     )
-    return BuiltMap(reference_map, structure, camera, registrations, residual, timed.seconds)
+    return BuiltMap(reference_map, structure, registrations, residual, timed.seconds)
 
 
 def _features(

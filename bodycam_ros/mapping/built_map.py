@@ -46,7 +46,6 @@ class BuiltMap:
     Attributes:
         reference_map: landmarks, descriptors, poses.
         structure: the same with all observations, in the map frame.
-        camera: of the photographs.
         registrations: one per readable photograph.
         residual: of the board; None without one.
         seconds: step -> time that it took.
@@ -54,7 +53,6 @@ class BuiltMap:
 
     reference_map: ReferenceMap
     structure: Structure
-    camera: CameraModel
     registrations: tuple[Registration, ...]
     residual: BoardResidual | None
     seconds: dict[str, float]
@@ -68,17 +66,17 @@ class BuiltMap:
         """
 
         def write_structure(folder: Path) -> None:
-            colmap.write_model(folder / _MODEL_FOLDER, self.structure, self.camera)
+            colmap.write_model(folder / _MODEL_FOLDER, self.structure)
             write_ply(folder / _PLY_FILE, self.structure)
 
         self.reference_map.save(path, force=force, also=write_structure)
 
 
 def registration_table(
-    names: Sequence[str], structure: Structure, camera: CameraModel, tags: Mapping[str, Sequence[TagView]]
+    names: Sequence[str], structure: Structure, tags: Mapping[str, Sequence[TagView]]
 ) -> tuple[Registration, ...]:
     """What became of each of the photographs ``names``, in their order."""
-    errors = structure.reprojection_errors(camera)
+    errors = structure.reprojection_errors()
     view_of = {name: view for view, name in enumerate(structure.names)}
     registrations = []
     for name in names:
@@ -95,13 +93,12 @@ def registration_table(
 def map_summary(
     photographs: Photographs,
     structure: Structure,
-    camera: CameraModel,
     settings: MapSettings,
     residual: BoardResidual | None,
     registrations: Sequence[Registration],
 ) -> dict[str, Any]:
     """The document, of plain values only."""
-    errors = structure.reprojection_errors(camera)
+    errors = structure.reprojection_errors()
     return {
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "program": f"bodycam_ros {__version__}",
@@ -111,12 +108,7 @@ def map_summary(
         "landmarks": len(structure.points_world),
         "observations": len(errors),
         "mean_reprojection_error_px": round(float(errors.mean()), 4),
-        "camera": {
-            "distortion_model": camera.distortion_model,
-            "size": [camera.width, camera.height],
-            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
-            "d": list(camera.distortion),
-        },
+        **_cameras_summary(structure.cameras),
         "board_residual": None if residual is None else asdict(residual),
         "settings": settings.as_mapping(),
         "registrations": [
@@ -125,3 +117,18 @@ def map_summary(
             for r in registrations
         ],
     }
+
+
+def _cameras_summary(cameras: Sequence[CameraModel]) -> dict[str, Any]:
+    documents = [
+        {
+            "distortion_model": camera.distortion_model,
+            "size": [camera.width, camera.height],
+            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
+            "d": list(camera.distortion),
+        }
+        for camera in cameras
+    ]
+    if len(cameras) == 1:
+        return {"camera": documents[0]}
+    return {"cameras": {camera.name: document for camera, document in zip(cameras, documents, strict=True)}}

@@ -5,7 +5,7 @@ All pixels are shifted by half a pixel between COLMAP's convention and ours, see
 
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolma
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.mapping.structure import Structure, cameras_of
 
 _RANDOM_SEED = 1
 _LONGEST_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
@@ -35,8 +35,8 @@ _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
 
 
-def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeatures]) -> None:
-    """Create a COLMAP database with one camera and the features of all photographs.
+def write_database(path: Path, camera_of_name: Mapping[str, CameraModel], features: Sequence[ImageFeatures]) -> None:
+    """Create a COLMAP database with the features of all photographs, and the cameras that took them.
 
     Raises:
         MapError: the disk refuses.
@@ -48,12 +48,10 @@ def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeat
             f"{path}: COLMAP cannot make its database here: {error} Is the disk full? TMPDIR names another place"
         ) from error
     with opened as database:
-        camera_id = database.write_camera(colmap_camera(camera))
-        sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_id)
-        rig = pycolmap.Rig()
-        rig.add_ref_sensor(sensor)
-        rig_id = database.write_rig(rig)
-        for image in features:
+        cameras, camera_of_view = cameras_of([image.name for image in features], camera_of_name)
+        written = [_write_camera(database, camera) for camera in cameras]
+        for image, row in zip(features, camera_of_view.tolist(), strict=True):
+            camera_id, sensor, rig_id = written[row]
             image_id = database.write_image(pycolmap.Image(name=image.name, camera_id=camera_id))
             frame = pycolmap.Frame()
             frame.rig_id = rig_id
@@ -63,6 +61,15 @@ def write_database(path: Path, camera: CameraModel, features: Sequence[ImageFeat
             database.write_descriptors(
                 image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, image.descriptors)
             )
+
+
+def _write_camera(database: pycolmap.Database, camera: CameraModel) -> tuple[int, pycolmap.sensor_t, int]:
+    """A camera that is a rig of its own: identifier, sensor, identifier of the rig."""
+    camera_id = database.write_camera(colmap_camera(camera))
+    sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_id)
+    rig = pycolmap.Rig()
+    rig.add_ref_sensor(sensor)
+    return camera_id, sensor, database.write_rig(rig)
 
 
 def reconstruct(
@@ -141,9 +148,14 @@ def observations_of_points(reconstruction: pycolmap.Reconstruction, min_views: i
     return int(lengths[lengths >= min_views].sum())
 
 
-def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:
-    """Our arrays of a COLMAP model; ``observation_features`` are its own rows of 2D points."""
-    images = sorted((i for i in reconstruction.images.values() if i.has_pose), key=lambda i: i.name)
+def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapping[str, CameraModel]) -> Structure:
+    """Our arrays of a COLMAP model; ``observation_features`` are its own rows of 2D points.
+
+    Args:
+        reconstruction: the model.
+        camera_of_name: the camera of each of its photographs, as we know it.
+    """
+    images = _registered_images(reconstruction)
     point_ids = sorted(reconstruction.points3D)
     row_of_point = {point_id: row for row, point_id in enumerate(point_ids)}
     views, points, pixels, rows = [], [], [], []
@@ -157,8 +169,12 @@ def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:
     camera_T_world = np.tile(np.eye(4), (len(images), 1, 1))
     for view, image in enumerate(images):
         camera_T_world[view, :3] = image.cam_from_world().matrix()
+    names = [i.name for i in images]
+    cameras, camera_of_view = cameras_of(names, camera_of_name)
     return Structure(
-        names=[i.name for i in images],
+        names=names,
+        cameras=cameras,
+        camera_of_view=camera_of_view,
         world_T_camera=inverse(camera_T_world),
         points_world=np.array([reconstruction.points3D[p].xyz for p in point_ids]).reshape(-1, 3),
         colours=np.array([reconstruction.points3D[p].color for p in point_ids], dtype=np.uint8).reshape(-1, 3),
@@ -171,11 +187,19 @@ def structure_from(reconstruction: pycolmap.Reconstruction) -> Structure:
 
 def poses_of(reconstruction: pycolmap.Reconstruction) -> dict[str, NDArray[np.float64]]:
     """world_T_camera (4, 4) of every photograph that is registered, by its name."""
-    poses = {}
-    for image in reconstruction.images.values():
-        if image.has_pose:
-            poses[image.name] = inverse(np.vstack([image.cam_from_world().matrix(), [0.0, 0.0, 0.0, 1.0]]))
-    return poses
+    return {
+        image.name: inverse(np.vstack([image.cam_from_world().matrix(), [0.0, 0.0, 0.0, 1.0]]))
+        for image in _registered_images(reconstruction)
+    }
+
+
+def registered_names(reconstruction: pycolmap.Reconstruction) -> list[str]:
+    """Names of the photographs whose poses a model knows."""
+    return [image.name for image in _registered_images(reconstruction)]
+
+
+def _registered_images(reconstruction: pycolmap.Reconstruction) -> list[pycolmap.Image]:
+    return sorted((i for i in reconstruction.images.values() if i.has_pose), key=lambda i: i.name)
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
@@ -207,21 +231,25 @@ def _try_in_another_process(folder: Path) -> None:
         raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {problem}")
 
 
-def write_model(folder: Path, structure: Structure, camera: CameraModel) -> None:
+def write_model(folder: Path, structure: Structure) -> None:
     """Write a structure as a COLMAP binary model with only the 2D points that see a landmark.
 
-    A landmark's id is its row; images are numbered from 1 as COLMAP does.
+    A landmark's id is its row; cameras and images are numbered from 1 as COLMAP does.
     """
     reconstruction = pycolmap.Reconstruction()
-    sensor = colmap_camera(camera)
-    sensor.camera_id = 1
-    reconstruction.add_camera_with_trivial_rig(sensor)
+    for row, camera in enumerate(structure.cameras):
+        sensor = colmap_camera(camera)
+        sensor.camera_id = row + 1
+        reconstruction.add_camera_with_trivial_rig(sensor)
     camera_T_world = inverse(structure.world_T_camera)
     tracks = [pycolmap.Track() for _ in structure.points_world]
     for view, name in enumerate(structure.names):
         seen = np.flatnonzero(structure.observation_views == view)
         image = pycolmap.Image(
-            name=name, keypoints=structure.observation_pixels[seen] + PIXEL_SHIFT, camera_id=1, image_id=view + 1
+            name=name,
+            keypoints=structure.observation_pixels[seen] + PIXEL_SHIFT,
+            camera_id=int(structure.camera_of_view[view]) + 1,
+            image_id=view + 1,
         )
         reconstruction.add_image_with_trivial_frame(image, pycolmap.Rigid3d(camera_T_world[view, :3]))
         for row, point in enumerate(structure.observation_points[seen].tolist()):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure
 from bodycam_ros.settings import setting
@@ -29,7 +29,8 @@ class LandmarkDescriptors:
         landmark: (D,) uint32 row of the landmark, ascending.
         descriptors: (D, 128) uint8 RootSIFT.
         view: (D, 3) float32 unit direction, in the world, from the landmark to the camera that gave it.
-        size: (D,) float32 size of the feature [m]: its sigma [px] times distance over focal length.
+        size: (D,) float32 size of the feature [m]: its sigma [px] times distance over the pixels
+            per radian that the lens has there.
     """
 
     landmark: NDArray[np.uint32]
@@ -39,14 +40,13 @@ class LandmarkDescriptors:
 
 
 def choose_descriptors(
-    structure: Structure, features: Sequence[ImageFeatures], camera: CameraModel, settings: DescriptorSettings
+    structure: Structure, features: Sequence[ImageFeatures], settings: DescriptorSettings
 ) -> LandmarkDescriptors:
     """Pick each landmark's descriptors so that they spread over the directions that it was seen from.
 
     Args:
         structure: in the frame of the map.
         features: of the photographs of ``structure``, in its order.
-        camera: that took them.
         settings: how many to keep.
     """
     known = structure.observation_features != NO_FEATURE
@@ -72,13 +72,23 @@ def choose_descriptors(
         here = views == view
         descriptors[here] = image.descriptors[rows[here]]
         sigmas[here] = image.sigmas[rows[here]]
-    focal_length = np.sqrt(camera.fx * camera.fy)
+    scales = _local_scales(structure, points_camera)[chosen]
     return LandmarkDescriptors(
         landmark=structure.observation_points[chosen].astype(np.uint32),
         descriptors=descriptors,
         view=to_camera[chosen].astype(np.float32),
-        size=(sigmas * points_camera[chosen, 2] / focal_length).astype(np.float32),
+        size=(sigmas * distances[chosen] / scales).astype(np.float32),
     )
+
+
+def _local_scales(structure: Structure, points_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(O,) pixels per radian where each observation is seen."""
+    cosines = points_camera[:, 2] / np.linalg.norm(points_camera, axis=1)
+    scales = np.empty(len(points_camera))
+    for camera, seen in structure.observations_by_camera():
+        table = local_scales(camera)
+        scales[seen] = np.interp(cosines[seen], np.linspace(-1.0, 1.0, len(table)), table)
+    return scales
 
 
 def _spread(directions: NDArray[np.float64], count: int) -> NDArray[np.int64]:

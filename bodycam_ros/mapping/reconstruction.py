@@ -2,7 +2,7 @@
 
 import logging
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +35,7 @@ _SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same d
 
 def reconstruct(
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     pair_settings: PairSettings,
     epipolar_settings: EpipolarSettings,
     landmark_settings: LandmarkSettings,
@@ -60,7 +60,7 @@ def reconstruct(
 
         coarse = None
         for count in (pair_settings.registering_features, max(len(image.pixels) for image in features)):
-            coarse = _coarse_model(features, camera, pairs, count, pair_settings, scratch, workers, progress)
+            coarse = _coarse_model(features, camera_of_name, pairs, count, pair_settings, scratch, workers, progress)
             if coarse is not None and 2 * coarse.num_reg_images() > len(features):
                 break
         registered = 0 if coarse is None else coarse.num_reg_images()
@@ -70,20 +70,22 @@ def reconstruct(
                 "textured things from different places. Take more of them with at least half of the view in common "
                 "with the next, sharp and well lit, and check that camera.yaml belongs to the camera"
             )
-        _check_fits(coarse, camera, landmark_settings, workers)
-        database = _matched_in_full(features, camera, coarse, pairs, epipolar_settings, scratch, workers, progress)
+        _check_fits(coarse, camera_of_name[features[0].name], landmark_settings, workers)
+        database = _matched_in_full(
+            features, camera_of_name, coarse, pairs, epipolar_settings, scratch, workers, progress
+        )
         with progress.step("adjusting the bundle", 3) as advance:
             model = complete(database, coarse, landmark_settings.min_angle, workers, advance)
             # A 4.1
             colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
-            structure = colmap.structure_from(model)
+            structure = colmap.structure_from(model, camera_of_name)
             advance()
     return _coloured(_keep_seen(structure, landmark_settings), features)
 
 
 def _coarse_model(
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     pairs: Sequence[tuple[int, int]],
     count: int,
     settings: PairSettings,
@@ -97,7 +99,7 @@ def _coarse_model(
     database = folder / "database.db"
     database.unlink(missing_ok=True)
     largest = [image.largest(count) for image in features]
-    colmap.write_database(database, camera, largest)
+    colmap.write_database(database, camera_of_name, largest)
     descriptors = [image.descriptors.astype(np.float32) for image in largest]
 
     def match(pair: tuple[int, int]) -> NDArray[np.uint32]:
@@ -116,7 +118,7 @@ def _coarse_model(
 
 def _matched_in_full(
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     coarse: pycolmap.Reconstruction,
     pairs: Sequence[tuple[int, int]],
     settings: EpipolarSettings,
@@ -126,7 +128,7 @@ def _matched_in_full(
 ) -> Path:
     """A database of all features with the matches of all pairs, by the poses where both are known."""
     database = scratch / "database.db"
-    colmap.write_database(database, camera, features)
+    colmap.write_database(database, camera_of_name, features)
     poses = colmap.poses_of(coarse)
     posed = [image for image in features if image.name in poses]
     row_of = {image.name: row for row, image in enumerate(posed)}
@@ -136,7 +138,7 @@ def _matched_in_full(
     with progress.step("matching in full", len(pairs)) as advance:
         matches = match_known_poses(
             posed,
-            [camera] * len(posed),
+            [camera_of_name[image.name] for image in posed],
             np.array([poses[image.name] for image in posed]),
             [(row_of[first], row_of[second]) for first, second in known],
             settings,
@@ -158,7 +160,7 @@ def _names(features: Sequence[ImageFeatures], pairs: Sequence[tuple[int, int]]) 
 def adopt_model(
     folder: Path,
     features: Sequence[ImageFeatures],
-    camera: CameraModel,
+    camera_of_name: Mapping[str, CameraModel],
     settings: LandmarkSettings,
 ) -> Structure:
     """Take over an existing COLMAP model, with our descriptors at its observations.
@@ -166,7 +168,7 @@ def adopt_model(
     Args:
         folder: of the model's cameras, images and points3D.
         features: of all photographs; those that the model lacks are left out.
-        camera: that took the photographs; must be the one of the model.
+        camera_of_name: the camera of each photograph; must be those of the model.
         settings: criteria for landmarks.
 
     Raises:
@@ -174,15 +176,16 @@ def adopt_model(
     """
     model = colmap.read_model(folder)
     colmap.keep_good_points(model, np.inf, settings.min_angle)
-    structure = colmap.structure_from(model)
     known = {image.name: image for image in features}
-    missing = [name for name in structure.names if name not in known]
-    if missing or len(structure.names) < 2:
+    names = colmap.registered_names(model)
+    missing = [name for name in names if name not in known]
+    if missing or len(names) < 2:
         raise MapError(
-            f"{folder}: the model registers {len(structure.names)} photographs, of which {len(missing)} are not "
+            f"{folder}: the model registers {len(names)} photographs, of which {len(missing)} are not "
             f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder of the model"
         )
-    errors = structure.reprojection_errors(camera)
+    structure = colmap.structure_from(model, camera_of_name)
+    errors = structure.reprojection_errors()
     if not len(errors) or not float(np.median(errors)) <= settings.max_model_error:
         median = float(np.median(errors)) if len(errors) else float("nan")
         raise MapError(

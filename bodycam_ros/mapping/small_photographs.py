@@ -1,7 +1,6 @@
 """The photographs as the map keeps them: small, grey, and with the surfaces that its landmarks lie on."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -42,7 +41,6 @@ class SmallPhotographSettings:
 def small_photographs(
     folder: Path,
     structure: Structure,
-    camera: CameraModel,
     settings: SmallPhotographSettings,
     workers: int,
     progress: Progress,
@@ -52,7 +50,6 @@ def small_photographs(
     Args:
         folder: with the photographs.
         structure: in the frame of the map.
-        camera: that took them.
         settings: sizes.
         workers: threads.
         progress: shows the step.
@@ -60,17 +57,22 @@ def small_photographs(
     Raises:
         MapError: a photograph cannot be read any more.
     """
-    small = _smaller(camera, min(1.0, settings.width / camera.width))
-    encode = partial(_encoded, size=(small.width, small.height), quality=settings.quality)
+    cameras = tuple(_smaller(camera, min(1.0, settings.width / camera.width)) for camera in structure.cameras)
+
+    def encode(view: int) -> bytes:
+        camera = cameras[structure.camera_of_view[view]]
+        return _encoded(folder / structure.names[view], (camera.width, camera.height), settings.quality)
+
     jpegs = []
     with progress.step("keeping photographs", len(structure.names)) as advance:
-        for jpeg in in_parallel(encode, [folder / name for name in structure.names], workers):
+        for jpeg in in_parallel(encode, range(len(structure.names)), workers):
             jpegs.append(jpeg)
             advance()
     order = np.lexsort((structure.observation_views, structure.observation_points))
     return MapPhotographs(
         jpegs=tuple(jpegs),
-        camera=small,
+        cameras=cameras,
+        camera_of_view=structure.camera_of_view.astype(np.uint16),
         world_T_camera=structure.world_T_camera,
         observation_landmark=structure.observation_points[order].astype(np.uint32),
         observation_view=structure.observation_views[order].astype(np.uint16),

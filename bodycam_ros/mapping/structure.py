@@ -1,6 +1,6 @@
 """What structure from motion recovers: camera poses, points and who sees what; and that as a PLY file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +22,8 @@ class Structure:
 
     Attributes:
         names: file names of the K registered photographs.
+        cameras: that took them.
+        camera_of_view: (K,) int64 row of the camera of each.
         world_T_camera: (K, 4, 4) their poses.
         points_world: (L, 3) points.
         colours: (L, 3) uint8 RGB.
@@ -32,6 +34,8 @@ class Structure:
     """
 
     names: Sequence[str]
+    cameras: tuple[CameraModel, ...]
+    camera_of_view: NDArray[np.int64]
     world_T_camera: NDArray[np.float64]
     points_world: NDArray[np.float64]
     colours: NDArray[np.uint8]
@@ -79,10 +83,31 @@ class Structure:
         """Number (L,) of observations of each point."""
         return np.bincount(self.observation_points, minlength=len(self.points_world))
 
-    def reprojection_errors(self, camera: CameraModel) -> NDArray[np.float64]:
+    def reprojection_errors(self) -> NDArray[np.float64]:
         """Distance (O,) [px] from where a point projects to where it was seen; infinite outside the lens."""
-        projected, valid = camera.project(self.observed_points_camera())
-        return np.where(valid, np.linalg.norm(projected - self.observation_pixels, axis=1), np.inf)
+        points_camera = self.observed_points_camera()
+        errors = np.full(len(points_camera), np.inf)
+        for camera, seen in self.observations_by_camera():
+            projected, valid = camera.project(points_camera[seen])
+            errors[seen[valid]] = np.linalg.norm(projected - self.observation_pixels[seen], axis=1)[valid]
+        return errors
+
+    def observations_by_camera(self) -> Iterator[tuple[CameraModel, NDArray[np.int64]]]:
+        """Each camera with the rows of its observations."""
+        camera_of_observation = self.camera_of_view[self.observation_views]
+        for row, camera in enumerate(self.cameras):
+            yield camera, np.flatnonzero(camera_of_observation == row)
+
+
+def cameras_of(
+    names: Sequence[str], camera_of_name: Mapping[str, CameraModel]
+) -> tuple[tuple[CameraModel, ...], NDArray[np.int64]]:
+    """The different cameras of photographs, in the order in which they come first, and the row of each photograph's."""
+    taken_by = [camera_of_name[name] for name in names]
+    row_of = {id(camera): row for row, camera in reversed(list(enumerate(taken_by)))}
+    firsts = sorted(row_of.values())
+    rows = np.searchsorted(firsts, [row_of[id(camera)] for camera in taken_by]).astype(np.int64)
+    return tuple(taken_by[row] for row in firsts), rows
 
 
 def write_ply(path: Path, structure: Structure) -> None:

@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,15 +32,18 @@ _PADDING = struct.Struct("<HH")  # of an extra field: an identifier, and its len
 _PADDING_ID = 0xBC0D  # nobody's
 
 
-def read_arrays(path: Path, dtypes: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+def read_arrays(
+    path: Path, dtypes: Mapping[str, str], optional: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, NDArray[Any]]:
     """Read arrays without pickle, with their checksums, and without allocating more than the file can hold.
 
     Args:
         path: an npz file, by ``write_arrays`` or any other.
         dtypes: name of a wanted array -> its dtype without byte order ("u4", "f8"); "U" for text of any length.
+        optional: the same of arrays that the file may lack.
 
     Returns:
-        The arrays. What is written to one is seen by nobody else, and stays in memory.
+        The arrays that are there. What is written to one is seen by nobody else, and stays in memory.
 
     Raises:
         MapError: the file is damaged, encrypted, or does not hold these arrays; the message names file and array.
@@ -51,7 +55,9 @@ def read_arrays(path: Path, dtypes: Mapping[str, str]) -> dict[str, NDArray[Any]
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
             arrays = {}
-            for name, dtype in dtypes.items():
+            there = set(archive.namelist())
+            extra = {name: dtype for name, dtype in optional.items() if f"{name}.npy" in there}
+            for name, dtype in (dict(dtypes) | extra).items():
                 arrays[name] = _array(archive, mapped, f"{name}.npy", dtype)
             return arrays
     except MemoryError as error:

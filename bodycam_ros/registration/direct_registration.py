@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import lens_parameters
+from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
@@ -23,6 +24,7 @@ from bodycam_ros.registration.rolling_shutter import ImageMotion
 from bodycam_ros.settings import setting
 
 _WHERE_THEY_PROJECT = np.zeros((0, 2))
+_ALL_OF_ONE = np.zeros(1, np.uint16)  # camera, that took the image before
 _STILL = np.zeros(6)
 _AGREE = 0.6  # share of what is found; what agrees by chance is less
 _LEAST_FOUND = 8
@@ -111,7 +113,7 @@ class DirectRegistration:
         self._camera, self._photographs = camera, photographs
         self._settings = settings
         self._pose_fit = pose_fit
-        self._lens = lens_parameters(camera)
+        self._lens, self._scales = lens_parameters(camera), local_scales(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         # The latest image and the one before it.
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)
@@ -178,10 +180,11 @@ class DirectRegistration:
             *self._moving(predicted, motion),
             image,
             self._levels,
-            self._lens,
+            self._lens[None],
+            _ALL_OF_ONE,
             as_rows(before.world_T_camera)[None],
             previous[None],
-            self._levels,
+            self._levels[None],
             np.zeros(len(rows), np.int64),
             as_rows(shown),
             self._points[rows],
@@ -200,12 +203,13 @@ class DirectRegistration:
         """(N,) the photograph for each landmark, which is there afterwards."""
         photographs = self._photographs
         views: NDArray[np.int64] = best_views(
-            self._lens,
-            as_rows(near[:3, 3]),
+            self._scales,
+            as_rows(near),
             self._points,
             rows,
-            photographs.camera.fx,
-            photographs.centres,
+            photographs.local_scales,
+            photographs.camera_of_view,
+            as_rows(photographs.world_T_camera),
             photographs.first_observation,
             photographs.observation_view,
         )
@@ -227,7 +231,8 @@ class DirectRegistration:
             *self._moving(near, motion),
             self._pyramids[0],
             self._levels,
-            lens_parameters(photographs.camera),
+            photographs.lenses,
+            photographs.camera_of_view,
             as_rows(photographs.world_T_camera),
             photographs.pyramids,
             photographs.levels,

@@ -96,46 +96,62 @@ def choose_landmarks(
     return rows, pixels
 
 
-@kernel("(f8[::1], f8[::1], f8[:, ::1], i8[::1], f8, f8[:, ::1], i8[::1], u2[::1])")
+@kernel(
+    "(f8[::1], f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], u2[::1], f8[:, :, ::1], i8[::1], u2[::1])",
+)
 def best_views(
-    lens: Array,
-    centre: Array,
+    scales: Array,
+    world_T_camera: Array,
     points_world: Array,
     rows: Whole,
-    reference_focal_px: float,
-    reference_centres: Array,
+    reference_scales: Array,
+    camera_of_view: NDArray[np.uint16],
+    world_T_reference: Array,
     first_observation: Whole,
     observation_view: NDArray[np.uint16],
 ) -> Whole:
     """For each landmark (rows, (N,)) the photograph that shows it most as the camera does: its side, and fine enough.
 
     Args:
-        lens: of the camera.
-        centre: (3,) where it is [m].
+        scales: (S,) of the camera's lens, see ``local_scales``.
+        world_T_camera: (4, 4) its pose.
         points_world: (L, 3) [m].
         rows: (N,) of the landmarks.
-        reference_focal_px: of the photographs.
-        reference_centres: (K, 3) where they were taken.
+        reference_scales: (C, S) of the lenses of the photographs.
+        camera_of_view: (K,) which of them took each.
+        world_T_reference: (K, 4, 4) where from.
         first_observation: (L + 1,) where the observations of each landmark begin.
         observation_view: (O,) their photographs.
     """
     views = np.empty(len(rows), np.int64)
     for n in range(len(rows)):
         i = rows[n]
-        px, py, pz = points_world[i, 0], points_world[i, 1], points_world[i, 2]
-        ax, ay, az = centre[0] - px, centre[1] - py, centre[2] - pz
-        distance = math.sqrt(ax * ax + ay * ay + az * az)
-        best, views[n] = -math.inf, -1
+        views[n] = -1
+        if first_observation[i] == first_observation[i + 1]:
+            continue
+        ax, ay, az, scale = _view_of(scales, world_T_camera, points_world[i])
+        best = -math.inf
         for o in range(first_observation[i], first_observation[i + 1]):
             k = observation_view[o]
-            bx, by, bz = reference_centres[k, 0] - px, reference_centres[k, 1] - py, reference_centres[k, 2] - pz
-            apart = math.sqrt(bx * bx + by * by + bz * bz)
-            cosine = (ax * bx + ay * by + az * bz) / (distance * apart)
-            coarser = math.log2((lens[3] / distance) / (reference_focal_px / apart))
-            merit = cosine - _FINER_IS_BETTER * max(coarser, 0.0)
+            bx, by, bz, shown = _view_of(reference_scales[camera_of_view[k]], world_T_reference[k], points_world[i])
+            merit = ax * bx + ay * by + az * bz
+            if shown < scale:
+                merit -= _FINER_IS_BETTER * math.log2(scale / shown)
             if merit > best:
                 best, views[n] = merit, k
     return views
+
+
+@kernel()
+def _view_of(scales: Array, world_T_camera: Array, point: Array) -> tuple[float, float, float, float]:
+    """Unit direction from a camera to a point of the world, and how finely that is shown there [px/m]."""
+    T = world_T_camera
+    dx, dy, dz = point[0] - T[0, 3], point[1] - T[1, 3], point[2] - T[2, 3]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    dx, dy, dz = dx / distance, dy / distance, dz / distance
+    cosine = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
+    nearest = int(0.5 * (cosine + 1.0) * (len(scales) - 1) + 0.5)
+    return dx, dy, dz, scales[min(max(nearest, 0), len(scales) - 1)] / distance
 
 
 @kernel()

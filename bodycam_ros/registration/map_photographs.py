@@ -12,10 +12,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.lens_kernels import PROJECTION, lens_parameters
+from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
+from bodycam_ros.registration.photograph_cameras import (
+    CAMERA_DTYPES,
+    SEVERAL_CAMERAS_DTYPES,
+    camera_arrays,
+    cameras_from,
+)
 
 PHOTOGRAPHS_FILE = "photographs.npz"
 
@@ -25,10 +33,7 @@ _DTYPES = {
     "observation_landmark": "u4",
     "observation_view": "u2",
     "normals": "f4",
-    "distortion_model": "U",
-    "size": "i8",
-    "intrinsics": "f8",
-    "distortion": "f8",
+    **CAMERA_DTYPES,
 }
 
 
@@ -38,7 +43,8 @@ class MapPhotographs:
 
     Attributes:
         jpegs: the K grey pictures, encoded.
-        camera: that would have taken them at their size.
+        cameras: that would have taken them at their size.
+        camera_of_view: (K,) uint16 which of the cameras took each.
         world_T_camera: (K, 4, 4) their poses.
         observation_landmark: (O,) uint32 row of the landmark that is seen, ascending.
         observation_view: (O,) uint16 row of the photograph that sees it.
@@ -46,7 +52,8 @@ class MapPhotographs:
     """
 
     jpegs: tuple[bytes, ...]
-    camera: CameraModel
+    cameras: tuple[CameraModel, ...]
+    camera_of_view: NDArray[np.uint16]
     world_T_camera: NDArray[np.float64]
     observation_landmark: NDArray[np.uint32]
     observation_view: NDArray[np.uint16]
@@ -67,7 +74,7 @@ class MapPhotographs:
         path = folder / PHOTOGRAPHS_FILE
         if not path.exists():
             return None
-        arrays = read_arrays(path, _DTYPES)
+        arrays = read_arrays(path, _DTYPES, SEVERAL_CAMERAS_DTYPES)
         ends, seen, views = arrays["jpeg_ends"], arrays["observation_landmark"], arrays["observation_view"]
         count = len(world_T_camera)
         sound = (
@@ -81,25 +88,19 @@ class MapPhotographs:
             and int(seen.max(initial=0)) < landmarks
             and int(views.max(initial=0)) < count
             and not np.any(np.diff(seen.astype(np.int64)) < 0)
-            and arrays["size"].shape == (2,)
-            and arrays["intrinsics"].shape == (4,)
-            and arrays["distortion_model"].size == 1
         )
         if not sound:
             raise MapError(f"{path}: damaged, or of another map; build the map again with 'bodycam map'")
         data = arrays["jpegs"].tobytes()
         starts = np.concatenate([[0], ends[:-1]])
-        width, height = map(int, arrays["size"])
-        fx, fy, cx, cy = map(float, arrays["intrinsics"])
-        model = str(arrays["distortion_model"].ravel()[0])
-        k = (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
         try:
-            camera = camera_from_info("photograph", width, height, model, arrays["distortion"], k)
+            cameras, camera_of_view = cameras_from(arrays, count)
         except LensError as error:
             raise MapError(f"{path}: damaged: {error}; build the map again with 'bodycam map'") from error
         return cls(
             jpegs=tuple(data[start:end] for start, end in zip(starts, ends, strict=True)),
-            camera=camera,
+            cameras=cameras,
+            camera_of_view=camera_of_view,
             world_T_camera=world_T_camera,
             observation_landmark=seen,
             observation_view=views,
@@ -108,29 +109,35 @@ class MapPhotographs:
 
     def save(self, folder: Path) -> None:
         """Write them into a map folder."""
-        camera = self.camera
         arrays: dict[str, NDArray[Any]] = dict(
             jpegs=np.frombuffer(b"".join(self.jpegs), np.uint8),
             jpeg_ends=np.cumsum([len(jpeg) for jpeg in self.jpegs], dtype=np.int64),
             observation_landmark=self.observation_landmark,
             observation_view=self.observation_view,
             normals=self.normals,
-            distortion_model=np.array(camera.distortion_model),
-            size=np.array([camera.width, camera.height], np.int64),
-            intrinsics=np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-            distortion=np.array(camera.distortion, np.float64),
+            **camera_arrays(self.cameras, self.camera_of_view),
         )
         write_arrays(folder / PHOTOGRAPHS_FILE, arrays)
 
     @cached_property
+    def lenses(self) -> NDArray[np.float64]:
+        """(C, PROJECTION) of the cameras, as kernels take what they project by."""
+        return np.stack([lens_parameters(camera)[:PROJECTION] for camera in self.cameras])
+
+    @cached_property
+    def local_scales(self) -> NDArray[np.float64]:
+        """(C, N) of the cameras: see ``local_scales``."""
+        return np.stack([local_scales(camera) for camera in self.cameras])
+
+    @cached_property
     def levels(self) -> NDArray[np.int64]:
-        """(levels, 3) of every pyramid: see ``pyramid_levels``."""
-        return pyramid_levels(self.camera.height, self.camera.width)
+        """(C, levels, 3) of the pyramids of each camera: see ``pyramid_levels``."""
+        return np.stack([pyramid_levels(camera.height, camera.width) for camera in self.cameras])
 
     @cached_property
     def pyramids(self) -> NDArray[np.uint8]:
-        """(K, bytes) pyramids, of which those that were asked for have been written: see ``develop``."""
-        return np.empty((len(self.jpegs), pyramid_size(self.levels)), np.uint8)
+        """(K, bytes of the largest) pyramids, of which those that were asked for have been written: see ``develop``."""
+        return np.empty((len(self.jpegs), max(map(pyramid_size, self.levels))), np.uint8)
 
     @cached_property
     def _developed(self) -> NDArray[np.bool_]:
@@ -141,11 +148,6 @@ class MapPhotographs:
         """(L + 1,) where in the observations those of each landmark begin."""
         return np.searchsorted(self.observation_landmark, np.arange(len(self.normals) + 1))
 
-    @cached_property
-    def centres(self) -> NDArray[np.float64]:
-        """(K, 3) where the photographs were taken [m]."""
-        return np.ascontiguousarray(self.world_T_camera[:, :3, 3])
-
     def develop(self, views: NDArray[np.integer]) -> None:
         """Make sure that the pyramids of these photographs are there.
 
@@ -153,8 +155,10 @@ class MapPhotographs:
             MapError: one of them is no picture, or of another size.
         """
         for view in np.unique(views[~self._developed[views]]):
+            camera = self.camera_of_view[view]
+            height, width = self.levels[camera, 0, 1:]
             picture = cv2.imdecode(np.frombuffer(self.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
-            if picture is None or picture.shape != (self.camera.height, self.camera.width):
+            if picture is None or picture.shape != (height, width):
                 raise MapError(f"photograph {view} of the map is damaged; build the map again with 'bodycam map'")
-            write_pyramid(picture, self.levels, self.pyramids[view])
+            write_pyramid(picture, self.levels[camera], self.pyramids[view])
             self._developed[view] = True

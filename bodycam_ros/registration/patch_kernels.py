@@ -30,8 +30,8 @@ _MOST_LEVELS = 4  # of a reference picture's pyramid, above its own size
 
 
 @kernel(
-    "(f8[::1], f8[:, ::1], f8[::1], f8, u1[::1], i8[:, ::1], f8[::1], f8[:, :, ::1], u1[:, ::1], i8[:, ::1], i8[::1],"
-    " f8[:, ::1], f8[:, ::1], f8[:, ::1], i8, i8, f8)",
+    "(f8[::1], f8[:, ::1], f8[::1], f8, u1[::1], i8[:, ::1], f8[:, ::1], u2[::1], f8[:, :, ::1], u1[:, ::1],"
+    " i8[:, :, ::1], i8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], i8, i8, f8)",
 )
 def align_patches(
     lens: Array,
@@ -40,7 +40,8 @@ def align_patches(
     readout_time: float,
     image: Bytes,
     image_levels: Whole,
-    reference_lens: Array,
+    reference_lenses: Array,
+    camera_of_view: NDArray[np.uint16],
     world_T_reference: Array,
     references: Bytes,
     reference_levels: Whole,
@@ -59,9 +60,10 @@ def align_patches(
         world_T_camera: (4, 4) its pose, as predicted.
         twist, readout_time: (6,) how it moves, and how long its rows are read out [s].
         image, image_levels: (bytes,) its pyramid, and (levels, 3) of it.
-        reference_lens: of the reference pictures.
+        reference_lenses: (C, PROJECTION or more) of the cameras of the reference pictures.
+        camera_of_view: (K,) which of them took each.
         world_T_reference: (K, 4, 4) their poses.
-        references, reference_levels: (K, bytes) their pyramids, and (levels, 3) of each.
+        references, reference_levels: (K, bytes) their pyramids, and (C, levels, 3) of those of each camera.
         views: (N,) the picture that each patch is taken from.
         reference_pixels: (N, 2) where it shows the landmark; none (0, 2): where the landmark projects.
         points_world: (N, 3) landmarks [m].
@@ -86,8 +88,9 @@ def align_patches(
         x, y, z, dx, dy, dz = in_camera(
             world_T_reference[k], points_world[n, 0], points_world[n, 1], points_world[n, 2]
         )
+        camera = camera_of_view[k]
         known, u, v, b00, b01, b10, b11 = _derivative(
-            reference_lens, world_T_reference[k], x, y, z, ax, ay, az, bx, by, bz
+            reference_lenses[camera], world_T_reference[k], x, y, z, ax, ay, az, bx, by, bz
         )
         determinant = a00 * a11 - a01 * a10
         if not (seen and known and abs(determinant) > 1e-9):
@@ -102,11 +105,11 @@ def align_patches(
             continue
         for level in range(first_level, last_level - 1, -1):
             size = 2.0**level
-            above = int(min(max(round(math.log2(scale * size)), 0), min(_MOST_LEVELS, len(reference_levels) - 1)))
+            above = int(min(max(round(math.log2(scale * size)), 0), min(_MOST_LEVELS, reference_levels.shape[1] - 1)))
             share = size / 2.0**above
             if not _warp(
                 references[k],
-                reference_levels[above],
+                reference_levels[camera, above],
                 u / 2.0**above,
                 v / 2.0**above,
                 w00 * share,

@@ -46,8 +46,8 @@ class ReferenceMap:
         descriptor_landmark: (D,) uint32 row of the landmark that a descriptor belongs to, ascending.
         descriptors: (D, 128) uint8 RootSIFT.
         descriptor_view: (D, 3) float32 unit direction from the landmark to the camera that gave the descriptor.
-        descriptor_size: (D,) float32 SIFT sigma [px] * depth / focal length [m]: where a camera of focal length f [px]
-            sees the landmark at depth z, the feature has sigma ``descriptor_size * f / z``.
+        descriptor_size: (D,) float32 size of the feature [m]: a camera that is r away, and shows f pixels per radian
+            there, sees it with SIFT sigma ``descriptor_size * f / r``.
         world_T_camera: (K, 4, 4) poses of the reference photographs.
         image_names: their K file names.
         metric: whether lengths are metres; without a board the scale is arbitrary.

@@ -9,13 +9,18 @@ from bodycam_ros.mapping import colmap
 
 @pytest.fixture
 def model(tmp_path):
-    structure, camera = small_structure()
-    colmap.write_model(tmp_path / "sparse", structure, camera)
-    return structure, camera, tmp_path / "sparse"
+    structure = small_structure()
+    colmap.write_model(tmp_path / "sparse", structure)
+    return structure, tmp_path / "sparse"
+
+
+def cameras(structure):
+    """By the names of the photographs."""
+    return {name: structure.cameras[row] for name, row in zip(structure.names, structure.camera_of_view, strict=True)}
 
 
 def test_the_model_reprojects_in_colmap_itself(model):
-    structure, _, folder = model
+    structure, folder = model
     reconstruction = pycolmap.Reconstruction(folder)
     assert reconstruction.num_reg_images() == 3 and reconstruction.num_points3D() == len(structure.points_world)
     for image in reconstruction.images.values():
@@ -25,17 +30,18 @@ def test_the_model_reprojects_in_colmap_itself(model):
 
 
 def test_a_model_comes_back_as_it_was_written(model):
-    structure, camera, folder = model
-    back = colmap.structure_from(colmap.read_model(folder))
+    structure, folder = model
+    back = colmap.structure_from(colmap.read_model(folder), cameras(structure))
     assert list(back.names) == list(structure.names)
+    assert back.cameras == structure.cameras and np.array_equal(back.camera_of_view, structure.camera_of_view)
     assert np.allclose(back.world_T_camera, structure.world_T_camera, atol=1e-12)
     assert np.allclose(back.points_world, structure.points_world)
     assert np.array_equal(back.colours, structure.colours)
-    assert back.reprojection_errors(camera).max() < 1e-6
+    assert back.reprojection_errors().max() < 1e-6
 
 
 def test_points_that_fail_the_criteria_go(model):
-    structure, _, folder = model
+    structure, folder = model
     reconstruction = colmap.read_model(folder)
     moved = reconstruction.points3D[4]
     moved.xyz = moved.xyz + [0.1, 0.1, 0.0]
@@ -46,14 +52,14 @@ def test_points_that_fail_the_criteria_go(model):
 
 
 def test_adjustment_mends_poses_without_touching_the_intrinsics(model):
-    _, camera, folder = model
+    structure, folder = model
     reconstruction = colmap.read_model(folder)
-    before = list(reconstruction.cameras[1].params)
+    before = {number: list(camera.params) for number, camera in reconstruction.cameras.items()}
     for point in reconstruction.points3D.values():
         point.xyz = point.xyz + np.random.default_rng(2).normal(0.0, 0.01, 3)
     colmap.adjust(reconstruction, workers=1)
-    assert colmap.structure_from(reconstruction).reprojection_errors(camera).max() < 1e-3
-    assert list(reconstruction.cameras[1].params) == before
+    assert colmap.structure_from(reconstruction, cameras(structure)).reprojection_errors().max() < 1e-3
+    assert {number: list(camera.params) for number, camera in reconstruction.cameras.items()} == before
 
 
 def test_what_is_no_model_is_an_error(tmp_path):
@@ -67,7 +73,7 @@ def test_what_is_no_model_is_an_error(tmp_path):
 
 def test_a_model_that_colmap_never_ends_reading_is_an_error(model, monkeypatch):
     monkeypatch.setattr(colmap, "_LONGEST_TRIAL_S", 3.0)
-    _, _, folder = model
+    _, folder = model
     points = folder / "points3D.bin"
     points.write_bytes(b"\xff" * 8 + points.read_bytes()[8:])
     with pytest.raises(MapError, match=r"sparse: not a readable COLMAP model .*\): COLMAP "):

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from board_picture import wide_camera
 from numpy.typing import NDArray
 from small_structure import small_structure
 
@@ -40,6 +41,8 @@ def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> S
     count = len(points) * len(centres)
     return Structure(
         names=[f"{k}.png" for k in range(len(centres))],
+        cameras=(wide_camera(),),
+        camera_of_view=np.zeros(len(centres), np.int64),
         world_T_camera=poses,
         points_world=points,
         colours=np.zeros((len(points), 3), np.uint8),
@@ -66,12 +69,13 @@ def test_the_smaller_camera_sees_where_the_smaller_picture_shows(width: int, hei
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> tuple[Path, Structure, NDArray[np.uint8]]:
-    structure, camera = small_structure()
+def folder(tmp_path: Path) -> tuple[Path, Structure, list[NDArray[np.uint8]]]:
+    structure = small_structure()
     random = np.random.default_rng(4)
-    pictures = np.stack(
-        [cv2.blur(random.integers(0, 256, (camera.height, camera.width, 3)).astype(np.uint8), (21, 21)) for _ in "abc"]
-    )
+    pictures = [
+        cv2.blur(random.integers(0, 256, (camera.height, camera.width, 3)).astype(np.uint8), (21, 21))
+        for camera in (structure.cameras[row] for row in structure.camera_of_view)
+    ]
     names = ["a.png", "b.png", "c.png"]
     for name, picture in zip(names, pictures, strict=True):
         cv2.imwrite(str(tmp_path / name), picture)
@@ -80,9 +84,10 @@ def folder(tmp_path: Path) -> tuple[Path, Structure, NDArray[np.uint8]]:
 
 def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> None:
     path, structure, pictures = folder
-    camera = small_structure()[1]
-    kept = small_photographs(path, structure, camera, SETTINGS, 2, Unshown())
-    assert (kept.camera.width, kept.camera.height) == (160, 120)
+    kept = small_photographs(path, structure, SETTINGS, 2, Unshown())
+    assert [(camera.width, camera.height) for camera in kept.cameras] == [(160, 120), (160, 120)]
+    assert kept.camera_of_view.tolist() == [0, 0, 1] and kept.camera_of_view.dtype == np.uint16
+    assert kept.cameras[1].distortion_model == "equidistant" and kept.cameras[1].fx == 75.0
     for jpeg, picture in zip(kept.jpegs, pictures, strict=True):
         grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
         wanted = cv2.resize(grey, (160, 120), interpolation=cv2.INTER_AREA)
@@ -99,15 +104,15 @@ def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> N
 
 def test_small_pictures_are_not_made_larger(folder) -> None:
     path, structure, _ = folder
-    kept = small_photographs(path, structure, small_structure()[1], SmallPhotographSettings(width=4000), 1, Unshown())
-    assert (kept.camera.width, kept.camera.height) == (400, 300)
+    kept = small_photographs(path, structure, SmallPhotographSettings(width=4000), 1, Unshown())
+    assert [(camera.width, camera.height) for camera in kept.cameras] == [(400, 300), (320, 240)]
 
 
 def test_a_photograph_that_is_gone_is_named(folder) -> None:
     path, structure, _ = folder
     (path / "b.png").write_bytes(b"")
     with pytest.raises(MapError, match=r"b\.png"):
-        small_photographs(path, structure, small_structure()[1], SETTINGS, 1, Unshown())
+        small_photographs(path, structure, SETTINGS, 1, Unshown())
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.003])

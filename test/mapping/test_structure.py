@@ -3,19 +3,19 @@ import pytest
 from small_structure import small_structure
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.structure import write_ply
+from bodycam_ros.mapping.structure import cameras_of, write_ply
 
 
 def test_exact_observations_reproject_exactly():
-    structure, camera = small_structure()
-    assert structure.reprojection_errors(camera).max() < 1e-9
+    structure = small_structure()
+    assert structure.reprojection_errors().max() < 1e-9
 
 
 def test_a_similarity_leaves_the_images_as_they_are():
-    structure, camera = small_structure()
+    structure = small_structure()
     R, t = exp_so3(np.array([0.3, -1.0, 2.0])), np.array([4.0, 5.0, -6.0])
     moved = structure.transformed(2.5, R, t)
-    assert moved.reprojection_errors(camera).max() < 1e-9
+    assert moved.reprojection_errors().max() < 1e-9
     assert moved.points_world[3] == pytest.approx(2.5 * R @ structure.points_world[3] + t)
     gap = np.linalg.norm(moved.world_T_camera[0, :3, 3] - moved.world_T_camera[1, :3, 3])
     assert gap == pytest.approx(
@@ -24,21 +24,30 @@ def test_a_similarity_leaves_the_images_as_they_are():
 
 
 def test_dropping_points_keeps_the_other_observations_on_their_points():
-    structure, camera = small_structure()
+    structure = small_structure()
     kept = structure.with_points(structure.views_per_point() >= 3)
     assert len(kept.points_world) == 20 and len(kept.observation_views) == 60
-    assert kept.reprojection_errors(camera).max() < 1e-9
+    assert kept.reprojection_errors().max() < 1e-9
 
 
 def test_a_point_behind_the_camera_is_infinitely_wrong():
-    structure, camera = small_structure()
+    structure = small_structure()
     structure.points_world[0] = structure.world_T_camera[0, :3, 3] - structure.world_T_camera[0, :3, 2]
-    errors = structure.reprojection_errors(camera)
+    errors = structure.reprojection_errors()
     assert np.isinf(errors[0])
 
 
+def test_cameras_are_named_once_in_the_order_of_the_photographs():
+    wide, fisheye = small_structure().cameras
+    camera_of_name = {"a": wide, "b": fisheye, "c": wide, "d": wide}
+    for names, expected in {"abcd": [0, 1, 0, 0], "bca": [0, 1, 1], "ca": [0, 0]}.items():
+        cameras, rows = cameras_of(list(names), camera_of_name)
+        assert rows.tolist() == expected
+        assert all(cameras[row] is camera_of_name[name] for name, row in zip(names, rows, strict=True))
+
+
 def test_points_come_in_their_colours_and_cameras_in_red(tmp_path):
-    structure, _ = small_structure()
+    structure = small_structure()
     write_ply(tmp_path / "s.ply", structure)
     header, _, body = (tmp_path / "s.ply").read_bytes().partition(b"end_header\n")
     lines = header.decode("ascii").splitlines()

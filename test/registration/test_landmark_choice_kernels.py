@@ -7,6 +7,7 @@ from numpy_patches import best_views_in_numpy, choose_in_numpy, exact_pixels
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import lens_parameters
+from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import exp_se3, transform_points
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
 
@@ -90,32 +91,73 @@ def test_what_cannot_be_seen_is_not_asked(camera: CameraModel) -> None:
     assert count(edge, facing(edge), size) == 0
 
 
-def test_the_view_is_that_of_numpy() -> None:
-    camera = camera_from_info("c", 640, 480, "fov", [0.95], [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1])
+PHOTOGRAPHERS = [
+    camera_from_info("p", 800, 600, "plumb_bob", [0.02, -0.01, 0, 0], [400.0, 0, 400, 0, 401, 300, 0, 0, 1]),
+    camera_from_info("f", 640, 480, "equidistant", [-0.1, 0.0, 0.0, 0.0], [239.0, 0, 320, 0, 239, 240, 0, 0, 1]),
+    camera_from_info("v", 640, 480, "fov", LENSES["fov"], [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1]),
+]
+
+
+def test_the_view_is_that_of_numpy(camera: CameraModel) -> None:
     points, _, _ = landmarks(200)
     random = np.random.default_rng(3)
-    centres = CENTRE + random.normal(size=(12, 3)) * 2.0
+    poses = exp_se3(random.normal(size=(12, 6)))
+    poses[:, :3, 3] = CENTRE + random.normal(size=(12, 3)) * 2.0
+    of_view = random.integers(0, 3, 12).astype(np.uint16)
     observers = [sorted(random.choice(12, random.integers(0, 6), replace=False).tolist()) for _ in points]
     first = np.concatenate([[0], np.cumsum([len(seers) for seers in observers])])
     flat = np.array([view for seers in observers for view in seers], np.uint16)
     rows = random.permutation(200)[:150]
-    views = best_views(lens_parameters(camera), CENTRE, points, rows, 400.0, centres, first, flat)
-    np.testing.assert_array_equal(views, best_views_in_numpy(camera, CENTRE, points, rows, 400.0, centres, observers))
+    scales = np.stack([local_scales(photographer) for photographer in PHOTOGRAPHERS])
+    views = best_views(local_scales(camera), POSE, points, rows, scales, of_view, poses, first, flat)
+    photographers = [PHOTOGRAPHERS[c] for c in of_view]
+    np.testing.assert_array_equal(
+        views, best_views_in_numpy(camera, POSE, points, rows, photographers, poses, observers)
+    )
     assert (views == -1).any() and len(set(views.tolist())) > 8
 
 
+POINT = CENTRE + np.array([[0.0, 0.0, 2.0]])
+TOWARDS = CENTRE - POINT[0]
+ACROSS = np.array([2.0, 0.0, 0.0])
+
+
+def looking(centre: NDArray[np.float64], away_deg: float = 0.0) -> NDArray[np.float64]:
+    """A pose that looks at the point, or so far beside it."""
+    ahead = (POINT[0] - centre) / np.linalg.norm(POINT[0] - centre)
+    beside = np.cross(ahead, [0.3, 0.9, 0.1])
+    beside /= np.linalg.norm(beside)
+    pose = np.eye(4)
+    angle = np.radians(away_deg)
+    pose[:3, 2] = np.cos(angle) * ahead + np.sin(angle) * beside
+    pose[:3, 0] = np.cos(angle) * beside - np.sin(angle) * ahead
+    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+    pose[:3, 3] = centre
+    return pose
+
+
+def chosen(*photographs: tuple[int, NDArray[np.float64]]) -> int:
+    """By the camera of the last kind, of photographs (camera, pose)."""
+    first, views = np.array([0, len(photographs)]), np.arange(len(photographs), dtype=np.uint16)
+    scales = np.stack([local_scales(photographer) for photographer in PHOTOGRAPHERS])
+    of_view = np.array([camera for camera, _ in photographs], np.uint16)
+    poses = np.stack([pose for _, pose in photographs])
+    asked = (POINT, np.zeros(1, np.int64), scales, of_view, poses, first, views)
+    return int(best_views(scales[2], looking(CENTRE), *asked)[0])
+
+
 def test_the_view_is_from_the_cameras_side_and_fine_enough() -> None:
-    camera = camera_from_info("c", 640, 480, "fov", [0.95], [239.0, 0, 320.0, 0, 239.0, 240.0, 0, 0, 1])
-    point = CENTRE + np.array([[0.0, 0.0, 2.0]])
-    towards = CENTRE - point[0]
-    across = np.array([2.0, 0.0, 0.0])
-
-    def chosen(*places: NDArray[np.float64]) -> int:
-        first, views = np.array([0, len(places)]), np.arange(len(places), dtype=np.uint16)
-        asked = (point, np.zeros(1, np.int64), 239.0, np.stack(places), first, views)
-        return int(best_views(lens_parameters(camera), CENTRE, *asked)[0])
-
-    assert chosen(point[0] + across, point[0] + towards, point[0] - across) == 1
+    places = [(2, looking(POINT[0] + place)) for place in (ACROSS, TOWARDS, -ACROSS)]
+    assert chosen(*places) == 1
     # From eight times as far a photograph shows too little, from half as far no less.
-    assert chosen(point[0] + 8.0 * towards, point[0] + towards + 0.2 * across) == 1
-    assert chosen(point[0] + 0.5 * towards, point[0] + towards + 0.2 * across) == 0
+    aside = (2, looking(POINT[0] + TOWARDS + 0.2 * ACROSS))
+    assert chosen((2, looking(POINT[0] + 8.0 * TOWARDS)), aside) == 1
+    assert chosen((2, looking(POINT[0] + 0.5 * TOWARDS)), aside) == 0
+
+
+def test_a_lens_that_shows_the_rim_coarsely_is_asked_what_it_shows_there() -> None:
+    # The second squeezes its rim, a perspective one shows it larger.
+    aside = POINT[0] + TOWARDS + 0.2 * ACROSS
+    assert chosen((1, looking(POINT[0] + TOWARDS)), (2, looking(aside))) == 0
+    assert chosen((1, looking(POINT[0] + TOWARDS, 80.0)), (2, looking(aside))) == 1
+    assert chosen((0, looking(POINT[0] + TOWARDS, 40.0)), (2, looking(aside))) == 0

@@ -264,7 +264,7 @@ def painted(reference_map: ReferenceMap, share: float) -> ReferenceMap:
     """A map with something else over the left ``share`` of every photograph."""
     photographs = reference_map.photographs
     random = np.random.default_rng(1)
-    width, height = photographs.camera.width, photographs.camera.height
+    width, height = photographs.cameras[0].width, photographs.cameras[0].height
     cover = cv2.resize(random.integers(0, 256, (height // 6, width // 6)).astype(np.uint8), (width, height))
     jpegs = []
     for jpeg in photographs.jpegs:

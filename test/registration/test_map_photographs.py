@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.image_pyramid import pyramid_size, write_pyramid
@@ -30,7 +31,8 @@ def photographs() -> MapPhotographs:
     k = [100.0, 0, 47.2, 0, 101.0, 31.7, 0, 0, 1]
     return MapPhotographs(
         jpegs=tuple(jpeg_of(cv2.blur(random.integers(0, 256, (64, 96)).astype(np.uint8), (5, 5))) for _ in range(3)),
-        camera=camera_from_info("photograph", 96, 64, "plumb_bob", [0.1, -0.05, 1e-3, -2e-3, 0.01], k),
+        cameras=(camera_from_info("photograph", 96, 64, "plumb_bob", [0.1, -0.05, 1e-3, -2e-3, 0.01], k),),
+        camera_of_view=np.zeros(3, np.uint16),
         world_T_camera=POSES,
         observation_landmark=np.array([0, 0, 2, 2, 2, 4], np.uint32),
         observation_view=np.array([0, 2, 0, 1, 2, 1], np.uint16),
@@ -48,20 +50,42 @@ def rewrite(folder: Path, **changed: object) -> None:
     )
 
 
-def test_what_is_saved_is_loaded(tmp_path: Path, photographs: MapPhotographs) -> None:
+@pytest.fixture
+def of_several(photographs: MapPhotographs) -> MapPhotographs:
+    """By three cameras of three kinds and sizes."""
+    k = [50.0, 0, 30.2, 0, 51.0, 21.7, 0, 0, 1]
+    picture = cv2.blur(np.random.default_rng(2).integers(0, 256, (44, 60)).astype(np.uint8), (5, 5))
+    return replace(
+        photographs,
+        jpegs=(*photographs.jpegs[:2], jpeg_of(picture)),
+        cameras=(
+            camera_from_info("worn", 60, 44, "equidistant", [0.01, 0.0, 0.0, 0.0], k),
+            camera_from_info("worn", 96, 64, "fov", [0.9], k),
+            *photographs.cameras,
+        ),
+        camera_of_view=np.array([2, 1, 0], np.uint16),
+    )
+
+
+@pytest.fixture(params=["photographs", "of_several"])
+def any_photographs(request: pytest.FixtureRequest) -> MapPhotographs:
+    loaded: MapPhotographs = request.getfixturevalue(request.param)
+    return loaded
+
+
+def test_what_is_saved_is_loaded(tmp_path: Path, any_photographs: MapPhotographs) -> None:
+    photographs = any_photographs
     photographs.save(tmp_path)
     loaded = MapPhotographs.load(tmp_path, POSES, LANDMARKS)
     assert loaded is not None and loaded.jpegs == photographs.jpegs
-    for name in ("world_T_camera", "observation_landmark", "observation_view", "normals"):
+    for name in ("camera_of_view", "world_T_camera", "observation_landmark", "observation_view", "normals"):
         was, is_now = getattr(photographs, name), getattr(loaded, name)
         assert was.dtype == is_now.dtype
         np.testing.assert_array_equal(was, is_now)
-    points = np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 2.0]])
-    np.testing.assert_array_equal(loaded.camera.project(points)[0], photographs.camera.project(points)[0])
-    assert (loaded.camera.width, loaded.camera.height) == (96, 64)
+    for was, is_now in zip(photographs.cameras, loaded.cameras, strict=True):
+        np.testing.assert_array_equal(is_now.parameters, was.parameters)
     assert loaded.first_observation.tolist() == [0, 2, 2, 5, 5, 6]
     np.testing.assert_array_equal(loaded.world_T_camera, POSES)
-    np.testing.assert_array_equal(loaded.centres, POSES[:, :3, 3])
 
 
 def test_pictures_are_developed_when_they_are_asked_for(photographs: MapPhotographs) -> None:
@@ -69,8 +93,8 @@ def test_pictures_are_developed_when_they_are_asked_for(photographs: MapPhotogra
     damaged.develop(np.array([2, 0, 2]))
     for view in (0, 2):
         picture = cv2.imdecode(np.frombuffer(photographs.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
-        expected = np.zeros(pyramid_size(damaged.levels), np.uint8)
-        write_pyramid(picture, damaged.levels, expected)
+        expected = np.zeros(pyramid_size(damaged.levels[0]), np.uint8)
+        write_pyramid(picture, damaged.levels[0], expected)
         np.testing.assert_array_equal(damaged.pyramids[view], expected)
     damaged.pyramids[0] = 7
     damaged.develop(np.array([0, 2]))
@@ -81,6 +105,31 @@ def test_pictures_are_developed_when_they_are_asked_for(photographs: MapPhotogra
     small = replace(photographs, jpegs=(jpeg_of(np.zeros((32, 48), np.uint8)), *photographs.jpegs[1:]))
     with pytest.raises(MapError, match="photograph 0 of the map is damaged"):
         small.develop(np.array([0]))
+
+
+def test_pictures_of_several_sizes_are_developed_each_at_its_own(of_several: MapPhotographs) -> None:
+    of_several.develop(np.arange(3))
+    assert of_several.lenses.shape == (3, PROJECTION) and len(set(of_several.local_scales[:, -1])) == 3
+    for view, camera in enumerate((2, 1, 0)):
+        start, height, width = of_several.levels[camera, 1]
+        picture = cv2.imdecode(np.frombuffer(of_several.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
+        half = of_several.pyramids[view, start : start + height * width].reshape(height, width)
+        np.testing.assert_array_equal(half, cv2.pyrDown(picture))
+    wrong = replace(of_several, camera_of_view=np.array([2, 0, 0], np.uint16))
+    with pytest.raises(MapError, match="photograph 1 of the map is damaged"):
+        wrong.develop(np.arange(3))
+
+
+def test_a_map_of_one_camera_is_written_as_before_there_were_several(
+    tmp_path: Path, photographs: MapPhotographs
+) -> None:
+    photographs.save(tmp_path)
+    with np.load(tmp_path / PHOTOGRAPHS_FILE) as file:
+        shapes = {name: file[name].shape for name in file.files}
+    assert shapes == {
+        "jpegs": shapes["jpegs"], "jpeg_ends": (3,), "observation_landmark": (6,), "observation_view": (6,),
+        "normals": (5, 3), "distortion_model": (), "size": (2,), "intrinsics": (4,), "distortion": (5,),
+    }  # fmt: skip
 
 
 def test_a_map_without_them_has_none(tmp_path: Path) -> None:
@@ -113,6 +162,34 @@ def test_a_map_without_them_has_none(tmp_path: Path) -> None:
 )
 def test_what_is_damaged_is_refused(tmp_path: Path, photographs: MapPhotographs, changed: dict[str, object]) -> None:
     photographs.save(tmp_path)
+    rewrite(tmp_path, **changed)
+    with pytest.raises(MapError, match=r"photographs\.npz"):
+        MapPhotographs.load(tmp_path, POSES, LANDMARKS)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"camera_of_view": None},
+        {"camera_of_view": np.array([2, 1, 3], np.uint16)},
+        {"camera_of_view": np.array([2, 1], np.uint16)},
+        {"distortion_ends": None},
+        {"distortion_ends": np.array([4, 5, 9])},
+        {"distortion_ends": np.array([5, 4, 10])},
+        {"distortion_ends": np.array([4, 10])},
+        {"size": np.array([96, 64])},
+        {"intrinsics": np.zeros((3, 4))},
+        {"intrinsics": np.ones((2, 4))},
+        {"distortion_model": np.array(["fov", "equidistant"])},
+        {"distortion_model": np.array(["fov", "equidistant", "plumb_bob"])},
+        {"distortion_model": np.zeros(0, "U3")},
+    ],
+    ids=lambda changed: "-".join(changed),
+)
+def test_what_is_damaged_of_several_cameras_is_refused(
+    tmp_path: Path, of_several: MapPhotographs, changed: dict[str, object]
+) -> None:
+    of_several.save(tmp_path)
     rewrite(tmp_path, **changed)
     with pytest.raises(MapError, match=r"photographs\.npz"):
         MapPhotographs.load(tmp_path, POSES, LANDMARKS)

@@ -1,5 +1,6 @@
 """Patches of a photograph are found where they are, and where the alignment in NumPy finds them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy_patches import align_in_numpy, exact_pixels
 from textured_plane import Wall, exposed, texture_of
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.lens_kernels import lens_parameters
+from bodycam_ros.camera.lens_kernels import PROJECTION, lens_parameters
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
@@ -32,6 +33,7 @@ def lens(model: str) -> CameraModel:
 
 
 PHOTOGRAPH = camera_from_info("p", 320, 240, "plumb_bob", [0.02, -0.01, 0, 0], [260.0, 0, 160, 0, 261, 119, 0, 0, 1])
+FISHEYE = camera_from_info("f", 500, 380, "equidistant", [0.01, -0.002, 0, 0], [255.0, 0, 248, 0, 254, 193, 0, 0, 1])
 
 
 def facing(x: float, y: float, z: float, turn: Array) -> Array:
@@ -47,7 +49,8 @@ class Scene:
     camera: CameraModel
     world_T_camera: Array
     world_T_reference: Array
-    references: NDArray[np.uint8]
+    photographers: tuple[CameraModel, ...]
+    references: Sequence[NDArray[np.uint8]]
     points_world: Array
     views: NDArray[np.int64]
 
@@ -68,10 +71,11 @@ class Scene:
             readout_time,
             pyramid(image),
             pyramid_levels(*image.shape),
-            lens_parameters(PHOTOGRAPH),
+            np.stack([lens_parameters(camera)[:PROJECTION] for camera in self.photographers]),
+            np.arange(len(self.photographers), dtype=np.uint16),
             self.world_T_reference,
-            np.stack([pyramid(reference) for reference in self.references]),
-            pyramid_levels(PHOTOGRAPH.height, PHOTOGRAPH.width),
+            padded([pyramid(reference) for reference in self.references]),
+            np.stack([pyramid_levels(camera.height, camera.width) for camera in self.photographers]),
             self.views,
             np.zeros((0, 2)) if shown is None else shown,
             self.points_world,
@@ -96,7 +100,7 @@ class Scene:
             twist,
             readout_time,
             images_of(image),
-            PHOTOGRAPH,
+            list(self.photographers),
             self.world_T_reference,
             [images_of(reference) for reference in self.references],
             self.views,
@@ -118,6 +122,14 @@ def pyramid(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return into
 
 
+def padded(pyramids: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """As rows as long as the longest."""
+    rows = np.zeros((len(pyramids), max(map(len, pyramids))), np.uint8)
+    for row, pyramid in zip(rows, pyramids, strict=True):
+        row[: len(pyramid)] = pyramid
+    return rows
+
+
 def images_of(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     whole = pyramid(image)
     return [whole[start : start + h * w].reshape(h, w) for start, h, w in pyramid_levels(*image.shape).tolist()]
@@ -128,22 +140,32 @@ def wall() -> Wall:
     return Wall(rigid(exp_so3(np.array([0.7, -0.4, 0.3])), np.array([0.5, -0.2, 1.0])), texture_of(3))
 
 
+Photographs = tuple[Array, tuple[CameraModel, ...], Sequence[NDArray[np.uint8]]]
+
+
 @pytest.fixture(scope="module")
-def photographs(wall: Wall) -> tuple[Array, NDArray[np.uint8]]:
+def photographs(wall: Wall) -> Photographs:
+    """By a camera, and by another of another size and kind."""
     poses = np.stack(
         [
             wall.world_T_wall @ facing(0.2, 0.1, 2.6, np.array([0.05, 0.05, 0.4])),
-            wall.world_T_wall @ facing(-0.4, -0.3, 2.4, np.array([-0.1, 0.15, -0.5])),
+            wall.world_T_wall @ facing(-0.4, -0.3, 2.0, np.array([-0.1, 0.15, -0.5])),
         ]
     )
-    return poses, np.stack([exposed(wall.light(PHOTOGRAPH, pose)) for pose in poses])
+    photographers = (PHOTOGRAPH, FISHEYE)
+    return (
+        poses,
+        photographers,
+        [exposed(wall.light(camera, pose)) for camera, pose in zip(photographers, poses, strict=True)],
+    )
 
 
-def scene_of(wall: Wall, photographs: tuple[Array, NDArray[np.uint8]], camera: CameraModel) -> Scene:
+def scene_of(wall: Wall, photographs: Photographs, camera: CameraModel) -> Scene:
     places = np.stack(np.meshgrid(np.linspace(-0.6, 0.7, 13), np.linspace(-0.5, 0.4, 11)), axis=-1).reshape(-1, 2)
     pose = wall.world_T_wall @ facing(0.1, -0.1, 1.5, np.array([0.15, -0.1, 0.9]))
     views = np.arange(len(places)) % 2
-    return Scene(wall, camera, pose, *photographs, wall.points(places), views)
+    world_T_reference, photographers, references = photographs
+    return Scene(wall, camera, pose, world_T_reference, photographers, references, wall.points(places), views)
 
 
 @pytest.fixture(scope="module", params=LENSES)
@@ -239,11 +261,17 @@ def test_what_is_hidden_or_without_texture_is_not_found(fisheye: Scene, light: A
 
 def test_a_photograph_without_texture_finds_nothing(fisheye: Scene, light: Array) -> None:
     image = exposed(light)
-    blank = replace(fisheye, references=np.full_like(fisheye.references, 90))
+    blank = replace(fisheye, references=[np.full_like(picture, 90) for picture in fisheye.references])
     assert not np.isfinite(blank.find(image, fisheye.world_T_camera)[1]).any()
     # Stripes hold a patch in one direction alone.
     stripes = np.tile((100 + 60 * np.sin(np.arange(320) / 2.0)).astype(np.uint8), (2, 240, 1))
-    straight = replace(fisheye, references=stripes, camera=PHOTOGRAPH, world_T_camera=fisheye.world_T_reference[0])
+    straight = replace(
+        fisheye,
+        photographers=(PHOTOGRAPH, PHOTOGRAPH),
+        references=stripes,
+        camera=PHOTOGRAPH,
+        world_T_camera=fisheye.world_T_reference[0],
+    )
     assert not np.isfinite(straight.find(stripes[0], straight.world_T_camera)[1]).any()
 
 
@@ -301,7 +329,7 @@ def test_a_patch_is_taken_from_where_it_was_shown(fisheye: Scene, light: Array) 
     image = exposed(light)
     shown = np.array(
         [
-            exact_pixels(PHOTOGRAPH, poses[k], point[None], STILL, 0.0)[0]
+            exact_pixels(fisheye.photographers[k], poses[k], point[None], STILL, 0.0)[0]
             for k, point in zip(fisheye.views, fisheye.points_world, strict=True)
         ]
     )

@@ -26,15 +26,15 @@ def replaced_content(
     pictures: list[NDArray[np.uint8]], share: float, rng: np.random.Generator
 ) -> list[NDArray[np.uint8]]:
     """The pictures (H, W), at least a share of the area of each of them replaced by rectangles of the others."""
-    height, width = pictures[0].shape
     changed = []
     for number, picture in enumerate(pictures):
         mended, painted = picture.copy(), np.zeros(picture.shape, bool)
         while painted.mean() < share:
-            rows, columns = (round(side * rng.uniform(*_SIDES)) for side in (height, width))
-            row, from_row = rng.integers(0, height - rows + 1, 2)
-            column, from_column = rng.integers(0, width - columns + 1, 2)
             other = pictures[(number + rng.integers(1, len(pictures))) % len(pictures)]
+            ends = np.stack([picture.shape, other.shape])
+            rows, columns = (round(side * rng.uniform(*_SIDES)) for side in ends.min(axis=0))
+            row, from_row = rng.integers(0, ends[:, 0] - rows + 1)
+            column, from_column = rng.integers(0, ends[:, 1] - columns + 1)
             there = np.s_[row : row + rows, column : column + columns]
             # Upside down: a neighbour's view of the same place is no change.
             mended[there] = other[from_row : from_row + rows, from_column : from_column + columns][::-1, ::-1]

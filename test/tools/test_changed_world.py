@@ -28,7 +28,8 @@ def _map_with_photographs(path: Path) -> ReferenceMap:
     k = (80.0, 0.0, 79.5, 0.0, 80.0, 59.5, 0.0, 0.0, 1.0)
     photographs = MapPhotographs(
         jpegs=tuple(cv2.imencode(".jpg", picture)[1].tobytes() for picture in pictures),
-        camera=camera_from_info("photograph", _WIDTH, _HEIGHT, "plumb_bob", np.zeros(5), k),
+        cameras=(camera_from_info("photograph", _WIDTH, _HEIGHT, "plumb_bob", np.zeros(5), k),),
+        camera_of_view=np.zeros(_VIEWS, np.uint16),
         world_T_camera=world_T_camera,
         observation_landmark=np.arange(landmarks, dtype=np.uint32),
         observation_view=np.zeros(landmarks, np.uint16),
