@@ -25,6 +25,7 @@ PACKAGE = Path(__file__).parent.parent
 KERNEL_FILES = (
     "camera/lens_kernels.py",
     "geometry_kernels.py",
+    "mapping/epipolar_kernels.py",
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
     "registration/landmark_choice_kernels.py",

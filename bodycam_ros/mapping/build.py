@@ -55,7 +55,9 @@ def build_map(
     tags = {} if board is None else _tag_views(photographs, features, board, settings.tags, workers, timed)
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
-        structure = reconstruct(features, camera_of_name, settings.pairs, settings.landmarks, workers, timed)
+        structure = reconstruct(
+            features, camera_of_name, settings.pairs, settings.epipolar, settings.landmarks, workers, timed
+        )
     else:
         structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
 

@@ -47,6 +47,12 @@ class ImageFeatures:
     descriptors: NDArray[np.uint8]
     colours: NDArray[np.uint8]
 
+    def largest(self, count: int) -> "ImageFeatures":
+        """The ``count`` largest features alone."""
+        return ImageFeatures(
+            self.name, self.pixels[:count], self.sigmas[:count], self.descriptors[:count], self.colours[:count]
+        )
+
 
 def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
     """Find and describe the features of one photograph.

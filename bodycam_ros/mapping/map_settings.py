@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.coverage import CoverageSettings
+from bodycam_ros.mapping.epipolar_matching import EpipolarSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
@@ -51,6 +52,7 @@ class MapSettings(SettingsGroups):
     frames: FrameChoiceSettings = FrameChoiceSettings()
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
+    epipolar: EpipolarSettings = EpipolarSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     descriptors: DescriptorSettings = DescriptorSettings()
     kept: SmallPhotographSettings = SmallPhotographSettings()

@@ -256,7 +256,7 @@ def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     (tmp_path / "scratch").mkdir()
     environment = {**os.environ, "TMPDIR": str(tmp_path / "scratch")}
     process = subprocess.Popen([*command, *QUICK], stderr=subprocess.PIPE, text=True, env=environment)
-    while process.poll() is None and not any((tmp_path / "scratch").glob("*/pairs.txt")):
+    while process.poll() is None and not any((tmp_path / "scratch").glob("*/*/pairs.txt")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=120)
