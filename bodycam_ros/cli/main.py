@@ -14,7 +14,11 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
 COMMANDS = ("map", "ingest", "body", "replay", "evaluate", "export", "bench", "latency", "settings", "view")
-"""Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code."""
+"""Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code.
+
+A command may have two words ("map check" is ``map_check``). They come one after the other, and go before what the first
+of them alone would make of the second: a folder that is really named "check" is ``./check``.
+"""
 
 FAILED = 1
 _ENDED = 128
@@ -47,7 +51,8 @@ def _run(argv: Sequence[str] | None, ending: Ending) -> int:
         if isinstance(stream, TextIOWrapper):
             with suppress(OSError):  # put in the place of one that could seek
                 stream.reconfigure(errors="backslashreplace")
-    arguments = _parser(sys.argv[1:] if argv is None else argv).parse_args(argv)
+    words = _command_joined(sys.argv[1:] if argv is None else argv)
+    arguments = _parser(words).parse_args(words)
     import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run
     try:
@@ -82,6 +87,15 @@ def _message(error: BaseException) -> str | None:
     return None
 
 
+def _command_joined(argv: Sequence[str]) -> list[str]:
+    """The words of a command line, a command of two of them as the one that argparse knows."""
+    words = list(argv)
+    first = next((at for at, word in enumerate(words) if not word.startswith("-")), len(words))
+    if (command := " ".join(words[first : first + 2])) in COMMANDS:
+        words[first : first + 2] = [command]
+    return words
+
+
 def _parser(argv: Sequence[str] = ()) -> argparse.ArgumentParser:
     """Knows the command that is asked for; only where there is none does it take the time to import all."""
     parser = argparse.ArgumentParser(
@@ -93,7 +107,7 @@ def _parser(argv: Sequence[str] = ()) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     asked = next((word for word in argv if not word.startswith("-")), None)
     for command in (asked,) if asked in COMMANDS else COMMANDS:
-        import_module(f"bodycam_ros.cli.{command}").add_parser(subparsers)
+        import_module(f"bodycam_ros.cli.{command.replace(' ', '_')}").add_parser(subparsers)
     return parser
 
 

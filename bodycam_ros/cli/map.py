@@ -1,4 +1,4 @@
-"""bodycam map: photographs of a place in, a reference map out."""
+"""bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
 
 import argparse
 import os
@@ -11,10 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as RichProgress
 from rich.table import Table
 
+from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
-from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
@@ -26,17 +25,14 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("map", help="build a reference map from photographs", description=__doc__)
+    parser = subparsers.add_parser("map", help="build a reference map from photographs or a video", description=__doc__)
+    add_source_flags(parser)
     parser.add_argument(
-        "reference", type=Path, metavar="REFERENCE_DIR", help="folder with photographs (jpg, png) and camera.yaml"
-    )
-    parser.add_argument(
-        "--board", type=Path, help="description of the AprilTag board (default: REFERENCE_DIR/board.yaml if it exists)"
+        "--board",
+        type=Path,
+        help="description of the AprilTag board (default: board.yaml in REFERENCE_DIR, or beside VIDEO or BAG)",
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
-    parser.add_argument(
-        "--model", type=Path, metavar="COLMAP_DIR", help="take over this COLMAP model of the same photographs"
-    )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
     parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
@@ -53,13 +49,15 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
     settings = settings_from_flags(arguments, MapSettings, arguments.config)
-    check_output(arguments.output, (arguments.reference, arguments.board, arguments.model, arguments.config))
+    inputs = (arguments.source, arguments.camera, arguments.board, arguments.model, arguments.config)
+    check_output(arguments.output, inputs)
     check_replaceable(arguments.output, arguments.force)
-    if arguments.model is not None and not arguments.model.is_dir():
-        raise MapError(f"{arguments.model}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
-    photographs = find_photographs(arguments.reference)
-    board_path = None if arguments.no_board else arguments.board or photographs.board_path
-    with _shown_progress() as progress:
+    check_source(arguments)
+    with (
+        _shown_progress() as progress,
+        photographs_of(arguments, settings.frames, progress) as photographs,
+    ):
+        board_path = None if arguments.no_board else arguments.board or photographs.board_path
         built = build_map(photographs, board_path, arguments.model, settings, max(1, arguments.jobs), progress)
     built.save(arguments.output, force=arguments.force)
     _report(built, arguments.output)

@@ -102,7 +102,7 @@ def map_summary(
     return {
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "program": f"bodycam_ros {__version__}",
-        "reference": photographs.folder.resolve().name,
+        "reference": photographs.name,
         "photographs": len(photographs.paths),
         "registered": len(structure.names),
         "landmarks": len(structure.points_world),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
+from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
@@ -46,6 +47,7 @@ class LandmarkSettings:
 class MapSettings(SettingsGroups):
     """Settings of every step from photographs to a map."""
 
+    frames: FrameChoiceSettings = FrameChoiceSettings()
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
     landmarks: LandmarkSettings = LandmarkSettings()

@@ -23,12 +23,14 @@ class Photographs:
 
     Attributes:
         folder: where it is.
+        name: of the folder, or of the recording that its photographs were taken from.
         paths: image files in order of name.
         camera: the camera that took all of them.
         board_path: description of the board, if the folder has one.
     """
 
     folder: Path
+    name: str
     paths: tuple[Path, ...]
     camera: CameraModel
     board_path: Path | None
@@ -42,8 +44,21 @@ def wrong_camera(camera: CameraModel) -> str:
     )
 
 
-def find_photographs(folder: Path) -> Photographs:
+def find_photographs(
+    folder: Path,
+    camera_path: Path | None = None,
+    model_folder: Path | None = None,
+    name: str | None = None,
+    board_path: Path | None = None,
+) -> Photographs:
     """List a reference folder.
+
+    Args:
+        folder: with the photographs.
+        camera_path: camera_info YAML; None: the folder's own.
+        model_folder: COLMAP model of them, whose camera counts where there is no camera_info YAML.
+        name: of what the photographs were taken from; None: the folder's.
+        board_path: description of the board; None: the folder's own, if it has one.
 
     Raises:
         MapError: the folder, its photographs or its calibration are missing.
@@ -54,12 +69,26 @@ def find_photographs(folder: Path) -> Photographs:
     paths = tuple(sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()))
     if len(paths) < 2:
         raise MapError(f"{folder}: {len(paths)} photographs (jpg, png); a map needs two or more, better 50 to 150")
-    if not (folder / CAMERA_FILE).is_file():
-        raise MapError(f"{folder}: has no {CAMERA_FILE}; put the ROS camera_info YAML of the photographs' camera there")
-    board_path = folder / BOARD_FILE
-    return Photographs(
-        folder, paths, camera_from_yaml(folder / CAMERA_FILE), board_path if board_path.is_file() else None
-    )
+    if board_path is None and (folder / BOARD_FILE).is_file():
+        board_path = folder / BOARD_FILE
+    camera = _camera(folder, camera_path, model_folder)
+    return Photographs(folder, name or folder.resolve().name, paths, camera, board_path)
+
+
+def _camera(folder: Path, camera_path: Path | None, model_folder: Path | None) -> CameraModel:
+    if camera_path is not None:
+        return camera_from_yaml(camera_path)
+    if (folder / CAMERA_FILE).is_file():
+        return camera_from_yaml(folder / CAMERA_FILE)
+    if model_folder is None:
+        raise MapError(
+            f"{folder}: has no {CAMERA_FILE}; put the ROS camera_info YAML of the photographs' camera there, or say "
+            "with --camera where it is"
+        )
+    # COLMAP takes a second to load.
+    from bodycam_ros.mapping.model_camera import camera_of_model
+
+    return camera_of_model(model_folder)
 
 
 def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:

@@ -39,6 +39,39 @@ def test_exit_code_of_the_command_is_ours(monkeypatch: pytest.MonkeyPatch) -> No
     assert run_with(monkeypatch, lambda arguments: 3) == 3
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["probe", "deep", "well"], "deep: well"),
+        (["-v", "probe", "deep", "deep"], "deep: deep"),
+        (["probe", "well"], "well"),
+        (["probe", "./deep"], "./deep"),
+        (["probe", "--force", "deep"], "deep"),
+    ],
+)
+def test_a_command_may_have_two_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    class Probe:
+        name, prefix = "probe", ""
+
+        @classmethod
+        def add_parser(cls, subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+            parser = subparsers.add_parser(cls.name)
+            parser.add_argument("source")
+            parser.add_argument("--force", action="store_true")
+            parser.set_defaults(run=lambda arguments: print(cls.prefix + arguments.source) or 0)
+
+    class ProbeDeep(Probe):
+        name, prefix = "probe deep", "deep: "
+
+    monkeypatch.setattr(command_line, "COMMANDS", ("probe", "probe deep"))
+    monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)
+    monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe_deep", ProbeDeep)
+    assert command_line.main(words) == 0
+    assert capsys.readouterr().out == f"{said}\n"
+
+
 def test_errors_of_the_user_are_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def fail(arguments: argparse.Namespace) -> int:
         raise RecordingError("walk.mcap: is cut off")

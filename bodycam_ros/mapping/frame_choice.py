@@ -1,0 +1,112 @@
+"""Which frames of a camera that is carried through a place become photographs of a map."""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import percentile_filter
+
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.frame_motion import FrameMotion
+from bodycam_ros.settings import setting
+
+_LOG = logging.getLogger(__name__)
+
+_NEIGHBOURS_S = 0.5  # before and after: what is seen is still much the same
+_SHARP_PERCENTILE = 80
+_REACH = 0.35  # of a step to either side of where a frame is due, so that no two are next to each other
+_OFF_CENTRE = 0.2  # of its sharpness is what a frame may lose by coming half a step late
+
+
+@dataclass(frozen=True)
+class FrameChoiceSettings:
+    """Which frames of a video or bag become photographs."""
+
+    step_deg: float = setting(
+        10.0,
+        unit="deg",
+        limits=(0.5, 60.0),
+        reason="by which the view changes between two frames, by turning or by going past things; a sixth of an "
+        "ordinary lens' view",
+    )
+    fewest: int = setting(
+        60, unit="frames", limits=(2, 2000), reason="of a short recording frames are taken closer to each other"
+    )
+    most: int = setting(
+        150, unit="frames", limits=(2, 2000), reason="of a long one farther apart: time grows faster than their number"
+    )
+    min_step_deg: float = setting(
+        3.0, unit="deg", limits=(0.1, 60.0), reason="frames that are closer show the same from the same place"
+    )
+    max_step_deg: float = setting(
+        25.0, unit="deg", limits=(1.0, 90.0), reason="farther apart frames may have too little in common: a warning"
+    )
+    min_sharpness: float = setting(
+        0.6,
+        limits=(0.0, 1.0),
+        reason="least contrast of fine detail against the frames half a second around; one that moves more is blurred",
+    )
+
+
+def choose_frames(motion: FrameMotion, name: str, settings: FrameChoiceSettings) -> NDArray[np.int64]:
+    """Rows (C,) of the frames to take, ascending: evenly spread over the change of view, and sharp for their time.
+
+    Args:
+        motion: of all frames.
+        name: of the recording, for messages.
+        settings: how many.
+
+    Raises:
+        MapError: the view hardly changes.
+    """
+    length_deg = float(motion.path_deg[-1] - motion.path_deg[0])
+    wanted = int(np.clip(round(length_deg / settings.step_deg), settings.fewest, max(settings.fewest, settings.most)))
+    step_deg = max(length_deg / max(1, wanted - 1), settings.min_step_deg)
+    relative = motion.sharpness / np.maximum(_usual_sharpness(motion), 1e-9)
+    chosen = []
+    for due_deg in np.arange(motion.path_deg[0], motion.path_deg[-1] + 0.5 * step_deg, step_deg):
+        first, end = np.searchsorted(motion.path_deg, [due_deg - _REACH * step_deg, due_deg + _REACH * step_deg])
+        # While the camera stands still many frames are due at the same place; where it is fast perhaps none.
+        near = np.arange(first, max(end, first + 1))[: len(relative) - first]
+        late = np.abs(motion.path_deg[near] - due_deg) / (0.5 * step_deg)
+        near, late = near[relative[near] >= settings.min_sharpness], late[relative[near] >= settings.min_sharpness]
+        if len(near):
+            chosen.append(int(near[np.argmax(relative[near] - _OFF_CENTRE * late)]))
+    rows = np.unique(np.array(chosen, np.int64))
+    if len(rows) < 2:
+        raise MapError(
+            f"{name}: the view changes by {length_deg:.0f} deg from the first frame to the last, which makes "
+            f"{len(rows)} photographs; a map needs a walk through the place that sees it from many sides"
+        )
+    _warn(name, step_deg, rows, motion, settings)
+    return rows
+
+
+def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
+    """(N,) sharpness of the better frames around each."""
+    duration_s = float(motion.seconds[-1] - motion.seconds[0])
+    reach = round(_NEIGHBOURS_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
+    usual: NDArray[np.float64] = percentile_filter(
+        motion.sharpness, _SHARP_PERCENTILE, size=2 * max(1, reach) + 1, mode="nearest"
+    )
+    return usual
+
+
+def _warn(
+    name: str, step_deg: float, rows: NDArray[np.int64], motion: FrameMotion, settings: FrameChoiceSettings
+) -> None:
+    if step_deg > settings.max_step_deg:
+        _LOG.warning(
+            "%s: is so long that its %d frames are %.0f deg apart, and may not hang together; raise frames.most, or "
+            "give a shorter recording",
+            *(name, len(rows), step_deg),
+        )
+    widest = float(np.diff(motion.path_deg[rows]).max())
+    if widest > max(2.0 * step_deg, settings.max_step_deg):
+        at = rows[int(np.argmax(np.diff(motion.path_deg[rows])))]
+        _LOG.warning(
+            "%s: after %.1f s the view changes by %.0f deg without a sharp frame; the map may fall apart there. Walk "
+            "and turn more slowly, in more light",
+            *(name, motion.seconds[at] - motion.seconds[0], widest),
+        )
