@@ -6,9 +6,11 @@ from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
+from bodycam_ros.mapping.known_distance import KnownDistanceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
 from bodycam_ros.mapping.pairs import PairSettings
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings
 from bodycam_ros.settings import SettingsGroups, setting
 
 
@@ -55,3 +57,5 @@ class MapSettings(SettingsGroups):
     kept: SmallPhotographSettings = SmallPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    worn: WornKeyframeSettings = WornKeyframeSettings()
+    known_distance: KnownDistanceSettings = KnownDistanceSettings()
