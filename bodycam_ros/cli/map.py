@@ -132,7 +132,7 @@ def _report(built: "BuiltMap", path: Path) -> None:
         f"{len(m.landmark_ids)} landmarks with {len(m.descriptors)} descriptors",
         seconds,
         _scale_line(built),
-        "z is up, from the board" if m.gravity_aligned else "z is NOT up: no board says what is",
+        _upright_line(built),
         f"written to {path}",
     ]
     console.print("\n".join(lines), soft_wrap=True)
@@ -150,3 +150,9 @@ def _scale_line(built: "BuiltMap") -> str:
         )
     share, sigma = 100 / known.scale, 100 * known.sigma
     return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
+
+
+def _upright_line(built: "BuiltMap") -> str:
+    if built.floor is not None:
+        return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
+    return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: no board says what is"

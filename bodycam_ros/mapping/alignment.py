@@ -46,6 +46,12 @@ class AlignmentSettings:
         reason="median error of the board's corners beyond which there is no map; 0.05 to 1.0 with the right "
         "camera.yaml, 1.3 and more with another lens model or a focal length 20 % off",
     )
+    fine_misfit: float = setting(
+        0.5,
+        unit="px",
+        limits=(0.0, 50.0),
+        reason="median error that is never refused: a fisheye's pixels are wider than max_misfit",
+    )
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,7 @@ def align_to_board(
     residual = _report(views, residuals, np.array(seen), offsets, inset_px)
     # An angle, since pixels are finer in larger photographs.
     misfit_mrad = 1e3 * float(np.median(np.linalg.norm(residuals, axis=1) / views.focal_px))
-    if misfit_mrad > settings.max_misfit:
+    if misfit_mrad > settings.max_misfit and residual.median_px > settings.fine_misfit:
         raise MapError(
             f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
             f"photographs should show them, expected {settings.max_misfit:g} mrad at most (alignment.max_misfit). "

@@ -12,13 +12,15 @@ from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
 from bodycam_ros.mapping.built_map import BuiltMap, map_summary, registration_table
 from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
-from bodycam_ros.mapping.known_distance import KnownDistance, measure_scale
+from bodycam_ros.mapping.floor import Floor, FloorSettings, find_floor
+from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs, in_parallel
 from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
+from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.mapping.worn_keyframes import WornPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -69,7 +71,7 @@ def build_map(
         structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
 
     # Scale, origin and upward direction.
-    alignment, known_scale = None, None
+    alignment, known_scale, floor = None, None, None
     if board is not None:
         tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
         alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board, settings.alignment)
@@ -80,10 +82,11 @@ def build_map(
                 "the map is metric, but its z is the board's, not up",
                 board_path,
             )
-    if known_distances and isinstance(photographs, WornPhotographs):
-        known_scale = measure_scale(structure, photographs.moments, known_distances, settings.known_distance)
+    if isinstance(photographs, WornPhotographs):
+        if known_distances:
+            known_scale = measure_scale(structure, photographs.moments, known_distances, settings.known_distance)
         if alignment is None:
-            structure = structure.transformed(known_scale.scale, np.eye(3), np.zeros(3))
+            structure, floor = _by_wearer(structure, photographs, known_scale, settings.floor)
 
     with timed.step("describing landmarks", 1) as advance:
         by_name = {image.name: image for image in features}
@@ -106,11 +109,34 @@ def build_map(
         world_T_camera=structure.world_T_camera,
         image_names=tuple(structure.names),
         metric=alignment is not None or known_scale is not None,
-        gravity_aligned=board is not None and board.map_R_board is not None,
+        gravity_aligned=floor is not None or (board is not None and board.map_R_board is not None),
         photographs=kept,
-        summary=map_summary(photographs, structure, settings, residual, known_scale, registrations),
+        summary=map_summary(photographs, structure, settings, residual, known_scale, floor, registrations),
     )
-    return BuiltMap(reference_map, structure, registrations, residual, known_scale, timed.seconds)
+    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, timed.seconds)
+
+
+def _by_wearer(
+    structure: Structure, photographs: WornPhotographs, known_scale: KnownScale | None, settings: FloorSettings
+) -> tuple[Structure, Floor | None]:
+    """Put a structure on the floor beneath the wearer, in metres if a distance is known; says how far to trust it."""
+    scale = 1.0
+    if known_scale is None:
+        _LOG.warning("no board is seen and no distance is known, so the map has no scale; see --known-distance")
+    else:
+        scale = known_scale.scale
+        _LOG.warning(
+            "the map's scale comes from known distances alone: all lengths may be wrong by %.1f %% (1 sigma). A board "
+            "on the floor, or a longer distance, makes that less",
+            100.0 * known_scale.sigma,
+        )
+    floor = find_floor(structure, photographs.moments, settings)
+    if floor is None:
+        _LOG.warning("no floor is found beneath the worn cameras, so the map's z is not up; let a board lie there")
+        return structure.transformed(scale, np.eye(3), np.zeros(3)), None
+    _LOG.warning("the map's z is up if the floor is level on which its wearer stood")
+    turned = scale * floor.map_R_world
+    return structure.transformed(scale, floor.map_R_world, -turned @ floor.origin), floor
 
 
 def _features(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.features import FeatureSettings
+from bodycam_ros.mapping.floor import FloorSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.known_distance import KnownDistanceSettings
 from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
@@ -59,3 +60,4 @@ class MapSettings(SettingsGroups):
     alignment: AlignmentSettings = AlignmentSettings()
     worn: WornKeyframeSettings = WornKeyframeSettings()
     known_distance: KnownDistanceSettings = KnownDistanceSettings()
+    floor: FloorSettings = FloorSettings()
