@@ -34,7 +34,6 @@ KERNEL_FILES = (
     "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
-    "growth/matching_kernels.py",
 )
 """All that hold kernels, in the order in which they are compiled."""
 

@@ -16,7 +16,7 @@ from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolma
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.structure import Structure, cameras_of
+from bodycam_ros.mapping.structure import Structure, distinct
 
 _RANDOM_SEED = 1
 _LONGEST_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
@@ -48,7 +48,7 @@ def write_database(path: Path, camera_of_name: Mapping[str, CameraModel], featur
             f"{path}: COLMAP cannot make its database here: {error} Is the disk full? TMPDIR names another place"
         ) from error
     with opened as database:
-        cameras, camera_of_view = cameras_of([image.name for image in features], camera_of_name)
+        cameras, camera_of_view = distinct([camera_of_name[image.name] for image in features])
         written = [_write_camera(database, camera) for camera in cameras]
         for image, row in zip(features, camera_of_view.tolist(), strict=True):
             camera_id, sensor, rig_id = written[row]
@@ -170,7 +170,7 @@ def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapp
     for view, image in enumerate(images):
         camera_T_world[view, :3] = image.cam_from_world().matrix()
     names = [i.name for i in images]
-    cameras, camera_of_view = cameras_of(names, camera_of_name)
+    cameras, camera_of_view = distinct([camera_of_name[name] for name in names])
     return Structure(
         names=names,
         cameras=cameras,

@@ -100,7 +100,7 @@ def _match(first: _Looks, second: _Looks, settings: EpipolarSettings) -> NDArray
     distance = float(np.linalg.norm(baseline))
     if distance == 0.0:
         return np.zeros((0, 2), np.uint32)
-    axes_world = _axes_along(baseline / distance)
+    axes_world = axes_along(baseline / distance)
     found = match_along_epipolars(
         as_rows(first.rays_world @ axes_world.T),
         first.sizes,
@@ -116,7 +116,7 @@ def _match(first: _Looks, second: _Looks, settings: EpipolarSettings) -> NDArray
     return np.column_stack([first.rows[found[:, 0]], second.rows[found[:, 1]]]).astype(np.uint32)
 
 
-def _axes_along(z: NDArray[np.float64]) -> NDArray[np.float64]:
+def axes_along(z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Three orthogonal unit rows (3, 3), the last of which is ``z``."""
     x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
     x /= np.linalg.norm(x)
