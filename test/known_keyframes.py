@@ -1,4 +1,4 @@
-"""A small map with photographs, and keyframes of a worn camera that sees other points than those of the map."""
+"""A small map with photographs, and what a worn camera sees of it and of points that the map does not know."""
 
 import cv2
 import numpy as np
@@ -9,11 +9,12 @@ from bodycam_ros.geometry import inverse, rigid, transform_points
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.tracking.track_frame import NO_LANDMARK
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
-LANDMARKS = 20
+LANDMARKS = 60
 K = [240.0, 0, 319.5, 0, 240.0, 239.5, 0, 0, 1]
 FRAME_NS = 400_000_000
+SIZE_M = 0.02
 
 
 def worn_camera(name: str = "hand") -> CameraModel:
@@ -27,7 +28,7 @@ def descriptors_of(count: int, seed: int) -> NDArray[np.uint8]:
 
 
 def small_map(seed: int = 1) -> ReferenceMap:
-    """Landmarks at z = 3, and two photographs of them."""
+    """Landmarks up to z = 3, and two photographs of them."""
     random = np.random.default_rng(seed)
     facing = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (LANDMARKS, 1))
     poses = np.stack([rigid(np.eye(3), np.array([x, 0.0, 0.0])) for x in (-0.5, 0.5)])
@@ -36,12 +37,12 @@ def small_map(seed: int = 1) -> ReferenceMap:
     rows = np.repeat(np.arange(LANDMARKS), 2)
     return ReferenceMap(
         landmark_ids=np.arange(1, LANDMARKS + 1, dtype=np.uint32),
-        points_world=np.column_stack([random.uniform(-1.0, 1.0, (LANDMARKS, 2)), np.full(LANDMARKS, 3.0)]),
+        points_world=random.uniform([-1.5, -1.0, 1.0], [1.5, 1.0, 3.0], (LANDMARKS, 3)),
         colours=random.integers(0, 256, (LANDMARKS, 3), dtype=np.uint8),
         descriptor_landmark=np.arange(LANDMARKS, dtype=np.uint32),
         descriptors=descriptors_of(LANDMARKS, seed),
         descriptor_view=facing,
-        descriptor_size=np.full(LANDMARKS, 0.02, np.float32),
+        descriptor_size=np.full(LANDMARKS, SIZE_M, np.float32),
         world_T_camera=poses,
         image_names=("one.jpg", "two.jpg"),
         metric=True,
@@ -63,13 +64,54 @@ def unknown_points(count: int = 60, seed: int = 7) -> NDArray[np.float64]:
     return np.random.default_rng(seed).uniform([-1.5, -1.0, 3.5], [1.5, 1.0, 5.0], (count, 3))
 
 
+def place(number: int) -> NDArray[np.float64]:
+    """World_T_camera (4, 4) of a camera that goes sideways, by 0.2 m from one image to the next, and back again."""
+    turn = number % 8
+    return rigid(np.eye(3), np.array([0.2 * min(turn, 8 - turn) - 0.3, 0.0, 0.0]))
+
+
+def tracks(
+    camera: CameraModel,
+    number: int,
+    points: NDArray[np.float64],
+    descriptors: NDArray[np.uint8],
+    first: int = 0,
+    first_track: int = 0,
+) -> TrackFrame:
+    """Image so-and-so of that camera, every feature of it new and described.
+
+    Args:
+        camera: its model.
+        number: of the image.
+        points, descriptors: (N, 3), (N, 128) what is there to be seen, with feature sizes as ``small_map`` has them.
+        first: number of the first image.
+        first_track: id of the first track.
+    """
+    seen = transform_points(inverse(place(number)), points)
+    pixels, _ = camera.project(seen)
+    count = len(points)
+    return TrackFrame(
+        camera=camera.name,
+        stamp_ns=number * FRAME_NS + FRAME_NS,
+        previous_stamp_ns=number * FRAME_NS if number > first else 0,
+        track_ids=np.arange(first_track + number * count, first_track + (number + 1) * count, dtype=np.uint32),
+        pixels=pixels.astype(np.float32),
+        described=np.arange(count, dtype=np.uint32),
+        descriptors=descriptors,
+        scales=(SIZE_M * camera.fx / np.linalg.norm(seen, axis=1)).astype(np.float32),
+        keyframe=True,
+        current_R_previous=np.eye(3),
+        rotation_inliers=count if number > first else 0,
+    )
+
+
 def keyframes(
     camera: CameraModel, points: NDArray[np.float64], count: int = 4, start: int = 0, seed: int = 7
 ) -> list[WornKeyframe]:
-    """Of a camera that goes sideways by 0.2 m from one to the next, and names nothing that it sees."""
+    """Of that camera, which names nothing that it sees."""
     made = []
     for number in range(start, start + count):
-        world_T_camera = rigid(np.eye(3), np.array([0.2 * number - 0.3, 0.0, 0.0]))
+        world_T_camera = place(number)
         seen = transform_points(inverse(world_T_camera), points)
         made.append(
             WornKeyframe(
