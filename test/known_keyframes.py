@@ -27,20 +27,23 @@ def descriptors_of(count: int, seed: int) -> NDArray[np.uint8]:
     return np.rint(512.0 * random / np.linalg.norm(random, axis=1, keepdims=True)).clip(0, 255).astype(np.uint8)
 
 
-def small_map(seed: int = 1) -> ReferenceMap:
-    """Landmarks up to z = 3, and two photographs of them."""
+def small_map(seed: int = 1, twins: bool = False) -> ReferenceMap:
+    """Landmarks up to z = 3, and two photographs of them; twins: each has another one that looks the same."""
     random = np.random.default_rng(seed)
     facing = np.tile(np.array([0.0, 0.0, -1.0], np.float32), (LANDMARKS, 1))
     poses = np.stack([rigid(np.eye(3), np.array([x, 0.0, 0.0])) for x in (-0.5, 0.5)])
     grey = bytes(cv2.imencode(".jpg", np.full((48, 64), 90, np.uint8))[1].tobytes())
     lens = camera_from_info("photograph", 64, 48, "plumb_bob", [0.0] * 5, [50.0, 0, 31.5, 0, 50.0, 23.5, 0, 0, 1])
     rows = np.repeat(np.arange(LANDMARKS), 2)
+    descriptors = descriptors_of(LANDMARKS, seed)
+    if twins:
+        descriptors[LANDMARKS // 2 :] = descriptors[: LANDMARKS // 2]
     return ReferenceMap(
         landmark_ids=np.arange(1, LANDMARKS + 1, dtype=np.uint32),
         points_world=random.uniform([-1.5, -1.0, 1.0], [1.5, 1.0, 3.0], (LANDMARKS, 3)),
         colours=random.integers(0, 256, (LANDMARKS, 3), dtype=np.uint8),
         descriptor_landmark=np.arange(LANDMARKS, dtype=np.uint32),
-        descriptors=descriptors_of(LANDMARKS, seed),
+        descriptors=descriptors,
         descriptor_view=facing,
         descriptor_size=np.full(LANDMARKS, SIZE_M, np.float32),
         world_T_camera=poses,

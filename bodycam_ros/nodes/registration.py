@@ -9,8 +9,10 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.growth.live_growth import LiveGrowth
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
+from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
@@ -89,6 +91,12 @@ class Registration(StageNode[RegistrationParameters]):
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
+            self.subscription(
+                "geometry_msgs/msg/PoseWithCovarianceStamped",
+                f"{camera}/expected_pose",
+                partial(self._on_expected, camera),
+                reliable(1),
+            )
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
@@ -142,6 +150,11 @@ class Registration(StageNode[RegistrationParameters]):
         self._readouts[camera][timing.source] = timing.readout
         if camera in self._registrars:
             self._registrars[camera].learn(timing.readout)
+
+    def _on_expected(self, camera: str, message: Message) -> None:
+        """Where the body has a camera."""
+        if camera in self._registrars:
+            self._registrars[camera].expect(stamp_ns(message.header.stamp), *pose_and_covariance(message.pose))
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:
