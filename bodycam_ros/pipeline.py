@@ -187,7 +187,7 @@ class SkeletonPipeline:
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
-        self._settings = settings
+        self._settings, self._live = settings, live
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -211,6 +211,7 @@ class SkeletonPipeline:
             of.memory,
             of.covariance,
             of.pose_fit,
+            offline=not self._live,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
