@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.evaluate import map_size_timing
 from bodycam_ros.evaluate.map_size_timing import time_map_sizes
 from bodycam_ros.evaluate.scaled_map import scaled_map
-from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
+from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
