@@ -169,7 +169,10 @@ class Registrar:
         points_world = self.map.points_world[self._carried_landmarks]
         fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
         agree = fit.inliers.sum() >= self.settings.min_inliers
-        return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
+        if not agree or np.linalg.cond(fit.information) >= _DEGENERATE:
+            return None
+        variance = np.trace(np.linalg.inv(fit.information)[3:, 3:])
+        return fit if variance < self.settings.max_sigma**2 else None
 
     def _name_tracks(
         self, frame: TrackFrame, rows: NDArray[np.int64], pose: NDArray[np.float64], radius_px: float
