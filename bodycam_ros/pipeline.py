@@ -126,6 +126,10 @@ class CameraPipeline:
         self._tracker.hear(matches)
         return tracks, matches
 
+    def doubt(self, stamp_ns: int) -> None:
+        """The body contradicts what was said of an image [ns]; see ``Registrar.doubt``."""
+        self._registrar.doubt(stamp_ns)
+
 
 class SkeletonPipeline:
     """All cameras from registrations to the articulated body.

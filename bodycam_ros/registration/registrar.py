@@ -93,8 +93,11 @@ class Registrar:
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
-        if fit and self._doubted and self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
-            rows, fit, predicted = rows[self._forget(np.ones(len(rows), bool))], None, None
+        if fit and self._doubted:
+            if self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
+                rows, fit, predicted = rows[self._forget(np.ones(len(rows), bool))], None, None
+            else:
+                self._doubted = None
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
         if fit is not None:
