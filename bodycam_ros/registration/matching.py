@@ -13,6 +13,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 
 _BLOCK = 4096
+_LOOKS_PER_LANDMARK = 4
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,8 @@ def match_everywhere(
         reference_map: the map.
         descriptors: (M, 128) RootSIFT, the strongest first; a few dozen matches are enough to find a camera, so only
             the first ``max_features_lost`` are looked up.
-        every_view: compare with all descriptors of a landmark; else with the one from the nearest photograph, which is
-            four times faster and finds three of four.
+        every_view: compare with all descriptors of a landmark, and look up a quarter of the features, so that it takes
+            as long; else with the one from the nearest photograph, which finds three of four.
         settings: thresholds.
     """
     if len(descriptors) == 0 or len(reference_map.descriptors) == 0:
@@ -128,7 +129,8 @@ def match_everywhere(
     starts = np.flatnonzero(np.diff(landmark_of_look, prepend=-1))
     looks = np.arange(len(landmark_of_look)) if every_view else starts
     firsts = starts if every_view else np.arange(len(starts))
-    query = descriptors[: settings.max_features_lost].astype(np.float32)
+    looked_up = settings.max_features_lost // _LOOKS_PER_LANDMARK if every_view else settings.max_features_lost
+    query = descriptors[:looked_up].astype(np.float32)
     rows = np.arange(len(query))
     best, rival = np.full((2, len(query)), np.inf, np.float32)
     landmark = np.zeros(len(query), np.int64)
