@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
 
@@ -98,7 +99,8 @@ def match_near_prediction(
 
     distances = np.sqrt(squared_distances[landmark])
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets[landmark]) / distances
-    expected_scale = camera.fx * reference_map.descriptor_size[look] / distances
+    shown = scales_at(camera, offsets[landmark] @ world_T_camera[:3, 2] / distances)
+    expected_scale = shown * reference_map.descriptor_size[look] / distances
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
     alike = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
     alike &= cosines > np.cos(np.radians(settings.max_view_angle_deg))
