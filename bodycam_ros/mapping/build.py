@@ -155,7 +155,7 @@ def _features(
             advance()
     if len(features) < 2:
         raise MapError(
-            f"{photographs.folder}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
+            f"{photographs.name}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
     return features
@@ -187,7 +187,7 @@ def _tag_views(
 
 def _no_tag(photographs: Photographs, board: Board, settings: TagSettings) -> str:
     return (
-        f"{photographs.folder}: no photograph shows a tag of the board ({board.family}: "
+        f"{photographs.name}: no photograph shows a tag of the board ({board.family}: "
         f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
         "from near by, or leave the board out (--no-board) for a map without scale"
     )

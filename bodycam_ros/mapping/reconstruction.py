@@ -135,11 +135,11 @@ def _check_fits(structure: Structure, matched: Structure, settings: LandmarkSett
         f"{settings.max_error:g} px"
     )
     if share >= settings.min_fitting:
-        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(structure.cameras[0]))
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(*structure.cameras))
         return
     raise MapError(
         f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
-        f"(landmarks.min_fitting). {wrong_camera(structure.cameras[0])}"
+        f"(landmarks.min_fitting). {wrong_camera(*structure.cameras)}"
     )
 
 
