@@ -7,7 +7,7 @@ registrations. The live graph runs the two halves of ``CameraPipeline`` in diffe
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,14 @@ from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.growth.extension_settings import ExtensionSettings
+from bodycam_ros.growth.growing_map import GrowingMap
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.keyframe_choice import KeyframeChoice
+from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
+from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.matching import MatchingSettings
@@ -27,7 +33,8 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -37,14 +44,16 @@ from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.refusal_log import Refusal
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
 from bodycam_ros.verdict.verdict import VerdictSettings
 
 
@@ -57,11 +66,14 @@ class PipelineSettings(SettingsGroups):
     flow: OpticalFlowSettings = OpticalFlowSettings()
     rotation: RotationSettings = RotationSettings()
     registrar: RegistrarSettings = RegistrarSettings()
+    growth: GrowthSettings = GrowthSettings()
+    extend: ExtensionSettings = ExtensionSettings()
     direct: DirectSettings = DirectSettings()
     matching: MatchingSettings = MatchingSettings()
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
+    doubt: DoubtSettings = DoubtSettings()
     readout: ReadoutSettings = ReadoutSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
@@ -98,11 +110,20 @@ def registrar(
         settings.pose_fit,
         settings.shutter,
         readout,
+        settings.doubt,
     )
 
 
 class CameraPipeline:
-    """One camera from images to registrations; ``readout`` as of ``registrar``."""
+    """One camera from images to registrations.
+
+    Args:
+        camera: its model.
+        reference_map: what its tracker finds landmarks by.
+        settings: of all stages.
+        readout: as of ``registrar``.
+        growing_map: what it is registered in, if not that map; the same with room for more landmarks.
+    """
 
     def __init__(
         self,
@@ -110,16 +131,32 @@ class CameraPipeline:
         reference_map: ReferenceMap,
         settings: PipelineSettings,
         readout: Readout | None = None,
+        growing_map: GrowingMap | None = None,
     ) -> None:
+        self._camera = camera
         self._tracker = landmark_tracker(camera, reference_map, settings, readout)
-        self._registrar = registrar(camera, reference_map, settings, readout)
+        self._registrar = registrar(camera, growing_map or reference_map, settings, readout)
+        self._keyframes = None if growing_map is None else KeyframeChoice(camera, settings.growth)
 
-    def process(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[TrackFrame, LandmarkMatches]:
-        """Track and register the next image (H, W); raises RecordingError as ``FeatureTracker.track`` does."""
+    def process(
+        self, image: NDArray[np.uint8], stamp_ns: int
+    ) -> tuple[TrackFrame, LandmarkMatches, WornKeyframe | None]:
+        """Track and register the next image (H, W); what the map may grow by, if it is a keyframe.
+
+        Raises:
+            RecordingError: as ``FeatureTracker.track``.
+        """
         tracks = self._tracker.track(image, stamp_ns)
         matches = self._registrar.register(tracks)
         self._tracker.hear(matches)
-        return tracks, matches
+        if self._keyframes is None:
+            return tracks, matches, None
+        keyframe = worn_keyframe(self._camera, tracks, matches) if tracks.keyframe else None
+        if keyframe is not None:
+            self._keyframes.taken(matches)
+        elif self._keyframes.is_due(matches):
+            self._tracker.want_keyframe()
+        return tracks, matches, keyframe
 
 
 class SkeletonPipeline:
@@ -150,7 +187,7 @@ class SkeletonPipeline:
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
-        self._settings = settings
+        self._settings, self._live = settings, live
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -174,6 +211,7 @@ class SkeletonPipeline:
             of.memory,
             of.covariance,
             of.pose_fit,
+            offline=not self._live,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
@@ -192,7 +230,17 @@ class SkeletonPipeline:
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._smoother.refused
+        return self._smoother.refusals.counts
+
+    @property
+    def doubted(self) -> Mapping[str, Refusal]:
+        """Cameras that the body has been contradicting for a while, until now; ``Registrar.doubt`` is for them."""
+        return self._smoother.refusals.doubted
+
+    @property
+    def doubts(self) -> Sequence[Refusal]:
+        """The same of the past, in order of the ends, for another pass over the recording."""
+        return self._smoother.refusals.doubts
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""

@@ -51,10 +51,12 @@ def choose_in_numpy(
     world_T_camera: Array,
     twist: Array,
     readout_time: float,
+    candidates: NDArray[np.int64],
     points_world: Array,
     normals: Array,
     sizes: Array,
     trust: Array,
+    trust_scale: float,
     cells: int,
     per_cell: int,
     least_sigma_px: float,
@@ -73,8 +75,9 @@ def choose_in_numpy(
         & (np.minimum(u, v) > BORDER_PX)
         & (u < camera.width - 1 - BORDER_PX)
         & (v < camera.height - 1 - BORDER_PX)
+        & np.isin(np.arange(len(points_world)), candidates)
     )
-    merits = trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
+    merits = trust_scale * trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
     cell = (v * cells / camera.height).astype(int) * cells + (u * cells / camera.width).astype(int)
     rows = [
         row

@@ -112,6 +112,7 @@ def random_matches(rng: np.random.Generator, count: int, registered: bool) -> La
         shifts=rng.normal(size=(count, 2)).astype(np.float32) if registered else None,
         readout_time=0.0123,
         readout_sigma=0.0004,
+        grown=1,
     )
 
 

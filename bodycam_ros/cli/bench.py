@@ -10,6 +10,7 @@ from rich.table import Table
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.evaluate.endurance import Endurance, endure
+from bodycam_ros.evaluate.map_size_timing import MapSizeTiming, time_map_sizes
 from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -41,12 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task("stages, one thread", total=None)
         timing = time_stages(*inputs, settings, on_image=lambda: progress.advance(task))
+        progress.update(task, description="maps of other sizes")
+        sizes = time_map_sizes(*inputs[:2], timing.registered, settings, on_map=lambda: progress.advance(task))
         progress.update(task, description="replay, all cores")
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
             summary = replay(*inputs, scratch / "out", settings, jobs=arguments.jobs)
         endurance = _endurance(arguments, timing, settings, progress) if arguments.minutes > 0.0 else None
     console = Terminal()
     console.print(_table(timing))
+    console.print(_size_table(sizes))
     console.print(
         f"tracker: {timing.tracker_ratio:.2f} times the OpenCV calls that flow and descriptors alone would need\n"
         f"solver: {timing.solve_ms:.1f} ms per instant, {timing.solve_ms / _DESIGN_SOLVE_MS:.2f} times the design's "
@@ -90,4 +94,20 @@ def _table(timing: StageTiming) -> Table:
         table.add_row(stage, f"{per_image:.2f}", f"{per_call:.2f}", str(calls))
     cameras = timing.images / max(timing.instants, 1)
     table.add_row("solve", f"{timing.solve_ms / max(cameras, 1):.2f}", f"{timing.solve_ms:.2f}", str(timing.instants))
+    return table
+
+
+def _size_table(sizes: list[MapSizeTiming]) -> Table:
+    table = Table("landmarks of a map", *(f"{size.landmarks:,}" for size in sizes), title="ms per image, lost or not")
+    rows = {
+        "found by photographs": [f"{size.direct_ms:.2f}" if size.direct_ms is not None else "-" for size in sizes],
+        "keyframe named": [f"{size.named_ms:.1f}" for size in sizes],
+        "lost: where the body has it": [f"{size.expected_ms:.1f}" for size in sizes],
+        "lost: in similar photographs": [f"{size.similar_ms:.1f}" for size in sizes],
+        "lost: anywhere": [f"{size.anywhere_ms:.1f}" for size in sizes],
+        "to be ready for these, once [s]": [f"{size.prepared_s:.2f}" for size in sizes],
+        "memory [MB]": [f"{size.memory_mb:,.0f}" for size in sizes],
+    }
+    for name, values in rows.items():
+        table.add_row(name, *values)
     return table

@@ -13,7 +13,20 @@ from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
-COMMANDS = ("map", "ingest", "body", "replay", "evaluate", "export", "bench", "latency", "settings", "view")
+COMMANDS = (
+    "map",
+    "map check",
+    "map extend",
+    "ingest",
+    "body",
+    "replay",
+    "evaluate",
+    "export",
+    "bench",
+    "latency",
+    "settings",
+    "view",
+)
 """Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code.
 
 A command may have two words ("map check" is ``map_check``). They come one after the other, and go before what the first

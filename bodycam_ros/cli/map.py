@@ -2,31 +2,35 @@
 
 import argparse
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as RichProgress
 from rich.table import Table
 
 from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.mapping.coverage import COVERAGE_FILE, Coverage, measure_coverage
+from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import check_replaceable
+from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
 
+_MORE = "'bodycam map check MAP' says what a map covers; a folder that is named check is given as ./check."
+
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("map", help="build a reference map from photographs or a video", description=__doc__)
+    parser = subparsers.add_parser(
+        "map", help="build a reference map from photographs or a video", description=__doc__, epilog=_MORE
+    )
     add_source_flags(parser)
     parser.add_argument(
         "--board",
@@ -35,7 +39,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
-    parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
+    parser.add_argument(
+        "--force", action="store_true", help="replace MAP, and DIR of --keep-frames, if it is there already"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     add_settings_flags(parser, MapSettings)
@@ -44,8 +50,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    # COLMAP takes a second to load; the other commands and --help do without.
+    # COLMAP and matplotlib take a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
+    from bodycam_ros.mapping.coverage_picture import draw_coverage
 
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
@@ -56,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_replaceable(arguments.output, arguments.force)
     check_source(arguments)
     with (
-        _shown_progress() as progress,
+        shown_progress() as progress,
         photographs_of(arguments, settings, progress) as photographs,
     ):
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
@@ -69,36 +76,19 @@ def run(arguments: argparse.Namespace) -> int:
             progress,
             known_distances(arguments),
         )
-    built.save(arguments.output, force=arguments.force)
-    _report(built, arguments.output)
+        coverage = measure_coverage(built.reference_map, settings.coverage, progress)
+    built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
+    name = f"Coverage of {printable(arguments.output.name)}"
+    built.save(
+        arguments.output,
+        force=arguments.force,
+        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, name),
+    )
+    _report(built, coverage, arguments.output)
     return 0
 
 
-class _ShownProgress:
-    """Progress bars on the terminal, one per step."""
-
-    def __init__(self, bars: RichProgress) -> None:
-        self._bars = bars
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        task = self._bars.add_task(name, total=total)
-
-        def advance(units: int = 1) -> None:
-            self._bars.advance(task, units)
-
-        yield advance
-        self._bars.update(task, completed=total)
-
-
-@contextmanager
-def _shown_progress() -> Iterator[_ShownProgress]:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with RichProgress(*columns, console=Terminal(stderr=True)) as bars:
-        yield _ShownProgress(bars)
-
-
-def _report(built: "BuiltMap", path: Path) -> None:
+def _report(built: "BuiltMap", coverage: Coverage, path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
     console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
@@ -133,7 +123,8 @@ def _report(built: "BuiltMap", path: Path) -> None:
         seconds,
         _scale_line(built),
         _upright_line(built),
-        f"written to {path}",
+        *coverage_lines(coverage, m),
+        f"written to {path}; what it covers is drawn in {path / COVERAGE_FILE}",
     ]
     console.print("\n".join(lines), soft_wrap=True)
 

@@ -58,10 +58,15 @@ def check_source(arguments: argparse.Namespace) -> None:
     """Refuse flags that do not go together, before the work.
 
     Raises:
-        MapError: a flag that this source has no use for.
+        MapError: there is no source, or a flag that it has no use for.
         OutputError: the frames cannot be kept where they should.
     """
     check_worn(arguments)
+    if arguments.source is not None and not arguments.source.exists():
+        raise MapError(
+            f"{arguments.source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, "
+            "or a bag"
+        )
     moving = arguments.source is not None and is_moving(arguments.source)
     if arguments.topic is not None and not is_bag(arguments.source):
         raise MapError(f"{arguments.source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")
@@ -99,9 +104,9 @@ def photographs_of(arguments: argparse.Namespace, settings: MapSettings, progres
     else:
         camera = VideoCamera(source, arguments.camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        folder: Path = arguments.keep_frames or scratch / source.stem
+        folder: Path = arguments.keep_frames or scratch / "frames"
         keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)
-        board = source.parent / BOARD_FILE
+        board = source.resolve().parent / BOARD_FILE
         yield find_photographs(folder, name=camera.name, board_path=board if board.is_file() else None)
 
 

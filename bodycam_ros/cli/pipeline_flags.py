@@ -18,12 +18,13 @@ def add_pipeline_flags(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_recording_flags(parser: argparse.ArgumentParser) -> None:
-    """Add BAG, --map, --jobs, --config and a flag for every setting."""
+def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True) -> None:
+    """Add BAG, --map unless that is given otherwise, --jobs, --config and a flag for every setting."""
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
-    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
+    if with_map:
+        parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument(
-        "--jobs", type=_positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
+        "--jobs", type=positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
     )
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     add_settings_flags(parser, PipelineSettings)
@@ -45,7 +46,8 @@ def known_groups() -> set[str]:
     return {*PipelineSettings.groups(), *CalibrationSettings.groups(), *SoundSettings.groups()}
 
 
-def _positive(text: str) -> int:
+def positive(text: str) -> int:
+    """A number of processes or passes; argparse says what is wrong with another."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError("must be at least 1")

@@ -8,12 +8,14 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.clock_lines import print_clocks
-from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
+from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
+from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings, positive
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
-from bodycam_ros.replay.replay import ReplaySummary, replay
+from bodycam_ros.replay.passes import replay_in_passes
+from bodycam_ros.replay.replay import ReplaySummary
 from bodycam_ros.terminal import Terminal
 
 
@@ -22,6 +24,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser("replay", help="solve a recorded bag offline", description=__doc__)
     add_pipeline_flags(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
+    parser.add_argument(
+        "--passes",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="passes over the recording: all but the last register its cameras and let the map grow by what they saw, "
+        "forwards and backwards in turn (default: 1; 3 where the map shows a part of the place)",
+    )
     parser.add_argument("--force", action="store_true", help="replace OUT if it is there already")
     parser.set_defaults(run=run)
 
@@ -38,16 +48,20 @@ def run(arguments: argparse.Namespace) -> int:
     columns = (TextColumn("replay"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("replay", total=duration_s)
-        summary = replay(
+        summary, rounds = replay_in_passes(
             arguments.recording,
             arguments.map,
             arguments.body,
             arguments.output,
             settings,
             jobs=arguments.jobs,
+            passes=arguments.passes,
             force=arguments.force,
+            on_step=shown_steps(progress),
             on_progress=lambda seconds: progress.update(task, completed=seconds),
         )
+    if rounds:
+        print_rounds(rounds)
     Terminal().print(_table(summary))
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)

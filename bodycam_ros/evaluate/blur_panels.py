@@ -71,5 +71,6 @@ def span_text(blur: BlurClass) -> str:
 
 def _say(axes: Axes, text: str) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=QUIET)
-    axes.set_xticks([])
+    # The time axis is shared: without ticks here, the other panels would have none either.
+    axes.tick_params(bottom=False, labelbottom=False)
     axes.set_yticks([])

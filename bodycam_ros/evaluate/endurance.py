@@ -85,7 +85,7 @@ def endure(
         for output in outputs if begun else ():
             stamps_ns.append(output.state.stamp_ns)
             solve_s.append(spent_s / len(outputs))
-            memory.append(_memory_bytes())
+            memory.append(memory_bytes())
             on_instant()
         if outputs:
             begun, spent_s = True, 0.0
@@ -137,6 +137,6 @@ def _backward(registered: Sequence[LandmarkMatches], mirror_ns: int) -> list[Lan
     return mirrored
 
 
-def _memory_bytes() -> int:
+def memory_bytes() -> int:
     """Resident memory of this process."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()

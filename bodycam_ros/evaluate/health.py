@@ -14,6 +14,7 @@ from bodycam_ros.evaluate.blur import image_motion
 from bodycam_ros.evaluate.measures import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.camera_sight import CameraSight
 from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
 from bodycam_ros.solved.trajectory import interpolated
 from bodycam_ros.timing.clock_history import ClockHistory
@@ -99,6 +100,7 @@ class CameraHealth:
         camera: name.
         images: that were tracked.
         registered: share of them with a pose.
+        sights: what it knew -> share of them.
         longest_lost_s: the longest time without a pose [s].
         tracks: mean of feature tracks per image; NaN where the bag does not say.
         landmarks: mean of tracks with a landmark per image.
@@ -112,6 +114,7 @@ class CameraHealth:
     camera: str
     images: int
     registered: float
+    sights: Mapping[CameraSight, float]
     longest_lost_s: float
     tracks: float
     landmarks: float
@@ -204,6 +207,7 @@ def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
         camera=record.camera,
         images=len(record.stamps_ns),
         registered=float(record.registered.mean()),
+        sights={sight: float(np.mean(record.sights == sight)) for sight in CameraSight},
         longest_lost_s=longest_lost(record.stamps_ns, record.registered, solved.frame_ns),
         tracks=float(known.mean()) if len(known) else float("nan"),
         landmarks=float(record.landmarks.mean()),

@@ -83,6 +83,7 @@ def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
     figures = {
         "images": health.images,
         "registered": health.registered,
+        "sight": {sight.label: share for sight, share in health.sights.items()},
         "longest_lost_s": health.longest_lost_s,
         "tracks": health.tracks,
         "landmarks": health.landmarks,

@@ -14,8 +14,9 @@ from bodycam_ros.evaluate.blur_panels import draw_blur, draw_brightness
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.evaluate.sight_panel import draw_sights
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
-from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors, draw_registrations
+from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
 from bodycam_ros.verdict.verdict import Level, Verdict
 
@@ -43,7 +44,7 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
         left, right = (0.095, 0.405), (0.6, 0.365)
         registrations = figure.add_axes((left[0], 0.232, left[1], 0.258))
-        draw_registrations(registrations, evaluation)
+        draw_sights(registrations, evaluation)
         draw_errors(_stacked(figure, left, (0.045, 0.182), ERROR_PANELS, registrations), evaluation)
         draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
         draw_blur(strip.add_axes((left[0], 0.2, left[1], 0.6)), evaluation)

@@ -1,5 +1,5 @@
-"""Panels over time: one telling angle per limb, which camera was registered, and the error or, where the truth is
-unknown, what the solver itself believes.
+"""Panels over time: one telling angle per limb, and the error or, where the truth is unknown, what the solver itself
+believes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -7,15 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from bodycam_ros.drawing.picture_style import (
     INK,
-    LANDMARKS,
     LEFT,
     QUIET,
     RIGHT,
@@ -38,15 +35,11 @@ _BENDS_BACKWARDS = "knee"
 _MOVES_ALL_ROUND = "shoulder"
 
 ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
-_SHORT_SCALE = 50.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
+_SHORT_SCALE = 30.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
+_MOST_DECADES = 3  # with a tick each; more would touch
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
 _DASHED = (0, (3, 2))
-
-_MOST_COLUMNS = 900
-"""Columns of the strip; of the images that share one, the worst shows."""
-
-_NO_IMAGE = "#f7f8f9"
 
 
 @dataclass(frozen=True)
@@ -187,7 +180,8 @@ def _scale_by_decades(axes: Axes, errors: Array) -> None:
     high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
     axes.set_yscale("log", nonpositive="clip")
     axes.set_ylim(low, high)
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < _SHORT_SCALE * low else (1.0,)))
+    subs = (1.0, 3.0) if high < _SHORT_SCALE * low else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=_MOST_DECADES + 1))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
 
@@ -210,66 +204,3 @@ def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values
 def _lone_marker(curve: tuple[Array, Array]) -> str:
     """A dot if the curve is one point, which no line would show."""
     return "o" if len(curve[0]) == 1 else ""
-
-
-def draw_registrations(axes: Axes, evaluation: Evaluation) -> None:
-    """Draw the panel: a row per camera, darker with more landmarks, red where the camera is lost."""
-    solved = evaluation.solved
-    landmarks, lost = registration_table(solved, _MOST_COLUMNS)
-    duration_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
-    extent = (0.0, duration_s, len(solved.cameras) - 0.5, -0.5)
-    axes.set_facecolor(_NO_IMAGE)
-    image = axes.imshow(
-        np.ma.masked_invalid(np.where(lost, np.nan, landmarks)),
-        cmap=LANDMARKS, vmin=0.0, vmax=_round_up(landmarks), extent=extent, aspect="auto", interpolation="nearest",
-    )  # fmt: skip
-    red = np.ma.masked_where(~lost, np.ones_like(landmarks))
-    axes.imshow(red, cmap=ListedColormap([WARNING]), extent=extent, aspect="auto", interpolation="nearest")
-    axes.hlines(np.arange(len(solved.cameras) - 1) + 0.5, 0.0, duration_s, color="white", linewidth=1.5)
-    _label_rows(axes, evaluation)
-    axes.spines[:].set_visible(False)
-    axes.tick_params(length=0)
-    panel_title(axes, "Camera registration", "landmarks per image")
-    bar = axes.inset_axes((0.62, 1.025, 0.24, 0.022))
-    colours = axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=[0.0, _round_up(landmarks)])
-    colours.outline.set_visible(False)
-    bar.tick_params(length=0, labelsize=7.5, pad=1.0, top=True, labeltop=True, bottom=False, labelbottom=False)
-    axes.legend(
-        handles=[Patch(color=WARNING, label="lost")], loc="lower right", bbox_to_anchor=(1.0, 0.995),
-        handlelength=0.9, handleheight=0.9, borderaxespad=0.0,
-    )  # fmt: skip
-
-
-def registration_table(solved: SolvedRecording, most_columns: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Fewest landmarks (C, N), NaN without an image, and whether a pose was missing (C, N), by camera and time."""
-    frames = round((solved.end_ns - solved.start_ns) / solved.frame_ns) + 1
-    columns = min(frames, most_columns)
-    landmarks = np.full((len(solved.cameras), columns), np.inf)
-    lost = np.zeros(landmarks.shape, dtype=bool)
-    for row, record in enumerate(solved.cameras):
-        frame = np.round((record.stamps_ns - solved.start_ns) / solved.frame_ns).astype(int)
-        column = frame * columns // frames
-        np.minimum.at(landmarks[row], column, record.landmarks)
-        np.logical_or.at(lost[row], column, ~record.registered)
-    return np.where(np.isinf(landmarks), np.nan, landmarks), lost
-
-
-def _round_up(landmarks: Array) -> float:
-    """The end of the colour scale: most cells lie below, and it is a round number."""
-    known = landmarks[np.isfinite(landmarks)]
-    top = float(np.percentile(known, 98)) if known.size else 1.0
-    return float(max(10.0, 10.0 * np.ceil(top / 10.0)))
-
-
-def _label_rows(axes: Axes, evaluation: Evaluation) -> None:
-    names = [health.camera for health in evaluation.cameras]
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    for label, name in zip(axes.get_yticklabels(), names, strict=True):
-        label.set_color(side_colour(name))
-    for row, health in enumerate(evaluation.cameras):
-        perfect = health.registered == 1.0
-        axes.annotate(
-            "100 %" if perfect else f"{100.0 * health.registered:.1f} %", (1.0, row), (5, 0),
-            xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
-            color=QUIET if perfect else WARNING,
-        )  # fmt: skip

@@ -48,6 +48,11 @@ def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
     return np.require(values, np.float64, ("C", "A", "W", "E"))
 
 
+def as_bytes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An array of bytes as the kernels are compiled for it; itself if it is that already."""
+    return np.require(values, np.uint8, ("C", "A", "W", "E"))
+
+
 def compile_all() -> None:
     """Compile, or load from where they were kept, all kernels of the modules imported so far."""
     for dispatcher, signatures in _entries:

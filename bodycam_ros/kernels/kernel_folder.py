@@ -25,9 +25,13 @@ PACKAGE = Path(__file__).parent.parent
 KERNEL_FILES = (
     "camera/lens_kernels.py",
     "geometry_kernels.py",
+    "mapping/epipolar_kernels.py",
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
     "registration/landmark_choice_kernels.py",
+    "registration/local_landmark_kernels.py",
+    "registration/descriptor_kernels.py",
+    "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
 )

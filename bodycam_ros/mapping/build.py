@@ -66,7 +66,9 @@ def build_map(
         board = None
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
-        structure = reconstruct(features, camera_of_name, settings.pairs, settings.landmarks, workers, timed)
+        structure = reconstruct(
+            features, camera_of_name, settings.pairs, settings.epipolar, settings.landmarks, workers, timed
+        )
     else:
         structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
 
@@ -155,7 +157,7 @@ def _features(
             advance()
     if len(features) < 2:
         raise MapError(
-            f"{photographs.name}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
+            f"{photographs.where}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
     return features
@@ -187,7 +189,7 @@ def _tag_views(
 
 def _no_tag(photographs: Photographs, board: Board, settings: TagSettings) -> str:
     return (
-        f"{photographs.name}: no photograph shows a tag of the board ({board.family}: "
+        f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
         f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
         "from near by, or leave the board out (--no-board) for a map without scale"
     )

@@ -1,6 +1,6 @@
 """A map that is ready to be saved, with what a person wants to know before trusting it, there and in ``map.yaml``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -63,8 +63,13 @@ class BuiltMap:
     floor: Floor | None
     seconds: dict[str, float]
 
-    def save(self, path: Path, *, force: bool = False) -> None:
+    def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the map folder with its COLMAP model and PLY, whole or not at all.
+
+        Args:
+            path: folder to create.
+            force: replace a map that is there.
+            also: writes further files into the folder that it is given, before the folder appears.
 
         Raises:
             MapError: the folder exists already.
@@ -74,6 +79,7 @@ class BuiltMap:
         def write_structure(folder: Path) -> None:
             colmap.write_model(folder / _MODEL_FOLDER, self.structure)
             write_ply(folder / _PLY_FILE, self.structure)
+            also(folder)
 
         self.reference_map.save(path, force=force, also=write_structure)
 

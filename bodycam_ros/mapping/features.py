@@ -55,6 +55,12 @@ class ImageFeatures:
     descriptors: NDArray[np.uint8]
     colours: NDArray[np.uint8]
 
+    def largest(self, count: int) -> "ImageFeatures":
+        """The ``count`` largest features alone."""
+        return ImageFeatures(
+            self.name, self.pixels[:count], self.sigmas[:count], self.descriptors[:count], self.colours[:count]
+        )
+
 
 def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
     """Find and describe the features of one photograph.
@@ -70,7 +76,12 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
         )
     # The detector that the tracker uses at run time, so that descriptors agree.
     detector = KeypointDetector(
-        KeypointSettings(image_scale=1.0, contrast_threshold=settings.contrast, max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM)
+        KeypointSettings(
+            image_scale=1.0,
+            contrast_threshold=settings.contrast,
+            max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM,
+            cells=1,
+        )
     )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     found = detector.detect(gray, _mask(camera, settings.max_view_angle_deg))

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
+from bodycam_ros.geometry import log_so3
 from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -18,7 +20,10 @@ _SHARP_WIDTH, _FLOW_WIDTH = 1280, 480
 """Blur by two pixels of what a map is made of must show; motion shows in far fewer pixels."""
 
 _MOST_POINTS, _LEAST_POINTS = 200, 12
+_LEAST_SHARE = 0.25  # of the points of the frame before; of a picture of something else fewer seem to be found again
 _APART = 0.02  # of the width, between points that are followed
+_ROTATION = RotationSettings()
+_RETURN_PX = 1.0
 _TREMOR_DEG = 2.0
 """What a hand that stays where it is moves the picture by. Points are followed until they moved by more, so that an
 hour of it adds up to nothing."""
@@ -34,11 +39,13 @@ class FrameMotion:
             between frames that show the same.
         path_deg: (N,) by how much the view has changed since the first frame [deg]: the sum of what the directions to
             things changed by, be it because the camera turned or because it went past them. Never decreases.
+        angular_velocity: (N, 3) by which the camera turned, in its own axes [rad/s]; zero where nobody needs it.
     """
 
     seconds: Array
     sharpness: Array
     path_deg: Array
+    angular_velocity: Array
 
 
 def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], None]) -> FrameMotion:
@@ -53,8 +60,8 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
         MapError: there is no frame.
         LensError: the camera's intrinsics are for images of another size.
     """
-    seconds, sharpness, path_deg = [], [], []
-    follower = _Follower(source.camera, cut_deg)
+    seconds, sharpness, path_deg, turns = [], [], [], []
+    follower = _Follower(source.camera, cut_deg, turns=any(source.readout_s))
     with source.frames() as frames:
         for frame in frames:
             try:
@@ -69,16 +76,28 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
                 _check_size(source, grey)
                 sharpness.append(_sharpness(_at_width(grey, _SHARP_WIDTH)))
                 path_deg.append(follower.follow(_at_width(grey, _FLOW_WIDTH)))
+                turns.append((len(seconds) - 1, follower.turn))
             on_frame()
     if not any(sharpness):
         raise MapError(f"{source.name}: none of its {len(sharpness)} frames shows anything; give another recording")
-    return FrameMotion(np.array(seconds), np.array(sharpness), np.maximum.accumulate(path_deg))
+    times, velocity = np.array(seconds), np.zeros((len(seconds), 3))
+    decoded = [row for row, _ in turns]
+    velocity[decoded] = _velocity(times[decoded], np.array([turn for _, turn in turns]))
+    return FrameMotion(times, np.array(sharpness), np.maximum.accumulate(path_deg), velocity)
+
+
+def _velocity(seconds: Array, turns: Array) -> Array:
+    """(N, 3) angular velocity at each frame, the mean of both sides, of the turns (N, 3) [rad] from those before."""
+    steps = np.diff(seconds, prepend=seconds[0] - 1.0, append=seconds[-1] + 1.0)
+    rates = np.concatenate([turns, turns[-1:]]) / np.maximum(steps, 1e-6)[:, None]
+    rates[0], rates[-1] = rates[1], rates[-2]
+    return np.asarray(0.5 * (rates[:-1] + rates[1:]), np.float64)
 
 
 class _Follower:
     """Follows points from frame to frame, and sums up what the directions to them change by."""
 
-    def __init__(self, camera: CameraModel, cut_deg: float) -> None:
+    def __init__(self, camera: CameraModel, cut_deg: float, turns: bool) -> None:
         self._camera = camera
         self._cut_deg = cut_deg
         self._before_deg = 0.0
@@ -86,29 +105,39 @@ class _Follower:
         self._pixels = np.zeros((0, 1, 2), np.float32)
         self._first_rays = np.zeros((0, 3))
         self._begun = 0
+        self._turns = turns
         self.path_deg = 0.0
+        self.turn = np.zeros(3)
 
     def follow(self, grey: Grey) -> float:
-        """How far the view has changed until this frame [deg]."""
-        if self._grey is not None and len(self._pixels):
-            ahead, found, _ = cv2.calcOpticalFlowPyrLK(self._grey, grey, self._pixels, np.empty_like(self._pixels))
-            height, width = grey.shape
-            inside = np.all((ahead[:, 0] >= 0.0) & (ahead[:, 0] <= (width - 1, height - 1)), axis=1)
-            kept = (found.ravel() == 1) & inside
+        """How far the view has changed until this frame [deg]; ``turn`` [rad] is by how much since the one before."""
+        self.turn = np.zeros(3)
+        if self._grey is not None and len(self._pixels) >= _LEAST_POINTS:
+            ahead, kept = _followed(self._grey, grey, self._pixels)
+            before = self._pixels[kept]
             self._pixels, self._first_rays = ahead[kept], self._first_rays[kept]
-            self._measure(grey)
-        if self._grey is None or len(self._pixels) < max(_LEAST_POINTS, self._begun // 2):
+            # Some points always seem to be found again, in whatever picture.
+            if kept.sum() < max(_LEAST_POINTS, _LEAST_SHARE * len(kept)):
+                self.path_deg += self._cut_deg
+                self._pixels = self._pixels[:0]
+            else:
+                if self._turns:
+                    self._measure_turn(before, grey)
+                self._measure(grey)
+        if len(self._pixels) < max(_LEAST_POINTS, self._begun // 2):
             self._begin(grey)
         self._grey = grey
         return self.path_deg
 
+    def _measure_turn(self, before: NDArray[np.float32], grey: Grey) -> None:
+        """The turn since the frame in which the points were at pixels (N, 1, 2), by most of them (A eq. 2)."""
+        then, now = self._rays(before, grey), self._rays(self._pixels, grey)
+        known = np.isfinite(then[:, 0]) & np.isfinite(now[:, 0])
+        current_R_previous, _ = estimate_rotation(then[known], now[known], _ROTATION, seed=0)
+        self.turn = log_so3(current_R_previous.T)
+
     def _measure(self, grey: Grey) -> None:
-        if len(self._pixels) < _LEAST_POINTS:
-            if self._begun >= _LEAST_POINTS:
-                self.path_deg += self._cut_deg
-            return
-        rays = self._rays(self._pixels, grey)
-        cosines = np.einsum("ij,ij->i", rays, self._first_rays)
+        cosines = np.einsum("ij,ij->i", self._rays(self._pixels, grey), self._first_rays)
         moved_deg = float(np.degrees(np.arccos(np.clip(np.nanmedian(cosines), -1.0, 1.0))))
         self.path_deg = self._before_deg + moved_deg
         if moved_deg > _TREMOR_DEG:
@@ -125,6 +154,17 @@ class _Follower:
         """Unit bearings (N, 3) of pixels (N, 1, 2) in the smaller picture; NaN outside the lens."""
         scale = self._camera.width / grey.shape[1]
         return self._camera.unproject(scale * (pixels[:, 0] + 0.5) - 0.5)[0]
+
+
+def _followed(before: Grey, after: Grey, pixels: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where points (N, 1, 2) have gone, and which of them come back to where they were when they are followed back."""
+    ahead, found, _ = cv2.calcOpticalFlowPyrLK(before, after, pixels, np.empty_like(pixels))
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, ahead, np.empty_like(pixels))
+    height, width = after.shape
+    inside = np.all((ahead[:, 0] >= 0.0) & (ahead[:, 0] <= (width - 1, height - 1)), axis=1)
+    returned = np.linalg.norm(back[:, 0] - pixels[:, 0], axis=1) < _RETURN_PX
+    kept: NDArray[np.bool_] = (found.ravel() == 1) & (found_back.ravel() == 1) & inside & returned
+    return np.asarray(ahead, np.float32), kept
 
 
 def _at_width(grey: Grey, width: int) -> Grey:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from bodycam_ros.mapping.alignment import AlignmentSettings
 from bodycam_ros.mapping.apriltag import TagSettings
+from bodycam_ros.mapping.coverage import CoverageSettings
+from bodycam_ros.mapping.epipolar_matching import EpipolarSettings
 from bodycam_ros.mapping.features import FeatureSettings
 from bodycam_ros.mapping.floor import FloorSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
@@ -53,11 +55,13 @@ class MapSettings(SettingsGroups):
     frames: FrameChoiceSettings = FrameChoiceSettings()
     features: FeatureSettings = FeatureSettings()
     pairs: PairSettings = PairSettings()
+    epipolar: EpipolarSettings = EpipolarSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     descriptors: DescriptorSettings = DescriptorSettings()
     kept: SmallPhotographSettings = SmallPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    coverage: CoverageSettings = CoverageSettings()
     worn: WornKeyframeSettings = WornKeyframeSettings()
     known_distance: KnownDistanceSettings = KnownDistanceSettings()
     floor: FloorSettings = FloorSettings()

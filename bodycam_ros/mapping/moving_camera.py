@@ -35,11 +35,14 @@ class MovingCamera(Protocol):
         name: of the video or topic, for people.
         camera: its lens.
         count: about how many frames there are.
+        readout_s: by how much later the right border is exposed than the left, and the lower than the upper [s]; zero
+            if all rows are exposed together, or nobody knows.
     """
 
     name: str
     camera: CameraModel
     count: int
+    readout_s: tuple[float, float]
 
     def frames(self) -> AbstractContextManager[Iterator[Frame]]:
         """The frames in order of time, from the first on."""

@@ -35,6 +35,11 @@ class Photographs:
     camera_of_name: Mapping[str, CameraModel]
     board_path: Path | None
 
+    @property
+    def where(self) -> str:
+        """For messages: the folder, or the recording, whose frames may be in a folder that nobody knows."""
+        return str(self.folder) if self.name == self.folder.resolve().name else self.name
+
 
 def wrong_camera(*cameras: CameraModel) -> str:
     """What to tell a user whose photographs contradict the intrinsics of the cameras that took them."""

@@ -88,10 +88,28 @@ def surface_normals(structure: Structure, settings: SmallPhotographSettings) -> 
     facing = np.zeros_like(points)
     np.add.at(facing, structure.observation_points, towards)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)
+    return plane_normals(points, np.arange(len(points)), facing, settings)
+
+
+def plane_normals(
+    points: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    facing: NDArray[np.float64],
+    settings: SmallPhotographSettings,
+) -> NDArray[np.float64]:
+    """(M, 3) unit normals of the planes that some points span with their neighbours.
+
+    Args:
+        points: (L, 3) all points.
+        rows: (M,) of those that are asked.
+        facing: (M, 3) unit directions to where they were seen from: the side of the normals, and what stands in for one
+            where the neighbours are in no plane.
+        settings: of the planes.
+    """
     count = min(settings.neighbours + 1, len(points))
-    if count < 4:
+    if count < 4 or not len(rows):
         return facing
-    _, near = cKDTree(points).query(points, k=count)
+    _, near = cKDTree(points).query(points[rows], k=count)
     offsets = points[near] - np.median(points[near], axis=1, keepdims=True)
     spreads, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
     normals = axes[:, :, 0]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
+from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError
 from bodycam_ros.video.camera_video import CameraVideo
 from bodycam_ros.video.upright_frames import jpegs
@@ -17,6 +18,9 @@ from bodycam_ros.video.video_frame import grey_pixels
 
 if TYPE_CHECKING:
     from av import VideoFrame
+
+_DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
+"""In which an upright frame is read out, to the right and down, by how much it was turned counter-clockwise."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +57,14 @@ class VideoCamera:
         self._rotation_deg = facts.rotation_deg
         self.name = path.name
         self.count = facts.frames or round(facts.rate_hz * facts.duration_s)
-        self.camera = _lens(path, lens_path or path.with_suffix(".yaml"))
+        lens_path = lens_path or path.with_suffix(".yaml")
+        self.camera = _lens(path, lens_path)
+        readout_s, (right, down) = readout_time_from_yaml(lens_path) or 0.0, _DIRECTIONS[facts.rotation_deg]
+        self.readout_s = (right * readout_s, down * readout_s)
         if (self.camera.width, self.camera.height) != (facts.width, facts.height):
             turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
             raise LensError(
-                f"{lens_path or path.with_suffix('.yaml')}: is for {self.camera.width} x {self.camera.height} pixels, "
+                f"{lens_path}: is for {self.camera.width} x {self.camera.height} pixels, "
                 f"but {path} has {facts.width} x {facts.height}{turned}; calibrate the camera in the mode that it "
                 "recorded in"
             )

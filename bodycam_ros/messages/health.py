@@ -1,13 +1,14 @@
 """What is said on /diagnostics of a run: how each camera fares lately, and the verdict on what is solved."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
 from bodycam_ros.registration.readout_pool import ReadoutSettings
@@ -27,10 +28,15 @@ _LEVELS = {Level.GOOD: HealthLevel.OK, Level.DOUBTFUL: HealthLevel.WARN, Level.W
 @dataclass
 class _Tally:
     frames: int = 0
-    registered: int = 0
     landmarks: int = 0
+    sights: Counter[CameraSight] = field(default_factory=Counter)
     sigma_mm: float = float("nan")
     readout: Readout | None = None
+
+    @property
+    def registered(self) -> int:
+        """Images with a pose."""
+        return self.sights[CameraSight.REGISTERED] + self.sights[CameraSight.RELATIVE]
 
 
 class RegistrationHealth:
@@ -51,10 +57,10 @@ class RegistrationHealth:
         tally = self._tallies.setdefault(matches.camera, _Tally())
         tally.frames += 1
         tally.landmarks += len(matches.landmark_ids)
+        tally.sights[camera_sight(matches)] += 1
         tally.readout = matches.readout
         self._speeds[matches.camera].add(matches)
         if matches.world_T_camera is not None:
-            tally.registered += 1
             tally.sigma_mm = 1e3 * float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
 
     def report(self, clocks: Mapping[str, ClockState] | None = None) -> list[Health]:
@@ -86,7 +92,7 @@ def _health(camera: str, tally: _Tally, clock: ClockState | None) -> Health:
     share = tally.registered / tally.frames
     values: dict[str, object] = {
         "frames": tally.frames,
-        "registered": tally.registered,
+        **{f"{sight.label} [%]": round(100 * tally.sights[sight] / tally.frames) for sight in CameraSight},
         "landmarks per frame": round(tally.landmarks / tally.frames, 1),
         "position sigma [mm]": round(tally.sigma_mm, 2),
     }

@@ -75,6 +75,7 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
         rotation_inliers=int(matches.rotation_inliers),
         readout_time=float(matches.readout_time),
         readout_sigma=float(matches.readout_sigma),
+        grown=int(matches.grown),
     )
 
 
@@ -103,6 +104,7 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
         shifts=numbers(message.shifts, np.float32, count, 2) if len(message.shifts) else None,
         readout_time=float(message.readout_time),
         readout_sigma=float(message.readout_sigma),
+        grown=int(message.grown),
     )
 
 

@@ -64,17 +64,20 @@ class BagFile:
         in_files = [c for file in getattr(storage, "storages", ()) for c in file.connections if c.topic == topic]
         return max(sum(c.msgcount for c in listed) for listed in (self._connections([topic]), in_files))
 
-    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Message]]:
+    def messages(
+        self, topics: Collection[str], start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[tuple[str, int, Message]]:
         """Yield topic, time of recording [ns] and message, in order of that time.
 
-        Parts of the file without these topics are not decompressed. A message that cannot be decoded is left out, so
-        fewer may come than ``message_count`` says.
+        Of those between two times of recording, the second not included, if they are given. Parts of the file without
+        these topics are not decompressed. A message that cannot be decoded is left out, so fewer may come than
+        ``message_count`` says.
         """
         connections = self._connections(topics)
         if not connections:
             return
         decode = recording_typestore().deserialize_cdr
-        stream = self._reader.messages(connections)
+        stream = self._reader.messages(connections, start=start_ns, stop=stop_ns)
         while True:
             with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
                 item = next(stream, None)

@@ -145,6 +145,10 @@ class Recording:
         """As ``images``, but frames of a video stay packets, which ``decode_last`` takes from a keyframe on."""
         yield from self._increasing(self._messages(self._begun(cameras)))
 
+    def encoded_between(self, cameras: Collection[str], start_ns: int, stop_ns: int) -> list[CameraImage]:
+        """As ``encoded_images``, of those recorded between two times [ns], the second not included; whatever stamps."""
+        return list(self._messages(cameras, start_ns, stop_ns))
+
     def first_image(self, camera: str, from_ns: int) -> CameraImage | None:
         """A camera's first image that is not before a time; of a video no more is decoded than it takes."""
         since_key: list[CameraImage] = []
@@ -162,11 +166,13 @@ class Recording:
             self.dropped[camera] = self.lost[camera] = 0
         return wanted
 
-    def _messages(self, cameras: Collection[str]) -> Iterator[CameraImage]:
-        """The images of some cameras as they are in the bag."""
+    def _messages(
+        self, cameras: Collection[str], start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[CameraImage]:
+        """The images of some cameras as they are in the bag; between two times, if they are given."""
         source = {self._topic_of(camera): camera for camera in cameras}
         found: Counter[str] = Counter()
-        for topic, _, message in self._bag.messages(source):
+        for topic, _, message in self._bag.messages(source, start_ns, stop_ns):
             camera = source[topic]
             found[camera] += 1
             convert = _IMAGE_TOPICS[topic.removeprefix(f"/{camera}")][1]
@@ -176,7 +182,7 @@ class Recording:
                 # One bad image must not cost the others: it is refused where it is decoded.
                 image = CameraImage(camera, image_stamp_ns(message), error)
             yield image
-        for camera in cameras:
+        for camera in cameras if start_ns is None else ():
             self.lost[camera] = max(0, self.image_count(camera) - found[camera])
 
     def _increasing(self, images: Iterable[CameraImage]) -> Iterator[CameraImage]:

@@ -16,6 +16,8 @@ from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
+from bodycam_ros.registration.landmark_trust import LandmarkTrust
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.patch_kernels import align_patches
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
@@ -117,7 +119,8 @@ class DirectRegistration:
         self._levels = pyramid_levels(camera.height, camera.width)
         # The latest image and the one before it.
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)
-        self._trust = np.full(len(reference_map.landmark_ids), 0.5, np.float32)
+        self._trust = LandmarkTrust(len(reference_map.landmark_ids), settings.forget)
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, settings.least_sigma_px)
         self._points = as_rows(reference_map.points_world)
         self._sizes = reference_map.landmark_sizes
 
@@ -146,10 +149,12 @@ class DirectRegistration:
             self._lens,
             as_rows(near),
             *self._moving(near, motion),
+            self._local.around(near[:3, 3]),
             self._points,
             self._photographs.normals,
             self._sizes,
-            self._trust,
+            self._trust.scaled,
+            self._trust.scale,
             self._settings.cells,
             self._settings.per_cell,
             float(self._settings.least_sigma_px),
@@ -164,7 +169,7 @@ class DirectRegistration:
             agree[found] = fit.errors_px < self._settings.inlier_px
         if fit is None or agree.sum() < _LEAST_FOUND:
             return None
-        self._learn(rows, agree)
+        self._trust.learn(rows, agree)
         return DirectView(stamp_ns, fit.world_T_camera, rows[agree], pixels[agree])
 
     def _follow(
@@ -263,8 +268,3 @@ class DirectRegistration:
         if motion is None or motion.readout_time == 0.0:
             return _STILL, 0.0
         return as_rows(motion.twist_at(pose)), float(motion.readout_time)
-
-    def _learn(self, rows: NDArray[np.int64], agree: NDArray[np.bool_]) -> None:
-        """Landmarks that are found are asked again; those that are not, less."""
-        self._trust += np.float32(0.002) * (np.float32(0.5) - self._trust)
-        self._trust[rows] += np.float32(self._settings.forget) * (agree - self._trust[rows])

@@ -17,17 +17,19 @@ _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale
 
 
 @kernel(
-    "(f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8, i8, f8, f8)",
+    "(f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8, i8, f8, f8)",
 )
 def choose_landmarks(
     lens: Array,
     world_T_camera: Array,
     twist: Array,
     readout_time: float,
+    candidates: Whole,
     points_world: Array,
     normals: NDArray[np.float32],
     sizes: NDArray[np.float32],
     trust: NDArray[np.float32],
+    trust_scale: float,
     cells: int,
     per_cell: int,
     least_sigma_px: float,
@@ -39,10 +41,11 @@ def choose_landmarks(
         lens: of the camera.
         world_T_camera: (4, 4) its pose.
         twist, readout_time: (6,) how it moves [rad/s, m/s], and how long its rows are read out [s].
+        candidates: (C,) rows of all landmarks that may be in view; of two that are as good the first is asked.
         points_world: (L, 3) [m].
         normals: (L, 3) of their surfaces.
         sizes: (L,) of their features [m].
-        trust: (L,) how often they were found, or more for those that are preferred.
+        trust, trust_scale: (L,) and a factor of all of them: how often they were found, or more for those preferred.
         cells: the image is divided into so many columns, and as many rows.
         per_cell: so many of each cell, the most trusted.
         least_sigma_px: of a feature that can be seen [px].
@@ -56,7 +59,7 @@ def choose_landmarks(
     score = np.full((cells * cells, per_cell), -math.inf)
     place = np.empty((cells * cells, per_cell, 2))
     T = world_T_camera
-    for i in range(len(points_world)):
+    for i in candidates:
         dx, dy, dz = points_world[i, 0] - T[0, 3], points_world[i, 1] - T[1, 3], points_world[i, 2] - T[2, 3]
         # Most landmarks are too far to be seen, and need no root.
         squared = dx * dx + dy * dy + dz * dz
@@ -73,7 +76,7 @@ def choose_landmarks(
         if not (valid and u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
             continue
         cell = int(v * cells / height) * cells + int(u * cells / width)
-        merit = trust[i] - 0.05 * abs(math.log2(sigma_px / 2.0))
+        merit = trust_scale * trust[i] - 0.05 * abs(math.log2(sigma_px / 2.0))
         k = per_cell - 1
         if merit <= score[cell, k]:
             continue

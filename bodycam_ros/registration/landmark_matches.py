@@ -28,6 +28,7 @@ class LandmarkMatches:
         shifts: (N, 2) float32, how far the read-out of the rows moved them; None if it did not.
         readout_time: of the camera, as far as it is known by now [s].
         readout_sigma: its standard deviation [s]; 0 if it was given.
+        grown: how many of the landmarks worn cameras gave, not the photographs.
     """
 
     camera: str
@@ -44,6 +45,7 @@ class LandmarkMatches:
     shifts: NDArray[np.float32] | None = None
     readout_time: float = 0.0
     readout_sigma: float = math.nan
+    grown: int = 0
 
     @property
     def shown(self) -> NDArray[np.float32]:

@@ -93,6 +93,8 @@ class LandmarkTracker:
         """What the registrar made of a frame: of the latest, or, live, of one before it."""
         if matches.world_T_camera is not None:
             self._features.prune(matches.stamp_ns, matches.track_ids)
+        else:
+            self._features.lost()
         if self._direct is None:
             return
         if (known := readout_of(matches.readout_time, matches.readout_sigma)) is not None:

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
+from bodycam_ros.registration.local_landmarks import LandmarkGrid
 from bodycam_ros.registration.map_photographs import MapPhotographs
+from bodycam_ros.registration.map_search import MapSearch
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -27,8 +29,10 @@ VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"
 _SUMMARY_FILE = "map.yaml"
 _PARTS = re.compile(
-    r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
+    r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|(coverage|rounds)\.png|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
 )
+
+_GROWN = "grown_landmarks"
 
 _REMEDY = "build it with photographs of the AprilTag board (bodycam map)"
 
@@ -53,6 +57,7 @@ class ReferenceMap:
         metric: whether lengths are metres; without a board the scale is arbitrary.
         gravity_aligned: whether z points up.
         photographs: what the landmarks look like; None in maps that were made without.
+        grown: how many of the landmarks, the last ones, worn cameras gave and not the photographs; others never move.
         summary: what ``map.yaml`` says: how and from what the map was made.
     """
 
@@ -68,7 +73,13 @@ class ReferenceMap:
     metric: bool
     gravity_aligned: bool
     photographs: MapPhotographs | None = None
+    grown: int = 0
     summary: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def first_grown(self) -> int:
+        """Row of the first landmark that worn cameras gave; the number of landmarks if they gave none."""
+        return len(self.landmark_ids) - self.grown
 
     @cached_property
     def landmark_sizes(self) -> NDArray[np.float32]:
@@ -76,6 +87,28 @@ class ReferenceMap:
         sizes = np.zeros(len(self.landmark_ids), np.float32)
         np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
         return sizes
+
+    @cached_property
+    def grid(self) -> LandmarkGrid:
+        """Where the landmarks are, for all cameras."""
+        return LandmarkGrid(self.points_world, self.landmark_sizes)
+
+    @cached_property
+    def search(self) -> MapSearch:
+        """What the map is asked by descriptors alone, for all cameras."""
+        return self._search(len(self.descriptors))
+
+    def _search(self, looks: int) -> MapSearch:
+        """The search of so many of the descriptors; others may be added."""
+        return MapSearch(
+            self.points_world,
+            self.descriptors,
+            self.descriptor_landmark,
+            self.descriptor_view,
+            looks,
+            self.world_T_camera,
+            self.photographs,
+        )
 
     @cached_property
     def _by_id(self) -> NDArray[np.int64]:
@@ -110,6 +143,7 @@ class ReferenceMap:
             metric=_flag(summary, "metric", path),
             gravity_aligned=_flag(summary, "gravity_aligned", path),
             photographs=MapPhotographs.load(path, arrays["world_T_camera"], len(arrays["landmark_ids"])),
+            grown=_count(summary, _GROWN, len(arrays["landmark_ids"]), path),
             summary=summary,
         )
         reference_map._check(path)
@@ -127,7 +161,12 @@ class ReferenceMap:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
-        summary = {"version": VERSION, "metric": self.metric, "gravity_aligned": self.gravity_aligned}
+        summary = {
+            "version": VERSION,
+            "metric": self.metric,
+            "gravity_aligned": self.gravity_aligned,
+            _GROWN: self.grown,
+        }
         document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
             folder.mkdir()
@@ -206,6 +245,13 @@ def _flag(summary: Mapping[str, Any], name: str, path: Path) -> bool:
     value = summary.get(name)
     if not isinstance(value, bool):
         raise MapError(f"{path / _SUMMARY_FILE}: {name} must be true or false, not {shown(value)}")
+    return value
+
+
+def _count(summary: Mapping[str, Any], name: str, most: int, path: Path) -> int:
+    value = summary.get(name, 0)
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise MapError(f"{path / _SUMMARY_FILE}: {name} must be a number from 0 to {most}, not {shown(value)}")
     return value
 
 

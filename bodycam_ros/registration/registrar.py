@@ -1,11 +1,10 @@
 """Absolute registration of one body camera against the reference map (A 4.1).
 
 A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is lost.
-From then on the track carries its landmark until it ends. Growth of the map (A 4.1, second part) belongs between
-``_name_tracks`` and ``_fit``: it would add landmarks that the tracks without a name triangulate.
+From then on the track carries its landmark until it ends.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,43 +12,24 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, nearest_rotation, rigid
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
+from bodycam_ros.registration.doubted_place import DoubtedPlace, DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
+from bodycam_ros.registration.lost_camera import LostCamera
+from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
-from bodycam_ros.settings import setting
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
 
 _FROM_A_FIT = 2  # steps of a fit that starts where another has ended
-
-
-@dataclass(frozen=True)
-class RegistrarSettings:
-    """When a camera counts as registered, and when a track loses its landmark."""
-
-    min_inliers: int = setting(
-        12,
-        limits=(4, 500),
-        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
-    )
-    max_strikes: int = setting(
-        2,
-        unit="frames",
-        limits=(1, 30),
-        reason="a track whose landmark disagrees on this many frames in a row loses it",
-    )
-    max_predicted_frames: int = setting(
-        15,
-        unit="frames",
-        limits=(0, 300),
-        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
-    )
 
 
 class Registrar:
@@ -57,7 +37,7 @@ class Registrar:
 
     Args:
         camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
-        settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
+        settings, matching, absolute_pose, pose_fit, shutter, doubt: settings of the registrar and of its steps.
         readout: how long the camera's rows are read out, as far as it is known before the first image.
 
     Attributes:
@@ -74,42 +54,65 @@ class Registrar:
         pose_fit: PoseFitSettings | None = None,
         shutter: ShutterSettings | None = None,
         readout: Readout | None = None,
+        doubt: DoubtSettings | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
         self.settings = settings or RegistrarSettings()
         self._matching = matching or MatchingSettings()
-        self._absolute_pose = absolute_pose or AbsolutePoseSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._shutter = shutter or ShutterSettings()
         self.readout = ReadoutTime(self._shutter, readout)
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, self._matching.min_visible_scale_px)
+        self._lost = LostCamera(
+            camera, reference_map, self._local, self._matching, absolute_pose or AbsolutePoseSettings()
+        )
         self._path = RecentPath(self._shutter)
-        self._carried_ids = np.zeros(0, np.uint32)
-        self._carried_landmarks = np.zeros(0, np.int64)
-        self._strikes = np.zeros(0, np.int64)
+        self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
         self._previous_T_camera = np.eye(4)
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
         self._until_rows = 0
+        self._doubt = doubt or DoubtSettings()
+        self._doubted: DoubtedPlace | None = None
 
     def learn(self, readout: Readout) -> None:
         """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
         if readout.sigma <= self.readout.sigma:
             self.readout = ReadoutTime(self._shutter, readout)
 
+    def expect(self, stamp_ns: int, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Somebody knows where the camera should be, such as the body that carries it; a lost camera looks there first.
+
+        Args:
+            stamp_ns: when [ns]; it is of use for half a second before and after.
+            world_T_camera: (4, 4) the pose.
+            covariance: (6, 6) of it, rotation [rad] then translation [m], both in camera axes.
+        """
+        self._lost.expect(stamp_ns, world_T_camera, covariance)
+
+    def doubt(self, stamp_ns: int) -> None:
+        """The body contradicts the pose of an image [ns]: search anew, and come back by stronger evidence only."""
+        if self._world_T_camera is not None:
+            self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self._doubt)
+        self._world_T_camera, self._previous_T_camera, self._frames_predicted = None, np.eye(4), 0
+        self._carried.forget(np.ones(len(self._carried.rows), bool))
+
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
-        rows = self._carry(frame)
+        rows = self._carried.into(frame)
         predicted = self._predict(frame)
         self._motion = self._path.motion(frame.stamp_ns, frame.previous_stamp_ns, frame, self.readout)
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
+        if fit and self._doubted and self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
+            rows, fit, predicted = rows[self._carried.forget(np.ones(len(rows), bool))], None, None
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
         if fit is not None:
-            points_world = self.map.points_world[self._carried_landmarks]
+            points_world = self._carried.points_world
             view = RegisteredView(frame.stamp_ns, fit.world_T_camera, points_world, frame.pixels[rows])
             self._path.add(view, frame.previous_stamp_ns)
             self._time_rows()
@@ -122,46 +125,11 @@ class Registrar:
         if fit is None and predicted is not None:
             rows, fit = self._name_tracks(frame, rows, predicted, self._matching.lost_radius_px)
         if fit is None:
-            found = self._find(frame)
-            if found is None:
-                return rows, None
-            rows, fit = self._name_tracks(frame, rows, found, self._matching.lost_radius_px)
+            rows, fit = self._find(frame, rows)
         if fit is None:
             return rows, None
         named_rows, named_fit = self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
         return (named_rows, named_fit) if named_fit else (rows, fit)
-
-    def _carry(self, frame: TrackFrame) -> NDArray[np.int64]:
-        """Rows of the frame's tracks that carry a landmark from before; ended tracks take theirs along."""
-        positions = np.searchsorted(frame.track_ids, self._carried_ids)
-        alive = positions < len(frame.track_ids)
-        alive[alive] = frame.track_ids[positions[alive]] == self._carried_ids[alive]
-        self._forget(~alive)
-        rows = np.asarray(positions[alive], np.int64)
-        return rows if frame.landmark_ids is None else self._take_names(frame, frame.landmark_ids, rows)
-
-    def _take_names(
-        self, frame: TrackFrame, landmark_ids: NDArray[np.uint32], rows: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Rows of the tracks with a landmark, those included that the tracker found by their landmarks."""
-        named = np.flatnonzero(landmark_ids != NO_LANDMARK)
-        landmarks, known = self.map.rows_of(landmark_ids[named])
-        named, landmarks = named[known], landmarks[known]
-        if len(named) == len(frame.track_ids):
-            self._forget(np.ones(len(rows), bool))
-            return self._give_names(frame, named, landmarks, strikes=0)
-        kept = rows[self._forget(np.isin(rows, named) | np.isin(self._carried_landmarks, landmarks))]
-        return self._give_names(frame, np.concatenate([kept, named]), landmarks, strikes=0)
-
-    def _give_names(
-        self, frame: TrackFrame, rows: NDArray[np.int64], landmarks: NDArray[np.int64], strikes: int
-    ) -> NDArray[np.int64]:
-        """Carry landmarks (M,) beside those that are carried; the rows (N,) of all, theirs last, come back in order."""
-        order = np.argsort(rows, kind="stable")
-        self._carried_ids = frame.track_ids[rows[order]]
-        self._carried_landmarks = np.concatenate([self._carried_landmarks, landmarks])[order]
-        self._strikes = np.concatenate([self._strikes, np.full(len(landmarks), strikes)])[order]
-        return rows[order]
 
     def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
         """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
@@ -177,8 +145,7 @@ class Registrar:
         """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
         if start is None or len(rows) < self.settings.min_inliers:
             return None
-        points_world = self.map.points_world[self._carried_landmarks]
-        fit = fit_pose(self.camera, points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
+        fit = fit_pose(self.camera, self._carried.points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
         agree = fit.inliers.sum() >= self.settings.min_inliers
         return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
 
@@ -196,31 +163,27 @@ class Registrar:
             frame.scales,
             radius_px,
             self._matching,
+            self._local.around(pose[:3, 3]),
         )
-        before = self._carried_ids, self._carried_landmarks, self._strikes
-        # Where a fresh keypoint shows the landmark of an older track, the fresh one is the better measurement.
-        stale = np.isin(self._carried_landmarks, landmarks) | np.isin(rows, described)
-        all_rows = np.concatenate([rows[self._forget(stale)], described[named]])
+        before = self._carried.snapshot()
         # A fresh match has to prove itself at once; an old one may fail for a moment.
-        all_rows = self._give_names(frame, all_rows, landmarks, self.settings.max_strikes - 1)
+        strikes = self.settings.max_strikes - 1
+        all_rows = self._carried.instead_of_older(frame, rows, described, described[named], landmarks, strikes)
         fit = self._fit(frame, all_rows, pose)
         if fit is None:
             # Names that no pose confirms are worse than none.
-            self._carried_ids, self._carried_landmarks, self._strikes = before
+            self._carried.restore(before)
             return rows, None
         return all_rows, fit
 
-    def _find(self, frame: TrackFrame) -> NDArray[np.float64] | None:
-        """Pose without a prediction: search the whole map, then PnP within RANSAC (A 4.1)."""
-        for every_view in (False, True):
-            named, landmarks = match_everywhere(self.map, frame.descriptors, every_view, self._matching)
-            if len(named) < self.settings.min_inliers:
-                continue
-            pixels = self._steady(frame.pixels[frame.described.astype(np.int64)[named]])
-            found = find_pose(self.camera, self.map.points_world[landmarks], pixels, self._absolute_pose)
-            if found is not None:
-                return found
-        return None
+    def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], PoseFit | None]:
+        """Name the described tracks around the first pose that they confirm, of those where a lost camera may be."""
+        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
+        for pose in self._lost.poses(frame.stamp_ns, pixels, frame.descriptors, frame.scales):
+            rows, fit = self._name_tracks(frame, rows, pose, self._matching.lost_radius_px)
+            if fit is not None:
+                return rows, fit
+        return rows, None
 
     def _steady(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (M, 2) as they would be if all rows were exposed together, near enough for a gate."""
@@ -251,20 +214,12 @@ class Registrar:
         """
         shifts = frame.pixels[rows] - self._steady(frame.pixels[rows]) if fit is None else fit.shifts
         if fit is None:
-            keep = np.full(len(rows), self._frames_predicted < self.settings.max_predicted_frames)
+            keep = self._carried.forget(
+                np.full(len(rows), self._frames_predicted >= self.settings.max_predicted_frames)
+            )
         else:
-            self._strikes = np.where(fit.inliers, 0, self._strikes + 1)
-            keep = self._strikes < self.settings.max_strikes
-        self._forget(~keep)
+            keep = self._carried.judge(fit.inliers, self.settings.max_strikes)
         return rows[keep], shifts[keep]
-
-    def _forget(self, forgotten: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Take the landmarks from some of the tracks that carry one; which of them keep theirs."""
-        keep = ~forgotten
-        self._carried_ids = self._carried_ids[keep]
-        self._carried_landmarks = self._carried_landmarks[keep]
-        self._strikes = self._strikes[keep]
-        return keep
 
     def _remember(self, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
         if fit is not None:
@@ -287,9 +242,9 @@ class Registrar:
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=frame.previous_stamp_ns,
             track_ids=frame.track_ids[rows],
-            landmark_ids=self.map.landmark_ids[self._carried_landmarks],
+            landmark_ids=self.map.landmark_ids[self._carried.rows],
             pixels=(frame.pixels[rows] - shifts).astype(np.float32),
-            points_world=self.map.points_world[self._carried_landmarks].astype(np.float32),
+            points_world=self._carried.points_world.astype(np.float32),
             world_T_camera=None if fit is None else fit.world_T_camera,
             pose_covariance=covariance,
             current_R_previous=frame.current_R_previous,
@@ -297,4 +252,5 @@ class Registrar:
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
+            grown=int((self._carried.rows >= self.map.first_grown).sum()),
         )

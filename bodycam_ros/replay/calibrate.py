@@ -83,7 +83,7 @@ def calibrate(
     )
     start_ns = None
     unusable: Counter[str] = Counter()
-    for item in register_recording(task, list(rig.cameras), jobs):
+    for item in register_recording(task, models, jobs):
         if isinstance(item, RegisteredImage):
             start_ns = item.stamp_ns if start_ns is None else start_ns
             calibrator.add(item.matches)

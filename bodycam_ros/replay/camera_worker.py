@@ -20,13 +20,16 @@ import cv2
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.images_backwards import images_backwards
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.beat import Beat
+from bodycam_ros.replay.growth_epochs import Growth, GrowthOfOne
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _PR_SET_PDEATHSIG = 1
@@ -49,6 +52,15 @@ class RegisteredImage:
     stamp_ns: int
     matches: LandmarkMatches
     messages: tuple[SerializedMessage, ...]
+    keyframe: WornKeyframe | None = None
+
+
+@dataclass(frozen=True)
+class AwaitedGrowth:
+    """The worker has nothing older to say, and goes on when it knows by what the map has grown."""
+
+    camera: str
+    stamp_ns: int
 
 
 @dataclass(frozen=True)
@@ -94,7 +106,7 @@ class WorkerFailure:
 Result = RegisteredImage | SkippedImage | DroppedImages | LostImages
 """What became of an image, or of several."""
 
-WorkerItem = Result | WorkerFailure | None
+WorkerItem = Result | AwaitedGrowth | WorkerFailure | None
 """What a worker sends; None is its last word."""
 
 
@@ -107,6 +119,8 @@ class RegistrationTask:
         settings: of the pipeline.
         max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
         with_messages: make the messages that a bag keeps of each image.
+        backwards: register the last image first. Then time is mirrored: stamps, what comes of them, and the read-out of
+            the rows count from the end; ``mirrored_ns`` turns stamps back.
         readouts: camera -> how long its rows are read out, where something but the recording knows.
     """
 
@@ -115,17 +129,30 @@ class RegistrationTask:
     settings: PipelineSettings
     max_rate: float = math.inf
     with_messages: bool = True
+    backwards: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
 
 
-def run_camera_worker(task: RegistrationTask, cameras: tuple[str, ...], outbox: "Queue[WorkerItem]") -> None:
-    """Entry of the process: register the cameras' images and send the results, ending with None."""
+def run_camera_worker(
+    task: RegistrationTask,
+    cameras: tuple[str, ...],
+    outbox: "Queue[WorkerItem]",
+    inbox: "Queue[Growth]",
+) -> None:
+    """Entry of the process: register the cameras' images and send the results, ending with None.
+
+    Args:
+        task: what is to be done.
+        cameras: this worker's.
+        outbox: for the results.
+        inbox: for what the map has grown by, epoch by epoch.
+    """
     _end_with_parent()
     # What there is to warn about goes to the parent, who counts it and says it once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
     try:
-        for item in register_images(task, cameras):
+        for item in register_images(task, cameras, inbox):
             outbox.put(item)
         outbox.put(None)
     except BodycamError as error:
@@ -154,38 +181,57 @@ def _end_after(sentinel: int) -> None:
     os._exit(1)
 
 
-def register_images(task: RegistrationTask, cameras: tuple[str, ...]) -> Iterator[Result]:
+def register_images(
+    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[Growth]"
+) -> Iterator[Result | AwaitedGrowth]:
     """Register the images of some cameras in the order in which they were recorded."""
     reference_map = ReferenceMap.load(task.map_path)
+    growth = GrowthOfOne(reference_map, task.settings.growth, inbox.get) if task.settings.growth.enabled else None
     with open_recording(task.recording_path) as recording:
         pipelines = {
             camera: CameraPipeline(
                 recording.camera_model(camera),
                 reference_map,
                 task.settings,
-                best_known(recording.readout(camera), task.readouts.get(camera)),
+                _readout(recording, camera, task),
+                None if growth is None else growth.map,
             )
             for camera in cameras
         }
         beat = Beat(task.max_rate)
         stamp_ns = 0
-        for image in recording.images(cameras):
-            stamp_ns = image.stamp_ns
+        images = images_backwards(recording, cameras) if task.backwards else recording.images(cameras)
+        for image in images:
+            stamp_ns = mirrored_ns(recording, image.stamp_ns) if task.backwards else image.stamp_ns
             if not beat.is_due(image.camera, stamp_ns):
                 continue
+            if growth is not None:
+                if growth.is_behind(stamp_ns):
+                    yield AwaitedGrowth(image.camera, stamp_ns)
+                growth.catch_up(stamp_ns)
             try:
-                tracks, matches = pipelines[image.camera].process(decode_grey(image), stamp_ns)
+                tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
                 yield SkippedImage(image.camera, stamp_ns, str(error))
                 continue
             messages = _serialised(image.camera, tracks, matches) if task.with_messages else ()
-            yield RegisteredImage(image.camera, stamp_ns, matches, messages)
+            yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted(recording.dropped.items()):
             if count:
                 yield DroppedImages(camera, stamp_ns, count)
         for camera, count in sorted(recording.lost.items()):
             if count:
                 yield LostImages(camera, stamp_ns, count)
+
+
+def mirrored_ns(recording: Recording, stamp_ns: int) -> int:
+    """A stamp as it is where the recording's time runs from its end to its start, or one of those as it was [ns]."""
+    return 2 * recording.start_ns + round(1e9 * recording.duration_s) - stamp_ns
+
+
+def _readout(recording: Recording, camera: str, task: RegistrationTask) -> Readout | None:
+    known = best_known(recording.readout(camera), task.readouts.get(camera))
+    return Readout(-known.seconds, known.sigma) if task.backwards and known is not None else known
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:

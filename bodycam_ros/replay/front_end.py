@@ -5,21 +5,27 @@ import os
 import queue
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from multiprocessing.queues import Queue
 
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.kernels.preparation import prepare_kernels
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import (
+    AwaitedGrowth,
+    RegisteredImage,
     RegistrationTask,
     Result,
     WorkerFailure,
     WorkerItem,
     run_camera_worker,
 )
+from bodycam_ros.replay.growth_epochs import Growth, GrowthOfAll
 
 _QUEUE_LENGTH = 64
 """Results a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
@@ -39,47 +45,74 @@ def warm_up() -> None:
             forkserver.ensure_running()
 
 
-def register_recording(task: RegistrationTask, cameras: Sequence[str], jobs: int) -> Iterator[Result]:
+def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int) -> Iterator[Result]:
     """Register all images of a recording in ``jobs`` processes.
 
     The results come in order of their stamps, whatever the number of processes and the pace of each.
+
+    Args:
+        task: what is to be done.
+        cameras: models of the cameras by name.
+        jobs: processes.
 
     Raises:
         BodycamError: what went wrong for the user in a worker.
         RecordingError: a worker was killed.
     """
     warm_up()
-    shares = [tuple(cameras[start::jobs]) for start in range(min(jobs, len(cameras)))]
+    shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
     with _workers(task, shares) as workers:
-        pending = {worker: item for worker in range(len(workers)) if (item := _next_result(*workers[worker]))}
+        growth = _growth(task, cameras, workers)
+        pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
         while pending:
-            earliest = min(pending, key=lambda worker: (pending[worker].stamp_ns, worker))
-            yield pending.pop(earliest)
-            if item := _next_result(*workers[earliest]):
-                pending[earliest] = item
+            earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
+            item = pending.pop(earliest)
+            if growth is not None:
+                growth.reach(item.stamp_ns)
+                if isinstance(item, RegisteredImage):
+                    growth.hear(item.matches, item.keyframe)
+            if not isinstance(item, AwaitedGrowth):
+                yield item
+            if following := workers[earliest].next_result():
+                pending[earliest] = following
+
+
+def _growth(
+    task: RegistrationTask, cameras: Mapping[str, CameraModel], workers: Sequence["_Worker"]
+) -> GrowthOfAll | None:
+    """The map that grows by what all workers' cameras see; None where it should not."""
+    if not task.settings.growth.enabled:
+        return None
+
+    def tell(growth: Growth) -> None:
+        for worker in workers:
+            worker.inbox.put(growth)
+
+    return GrowthOfAll(ReferenceMap.load(task.map_path), cameras, task.settings.growth, tell)
 
 
 @contextmanager
-def _workers(
-    task: RegistrationTask, shares: Sequence[tuple[str, ...]]
-) -> Iterator[list[tuple[ForkServerProcess, "Queue[WorkerItem]"]]]:
+def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Iterator[list["_Worker"]]:
     context = _context()
-    workers: list[tuple[ForkServerProcess, Queue[WorkerItem]]] = []
+    workers: list[_Worker] = []
     try:
         with _one_thread_each(), _signals_for_us_alone():
             for cameras in shares:
                 outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
-                process = context.Process(target=run_camera_worker, args=(task, cameras, outbox), daemon=True)
+                inbox: Queue[Growth] = context.Queue()
+                process = context.Process(target=run_camera_worker, args=(task, cameras, outbox, inbox), daemon=True)
                 process.start()
-                workers.append((process, outbox))
+                workers.append(_Worker(process, outbox, inbox))
         yield workers
     except BaseException:
-        for process, _ in workers:
-            process.kill()
+        for worker in workers:
+            worker.process.kill()
         raise
     finally:
-        for process, _ in workers:
-            process.join()
+        for worker in workers:
+            # What a worker has not heard when it ends is for nobody; else we would wait until it is read.
+            worker.inbox.cancel_join_thread()
+            worker.process.join()
 
 
 def _context() -> ForkServerContext:
@@ -139,26 +172,35 @@ def _answered_later() -> Iterator[None]:
             signal.raise_signal(first)
 
 
-def _next_result(process: ForkServerProcess, outbox: "Queue[WorkerItem]") -> Result | None:
-    """The worker's next result, or None when it has sent its last.
+@dataclass(frozen=True)
+class _Worker:
+    """A process, what it says, and what it is told."""
 
-    Raises:
-        BodycamError: what went wrong for the user in the worker.
-        RecordingError: the worker was killed.
-    """
-    item = _receive(process, outbox)
-    if isinstance(item, WorkerFailure):
-        raise item.error
-    return item
+    process: ForkServerProcess
+    outbox: "Queue[WorkerItem]"
+    inbox: "Queue[Growth]"
 
+    def next_result(self) -> Result | AwaitedGrowth | None:
+        """The worker's next result, or None when it has sent its last.
 
-def _receive(process: ForkServerProcess, outbox: "Queue[WorkerItem]") -> WorkerItem:
-    while process.is_alive():
+        Raises:
+            BodycamError: what went wrong for the user in the worker.
+            RecordingError: the worker was killed.
+        """
+        item = self._receive()
+        if isinstance(item, WorkerFailure):
+            raise item.error
+        return item
+
+    def _receive(self) -> WorkerItem:
+        while self.process.is_alive():
+            with suppress(queue.Empty):
+                return self.outbox.get(timeout=_POLL_S)
+        # It may have sent its last word between the look at the queue and the look at the process.
         with suppress(queue.Empty):
-            return outbox.get(timeout=_POLL_S)
-    # It may have sent its last word between the look at the queue and the look at the process.
-    with suppress(queue.Empty):
-        return outbox.get(timeout=_POLL_S)
-    killed = process.exitcode == -signal.SIGKILL
-    memory = "; the system killed it, most likely for want of memory: give fewer processes (--jobs)" if killed else ""
-    raise RecordingError(f"a tracking process ended with exit code {process.exitcode}{memory}")
+            return self.outbox.get(timeout=_POLL_S)
+        killed = self.process.exitcode == -signal.SIGKILL
+        memory = (
+            "; the system killed it, most likely for want of memory: give fewer processes (--jobs)" if killed else ""
+        )
+        raise RecordingError(f"a tracking process ended with exit code {self.process.exitcode}{memory}")

@@ -144,7 +144,7 @@ def replay(
         task = RegistrationTask(recording_path, map_path, settings, readouts=known)
         clocks = CameraClocks(cameras)
         start_ns = None
-        for item in register_recording(task, list(cameras), jobs):
+        for item in register_recording(task, cameras, jobs):
             if not isinstance(item, RegisteredImage):
                 _count_skipped(summary, item)
                 continue

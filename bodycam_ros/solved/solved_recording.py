@@ -17,6 +17,7 @@ from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state, says_c
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
 from bodycam_ros.solved.image_motion import ImageMotion
@@ -58,6 +59,7 @@ class CameraRecord:
         world_T_camera: (K, 4, 4) registered pose of the optical frame [m]; NaN while the camera is lost.
         image_motion: (K,) by how much the picture moved since the image before, the median over tracks [px]; NaN where
             none was followed.
+        sights: (K,) what it knew, a ``CameraSight`` each.
         timing: its clock; None where the bag does not say.
     """
 
@@ -67,6 +69,7 @@ class CameraRecord:
     landmarks: NDArray[np.int64]
     world_T_camera: Array
     image_motion: Array
+    sights: NDArray[np.int8]
     timing: ClockHistory | None = None
 
     def time_of(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -224,7 +227,7 @@ class _CameraMessages:
     """Registrations and tracks of one camera, to be joined by their stamps."""
 
     def __init__(self) -> None:
-        self.landmarks: dict[int, tuple[int, Array | None]] = {}
+        self.landmarks: dict[int, tuple[int, Array | None, CameraSight]] = {}
         self._tracks: dict[int, tuple[int, float]] = {}
         self._motion = ImageMotion()
         self._clocks: dict[int, ClockState] = {}
@@ -243,7 +246,11 @@ class _CameraMessages:
                 self._readout = message.readout_time, message.readout_sigma
             return
         matches = landmark_matches(message, camera)
-        self.landmarks[matches.stamp_ns] = (len(matches.landmark_ids), matches.world_T_camera)
+        self.landmarks[matches.stamp_ns] = (
+            len(matches.landmark_ids),
+            matches.world_T_camera,
+            camera_sight(matches),
+        )
 
     def record(self, camera: str) -> CameraRecord:
         stamps = sorted(self.landmarks)
@@ -260,5 +267,6 @@ class _CameraMessages:
             landmarks=np.array([self.landmarks[stamp][0] for stamp in stamps], dtype=np.int64),
             world_T_camera=np.array([lost if pose is None else pose for pose in poses]),
             image_motion=np.array([moved for _, moved in tracks], dtype=np.float64),
+            sights=np.array([self.landmarks[stamp][2] for stamp in stamps], dtype=np.int8),
             timing=timing,
         )

@@ -1,72 +1,17 @@
 """One camera's feature tracks: followed from frame to frame, replenished and named on keyframes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
 from bodycam_ros.tracking.view_mask import view_mask
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How many tracks, how old they may grow, and when to look for new ones."""
-
-    keyframe_interval: int = setting(
-        30,
-        unit="frames",
-        limits=(1, 300),
-        reason="SIFT costs as much as ten frames of tracking, and a camera that hardly turns keeps its tracks",
-    )
-    keyframe_survival: float = setting(
-        0.55,
-        limits=(0.0, 1.0),
-        reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
-    )
-    keyframe_rotation: float = setting(
-        0.6,
-        unit="rad",
-        limits=(0.01, 6.3),
-        reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
-    )
-    min_keyframe_gap: float = setting(
-        0.09,
-        unit="s",
-        limits=(0.0, 5.0),
-        reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
-        "turns quickly needs just that",
-    )
-    starved_survival: float = setting(
-        0.25,
-        limits=(0.0, 1.0),
-        reason="keyframe at once, however soon after the last, when fewer than this share of its tracks survive",
-    )
-    max_track_age: float = setting(
-        1.5,
-        unit="s",
-        limits=(0.05, 60.0),
-        reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe",
-    )
-    min_distance_px: float = setting(
-        3.0,
-        unit="px",
-        limits=(1.0, 50.0),
-        reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker",
-    )
-    max_view_angle_deg: float = setting(
-        86.0,
-        unit="deg",
-        limits=(20.0, 110.0),
-        reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world",
-    )
 
 
 class FeatureTracker:
@@ -75,6 +20,7 @@ class FeatureTracker:
     Args:
         camera: its model; the rotation is estimated on bearings.
         settings, keypoints, flow, rotation: settings of the tracker and of its steps.
+
     """
 
     def __init__(
@@ -100,6 +46,7 @@ class FeatureTracker:
         self._next_id = 1
         self._keyframe_ns: int | None = None
         self._keyframe_wanted = False
+        self._is_lost = False
         self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
@@ -148,6 +95,7 @@ class FeatureTracker:
             stamp_ns: the frame that the registrar speaks of [ns].
             named: (N,) ids of the tracks that carried a landmark in it.
         """
+        self._is_lost = False
         self._keep(np.isin(self._ids, named) | (self._born_ns > stamp_ns))
         if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
@@ -201,6 +149,14 @@ class FeatureTracker:
     def want_keyframe(self) -> None:
         """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
         self._keyframe_wanted = True
+
+    def lost(self) -> None:
+        """Somebody could not register the images.
+
+        The next is a keyframe, unless there was one lately, and keyframes have more keypoints to find the camera by.
+        """
+        self._is_lost = True
+        self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= 1e9 * self.settings.lost_keyframe_gap
 
     def check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
         """Refuse what is no next image of this camera; raises RecordingError as ``track``."""
@@ -258,9 +214,9 @@ class FeatureTracker:
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
-        keypoints = self._detector.detect(image, self._mask)
+        keypoints = self._detector.detect(image, self._mask, self._is_lost)
         fresh = thin_out(keypoints.pixels, keypoints.responses, self.settings.min_distance_px)
-        fresh = fresh[np.argsort(-keypoints.responses[fresh], kind="stable")]
+        # They stay in the detector's order: a registrar that looks only some of them up asks all parts of the picture.
         pixels = keypoints.pixels[fresh]
         young = self._stamp_ns - self._born_ns < 1e9 * self.settings.max_track_age
         self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))

@@ -1,8 +1,9 @@
 """SIFT keypoints and RootSIFT descriptors, the names by which tracks find their landmarks (A 4.1).
 
-Which of them become tracks: the strong ones, none upon another.
+Which of them become tracks: the strong ones of every part of the picture, none upon another.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -39,11 +40,23 @@ class KeypointSettings:
         reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred "
         "hold a pose to millimetres",
     )
+    max_keypoints_lost: int = setting(
+        1000,
+        limits=(50, 20000),
+        reason="the same for a camera that is not registered: where people fill half of its picture, a tenth of the "
+        "strongest are landmarks, and a dozen must be",
+    )
+    cells: int = setting(
+        8,
+        limits=(1, 100),
+        reason="columns and rows of the picture that get equal shares of them: people in bright clothes that fill half "
+        "of it would else have them all; 1 takes the strongest wherever they are",
+    )
 
 
 @dataclass(frozen=True)
 class Keypoints:
-    """SIFT keypoints of one image.
+    """SIFT keypoints of one image; where they are parted among cells, the best of every cell come first.
 
     Attributes:
         pixels: (N, 2) float32.
@@ -69,15 +82,17 @@ class KeypointDetector:
 
     def __init__(self, settings: KeypointSettings) -> None:
         self._settings = settings
-        self._sift = cv2.SIFT_create(nfeatures=settings.max_keypoints, contrastThreshold=settings.contrast_threshold)
+        most = settings.max_keypoints if settings.cells == 1 else 0
+        self._sift = cv2.SIFT_create(nfeatures=most, contrastThreshold=settings.contrast_threshold)
 
-    def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> Keypoints:
-        """Keypoints of an (H, W) grey image where the (H, W) mask is not zero."""
+    def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8], lost: bool = False) -> Keypoints:
+        """Keypoints of an (H, W) grey image where the (H, W) mask is not zero; more for a camera that is lost."""
         scale = self._settings.image_scale
         if scale < 1.0:
             image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
             mask = np.asarray(cv2.resize(mask, image.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
-        raw, descriptors = self._sift.detectAndCompute(image, mask)
+        most = self._settings.max_keypoints_lost if lost else self._settings.max_keypoints
+        raw, descriptors = self._found(image, mask, most)
         if descriptors is None:
             nothing = np.zeros((0, 2), np.float32)
             return Keypoints(nothing, nothing[:, 0], nothing[:, 0], np.zeros((0, DESCRIPTOR_LENGTH), np.uint8))
@@ -89,6 +104,45 @@ class KeypointDetector:
             np.array([k.response for k in raw], np.float32),
             root_sift(np.asarray(descriptors, np.float32)),
         )
+
+    def _found(
+        self, image: NDArray[np.uint8], mask: NDArray[np.uint8], most: int
+    ) -> tuple[Sequence[cv2.KeyPoint], NDArray[np.float32] | None]:
+        """OpenCV's keypoints and descriptors; only what is kept is described."""
+        if self._settings.cells == 1:
+            raw, descriptors = self._sift.detectAndCompute(image, mask)
+            return raw, descriptors
+        found = self._sift.detect(image, mask)
+        if not found:
+            return found, None
+        kept = shared_out(
+            np.array([k.pt for k in found], np.float32),
+            np.array([k.response for k in found], np.float32),
+            (image.shape[0], image.shape[1]),
+            self._settings.cells,
+        )
+        raw, descriptors = self._sift.compute(image, [found[row] for row in kept[:most]])
+        return raw, descriptors
+
+
+def shared_out(
+    pixels: NDArray[np.float32], strengths: NDArray[np.float32], size: tuple[int, int], cells: int
+) -> NDArray[np.intp]:
+    """Rows of points (N, 2) in the order of their turns: the strongest of every cell first, then the second of each.
+
+    Args:
+        pixels: (N, 2).
+        strengths: (N,).
+        size: height and width of the picture.
+        cells: columns and rows that it is parted into.
+    """
+    column, row = np.clip((pixels * cells / np.array(size[::-1])).astype(int), 0, cells - 1).T
+    cell = row * cells + column
+    by_cell = np.lexsort((-strengths, cell))
+    first_of_cell = np.flatnonzero(np.diff(cell[by_cell], prepend=-1))
+    turn = np.arange(len(cell)) - np.repeat(first_of_cell, np.diff(first_of_cell, append=len(cell)))
+    order: NDArray[np.intp] = by_cell[np.lexsort((-strengths[by_cell], turn))]
+    return order
 
 
 def thin_out(pixels: NDArray[np.float32], strengths: NDArray[np.float32], min_distance_px: float) -> NDArray[np.intp]:

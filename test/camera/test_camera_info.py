@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from bodycam_ros.camera import camera_from_info, camera_from_yaml
+from bodycam_ros.camera import CameraModel, camera_from_info, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
+from bodycam_ros.camera.camera_info_yaml import camera_info_yaml
 from bodycam_ros.errors import LensError
 
 K = [300.0, 0.0, 320.0, 0.0, 301.0, 240.0, 0.0, 0.0, 1.0]
@@ -154,3 +155,10 @@ def test_readout_time_that_no_camera_has_is_refused(tmp_path: Path, given: str) 
     path.write_text(f"readout_time: {given}\n")
     with pytest.raises(LensError, match=r"head\.yaml: readout_time must be from 0 to 0\.1 s"):
         readout_time_from_yaml(path)
+
+
+def test_a_camera_that_is_written_is_read_back(tmp_path: Path, lens: CameraModel) -> None:
+    (tmp_path / "camera.yaml").write_text(camera_info_yaml(lens))
+    again = camera_from_yaml(tmp_path / "camera.yaml")
+    assert (again.name, type(again)) == (lens.name, type(lens))
+    np.testing.assert_array_equal(again.parameters, lens.parameters)

@@ -123,14 +123,17 @@ def test_a_map_is_not_replaced_by_accident(built, sample, capsys):
 
 
 def test_an_existing_model_is_taken_over(built, sample, tmp_path):
-    """From a model in another frame and scale the same map comes out, with our descriptors."""
+    """From a model in another frame and scale the same map comes out, with our descriptors and the model's camera."""
     turned = pycolmap.Reconstruction(built[0] / "sparse")
     turned.transform(
         pycolmap.Sim3d(3.0, pycolmap.Rotation3d(np.array([0.5, 0.5, 0.5, 0.5])), np.array([1.0, 2.0, 3.0]))
     )
     (tmp_path / "colmap").mkdir()
     turned.write(tmp_path / "colmap")
-    arguments = ["map", str(sample / "reference"), "--model", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
+    reference = tmp_path / "reference"
+    shutil.copytree(sample / "reference", reference)
+    (reference / "camera.yaml").unlink()
+    arguments = ["map", str(reference), "--model", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
     assert main([*arguments, *QUICK]) == 0
     ours, taken = ReferenceMap.load(built[0]), ReferenceMap.load(tmp_path / "map")
     assert taken.image_names == ours.image_names
@@ -254,7 +257,7 @@ def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     (tmp_path / "scratch").mkdir()
     environment = {**os.environ, "TMPDIR": str(tmp_path / "scratch")}
     process = subprocess.Popen([*command, *QUICK], stderr=subprocess.PIPE, text=True, env=environment)
-    while process.poll() is None and not any((tmp_path / "scratch").glob("*/pairs.txt")):
+    while process.poll() is None and not any((tmp_path / "scratch").glob("*/*/pairs.txt")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=120)

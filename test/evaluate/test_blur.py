@@ -12,6 +12,7 @@ from bodycam_ros.evaluate.blur import blur_classes, image_motion
 from bodycam_ros.evaluate.brightness import brightness
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
+from bodycam_ros.registration.camera_sight import CameraSight
 from bodycam_ros.solved.image_motion import ImageMotion
 from bodycam_ros.solved.solved_recording import CameraRecord, read_solved
 
@@ -27,6 +28,7 @@ def record(motion: list[float], lost: tuple[int, ...] = ()) -> CameraRecord:
         landmarks=np.where(np.isnan(poses[:, 0, 0]), 0, 40),
         world_T_camera=poses,
         image_motion=np.array(motion),
+        sights=np.where(np.isnan(poses[:, 0, 0]), CameraSight.BLIND, CameraSight.REGISTERED).astype(np.int8),
     )
 
 

@@ -19,8 +19,10 @@ from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate import report_folder
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.report_folder import write_report
-from bodycam_ros.evaluate.time_panels import flexion, limb_joints, registration_table
+from bodycam_ros.evaluate.sight_panel import sight_table
+from bodycam_ros.evaluate.time_panels import flexion, limb_joints
 from bodycam_ros.geometry import exp_so3
+from bodycam_ros.registration.camera_sight import CameraSight
 
 SMALL_SHARE = 1e-4  # of the picture's pixels
 
@@ -104,11 +106,11 @@ def test_no_figure_is_nan(walk: Walk, tmp_path: Path) -> None:
 
 
 def test_the_strip_shows_the_worst_of_the_images_that_share_a_column(solved: Path) -> None:
-    landmarks, lost = registration_table(evaluate(solved).solved, 900)
+    landmarks, sights = sight_table(evaluate(solved).solved, 900)
     assert landmarks.shape == (2, 60)
-    assert np.flatnonzero(lost[1]).tolist() == list(LOST["shin"])
-    _, lost = registration_table(evaluate(solved).solved, 6)
-    assert np.flatnonzero(lost[1]).tolist() == [1, 4]
+    assert np.flatnonzero(sights[1] == CameraSight.BLIND).tolist() == list(LOST["shin"])
+    _, sights = sight_table(evaluate(solved).solved, 6)
+    assert np.flatnonzero(sights[1] == CameraSight.BLIND).tolist() == [1, 4]
 
 
 def test_flexion_is_positive_where_a_joint_bends(walk: Walk) -> None:

@@ -47,8 +47,9 @@ def facing(points: NDArray[np.float64]) -> NDArray[np.float32]:
 def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
     points, normals, sizes = landmarks(3000)
     trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
+    some = np.flatnonzero(np.arange(len(points)) % 7)
     for cells, per_cell in [(8, 2), (3, 5), (2, 1)]:
-        arguments = (POSE, twist, readout_time, points, normals, sizes, trust, cells, per_cell, 0.8, 0.15)
+        arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, 0.7, cells, per_cell, 0.8, 0.15)
         rows, pixels = choose_landmarks(lens_parameters(camera), *arguments)
         numpy_rows, numpy_pixels = choose_in_numpy(camera, *arguments)
         np.testing.assert_array_equal(rows, numpy_rows)
@@ -65,7 +66,8 @@ def test_the_trusted_are_preferred_and_every_cell_is_asked(camera: CameraModel) 
     trust[::2] = 1.0
     sizes = np.full(len(points), 0.02, np.float32)
     lens = lens_parameters(camera)
-    rows, pixels = choose_landmarks(lens, POSE, STILL, 0.0, points, facing(points), sizes, trust, 4, 3, 0.8, 0.1)
+    asked = (np.arange(len(points)), points, facing(points), sizes, trust)
+    rows, pixels = choose_landmarks(lens, POSE, STILL, 0.0, *asked, 1.0, 4, 3, 0.8, 0.1)
     assert len(rows) == len(set(rows.tolist())) == 4 * 4 * 3
     assert (rows % 2 == 0).all()
     cells = (pixels[:, 1] * 4 / 480).astype(int) * 4 + (pixels[:, 0] * 4 / 640).astype(int)
@@ -76,10 +78,10 @@ def test_what_cannot_be_seen_is_not_asked(camera: CameraModel) -> None:
     ahead = transform_points(POSE, np.array([[0.1, 0.1, 2.0]]))
     lens = lens_parameters(camera)
     trust, size = np.ones(1, np.float32), np.full(1, 0.02, np.float32)
-    asked = (POSE, STILL, 0.0)
+    asked = (POSE, STILL, 0.0, np.zeros(1, np.int64))
 
     def count(points: NDArray[np.float64], normals: NDArray[np.float32], sizes: NDArray[np.float32]) -> int:
-        return len(choose_landmarks(lens, *asked, points, normals, sizes, trust, 8, 2, 0.8, 0.1)[0])
+        return len(choose_landmarks(lens, *asked, points, normals, sizes, trust, 1.0, 8, 2, 0.8, 0.1)[0])
 
     assert count(ahead, facing(ahead), size) == 1
     assert count(ahead, -facing(ahead), size) == 0

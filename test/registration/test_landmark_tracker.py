@@ -184,6 +184,13 @@ def test_a_registrar_that_does_not_believe_landmarks_gets_descriptors(
     assert is_direct(frames[13]), "and on"
 
 
+def test_a_camera_that_is_not_registered_is_described_again(reference_map, seen) -> None:
+    camera, images = seen
+    said = run(reference_map, camera, images, told=lambda matches: replace(matches, world_T_camera=None))
+    keyframes = [number for number, (frame, _) in enumerate(said) if frame.keyframe]
+    assert len(keyframes) >= 3 and np.diff(keyframes).max() <= 8
+
+
 def test_wrong_names_are_not_believed(reference_map, seen) -> None:
     camera, images = seen
 

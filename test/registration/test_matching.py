@@ -1,53 +1,62 @@
-"""The search of the whole map, against asking every pair."""
+"""The search of a map by descriptors alone, against asking every pair."""
 
-from types import SimpleNamespace
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bodycam_ros.registration import matching
-from bodycam_ros.registration.matching import MatchingSettings, match_everywhere
+from bodycam_ros.registration.matching import MatchingSettings, match_by_looks
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 
-def some_map(rng: np.random.Generator, landmarks: int) -> Any:
-    """Landmarks with one to four looks each; every tenth looks like the one before it."""
-    looks = rng.integers(1, 5, landmarks)
-    own = rng.integers(0, 90, (landmarks, 128))
-    own[10::10] = own[9:-1:10]
-    landmark = np.repeat(np.arange(landmarks, dtype=np.uint32), looks)
-    noise = rng.integers(-8, 9, (len(landmark), 128))
-    return SimpleNamespace(
-        descriptor_landmark=landmark, descriptors=np.clip(own[landmark] + noise, 0, 255).astype(np.uint8), own=own
-    )
+@pytest.fixture(scope="module")
+def reference_map(sample: Path) -> ReferenceMap:
+    """The sample's map."""
+    return ReferenceMap.load(sample / "map")
 
 
-def every_pair(reference_map: Any, descriptors: np.ndarray, every_view: bool) -> list[tuple[int, int]]:
+@pytest.fixture(scope="module")
+def descriptors(reference_map: ReferenceMap) -> np.ndarray:
+    """Looks of the map, disturbed as another view would, some of them beyond recognition."""
+    rng = np.random.default_rng(3)
+    looks = reference_map.descriptors[rng.choice(len(reference_map.descriptors), 250, replace=False)].astype(float)
+    noise = rng.normal(size=looks.shape) * rng.uniform(2.0, 24.0, (len(looks), 1))
+    return np.clip(np.rint(looks + noise), 0, 255).astype(np.uint8)
+
+
+def every_pair(reference_map: ReferenceMap, descriptors: np.ndarray, wanted: np.ndarray) -> set[tuple[int, int]]:
     """Feature and landmark of what is near enough and unambiguous, before two features share a landmark."""
     settings = MatchingSettings()
-    landmark = reference_map.descriptor_landmark.astype(int)
-    rows = np.arange(len(landmark)) if every_view else np.unique(landmark, return_index=True)[1]
-    pairs = []
+    rows = np.flatnonzero(wanted[reference_map.descriptor_landmark])
+    landmark, looks = reference_map.descriptor_landmark[rows].astype(int), reference_map.descriptors[rows].astype(float)
+    pairs = set()
     for feature, descriptor in enumerate(descriptors.astype(float)):
-        distances = np.linalg.norm(reference_map.descriptors[rows] - descriptor, axis=1)
+        distances = np.sqrt((looks**2).sum(axis=1) - 2.0 * looks @ descriptor + descriptor @ descriptor)
         best = distances.argmin()
-        rivals = distances[landmark[rows] != landmark[rows][best]]
+        rivals = distances[landmark != landmark[best]]
         if distances[best] < settings.max_distance_lost and distances[best] < settings.ratio * rivals.min():
-            pairs.append((feature, int(landmark[rows][best])))
+            pairs.add((feature, int(landmark[best])))
     return pairs
 
 
-@pytest.mark.parametrize("every_view", [False, True])
-@pytest.mark.parametrize("block", [1, 64, 10**6])
-def test_blocks_find_what_every_pair_tells(monkeypatch: pytest.MonkeyPatch, every_view: bool, block: int) -> None:
-    monkeypatch.setattr(matching, "_BLOCK", block)
-    rng = np.random.default_rng(3)
-    reference_map = some_map(rng, 300)
-    asked = np.concatenate([np.arange(0, 300, 4), np.arange(9, 100, 10), np.arange(10, 100, 10)])
-    descriptors = (reference_map.own[asked] + rng.integers(0, 8, (len(asked), 128))).astype(np.uint8)
-    descriptors[::7] = rng.integers(0, 90, descriptors[::7].shape)
-    feature, landmark = match_everywhere(reference_map, descriptors, every_view, MatchingSettings())
-    expected = every_pair(reference_map, descriptors, every_view)
-    assert 30 < len(expected) < len(asked) - 20
-    assert set(zip(feature.tolist(), landmark.tolist(), strict=True)) <= set(expected)
-    assert set(landmark.tolist()) == {each for _, each in expected}
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descriptors, share: float) -> None:
+    wanted = np.random.default_rng(1).uniform(size=len(reference_map.landmark_ids)) < share
+    expected = every_pair(reference_map, descriptors, wanted)
+    asked = None if share == 1.0 else np.flatnonzero(wanted)
+    found = match_by_looks(reference_map, descriptors, asked, MatchingSettings())
+    pairs = set(zip(found[0].tolist(), found[1].tolist(), strict=True))
+    assert 60 * share < len(expected) < 240
+    # What is in no list that was searched is not found; nor is a rival, so some are believed that would not be.
+    assert len(pairs & expected) > 0.95 * len(expected)
+    assert len(pairs - expected) < 0.06 * len(expected) + 1
+    assert len(set(found[1].tolist())) == len(found[1])
+    assert wanted[found[1]].all()
+
+
+def test_a_search_finds_the_same_again(reference_map, descriptors, sample: Path) -> None:
+    again = ReferenceMap.load(sample / "map")
+    for a, b in zip(
+        *(match_by_looks(m, descriptors, None, MatchingSettings()) for m in (reference_map, again)), strict=True
+    ):
+        np.testing.assert_array_equal(a, b)

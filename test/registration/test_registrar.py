@@ -10,7 +10,9 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.matching import MatchingSettings, match_everywhere, match_near_prediction
+from bodycam_ros.registration.doubted_place import DoubtSettings
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
+from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
@@ -172,22 +174,134 @@ def test_guided_matching_finds_the_landmarks_that_an_exhaustive_search_confirms(
         assert distance < MatchingSettings().max_distance
 
 
+def test_the_landmarks_around_the_camera_are_all_that_guided_matching_needs(reference_map, seen) -> None:
+    camera, frames = seen
+    settings = MatchingSettings()
+    local = LocalLandmarks(reference_map.grid, camera.fx, settings.min_visible_scale_px)
+    pose = Registrar(camera, reference_map).register(frames[0]).world_T_camera
+    for frame in frames:
+        asked = (frame.pixels[frame.described.astype(int)], frame.descriptors, frame.scales, 20.0, settings)
+        near = pose @ exp_se3(np.array([0.0, 0.02, 0.0, 0.1, 0.0, 0.05]))
+        rows = local.around(near[:3, 3])
+        everything = match_near_prediction(reference_map, camera, near, *asked)
+        np.testing.assert_array_equal(match_near_prediction(reference_map, camera, near, *asked, rows), everything)
+        assert len(rows) < 0.5 * len(reference_map.landmark_ids)
+
+
 def test_a_search_of_the_whole_map_is_mostly_right(reference_map, seen) -> None:
     camera, frames = seen
     frame = frames[0]
     matches = Registrar(camera, reference_map).register(frame)
-    for every_view in (False, True):
-        features, landmarks = match_everywhere(reference_map, frame.descriptors, every_view, MatchingSettings())
-        pixels = frame.pixels[frame.described.astype(int)[features]]
-        errors = reprojection_errors(camera, reference_map.points_world[landmarks], pixels, matches.world_T_camera)
-        assert (errors < 5).sum() >= 15
-        assert (errors < 5).mean() > 0.6
+    features, landmarks = match_by_looks(reference_map, frame.descriptors, None, MatchingSettings())
+    pixels = frame.pixels[frame.described.astype(int)[features]]
+    errors = reprojection_errors(camera, reference_map.points_world[landmarks], pixels, matches.world_T_camera)
+    assert (errors < 5).sum() >= 15
+    assert (errors < 5).mean() > 0.6
 
 
 def test_nothing_to_match(reference_map, seen) -> None:
     camera, _ = seen
     nothing = np.zeros((0, 128), np.uint8)
-    assert len(match_everywhere(reference_map, nothing, True, MatchingSettings())[0]) == 0
+    assert len(match_by_looks(reference_map, nothing, None, MatchingSettings())[0]) == 0
     behind_all = exp_se3(np.array([0, 0, 0, 1e4, 0, 0]))
     none = (np.zeros((0, 2), np.float32), nothing, np.zeros(0, np.float32))
     assert len(match_near_prediction(reference_map, camera, behind_all, *none, 4.0, MatchingSettings())[0]) == 0
+
+
+def uncertain(turn: float, shift: float) -> np.ndarray:
+    """Covariance of a pose, of these sigmas along every axis [rad, m]."""
+    return np.diag([turn**2] * 3 + [shift**2] * 3)
+
+
+def twice(reference_map: ReferenceMap) -> ReferenceMap:
+    """Two halls that look the same, the other 200 m away, and no photograph to begin at in one of them."""
+    count = len(reference_map.landmark_ids)
+    next_id = int(reference_map.landmark_ids.max()) + 1
+
+    def both(values: np.ndarray, more: np.ndarray | int = 0) -> np.ndarray:
+        return np.concatenate([values, (values + more).astype(values.dtype)])
+
+    return dataclasses.replace(
+        reference_map,
+        landmark_ids=both(reference_map.landmark_ids, next_id),
+        points_world=both(reference_map.points_world, np.array([200.0, 0.0, 0.0])),
+        descriptor_landmark=both(reference_map.descriptor_landmark, count),
+        descriptors=both(reference_map.descriptors),
+        descriptor_view=both(reference_map.descriptor_view),
+        descriptor_size=both(reference_map.descriptor_size),
+        world_T_camera=np.zeros((0, 4, 4)),
+        photographs=None,
+    )
+
+
+@pytest.mark.parametrize("off", [(0.02, 0.02), (0.2, 0.1)])
+def test_a_lost_camera_is_looked_for_where_it_is_expected(reference_map, seen, off: tuple[float, float]) -> None:
+    """In two halls that look the same nobody finds it but who is told in which it is."""
+    camera, frames = seen
+    true = Registrar(camera, reference_map).register(frames[0]).world_T_camera
+    twins = twice(reference_map)
+    told, untold, late = (Registrar(camera, twins) for _ in range(3))
+    turn, shift = off
+    near = true @ exp_se3(np.array([0.0, turn, -turn, shift, 0.0, -shift]))
+    told.expect(frames[0].stamp_ns, near, uncertain(*off))
+    late.expect(frames[0].stamp_ns - 600_000_000, near, uncertain(*off))
+    assert untold.register(frames[0]).world_T_camera is None
+    assert late.register(frames[0]).world_T_camera is None
+    found = told.register(frames[0]).world_T_camera
+    assert found is not None
+    step = log_se3(inverse(true) @ found)
+    assert np.linalg.norm(step[:3]) < 0.01 and np.linalg.norm(step[3:]) < 0.03
+
+
+def test_a_wrong_expectation_costs_time_alone(reference_map, seen) -> None:
+    camera, frames = seen
+    true = Registrar(camera, reference_map).register(frames[0]).world_T_camera
+    for wrong in (
+        true @ exp_se3(np.array([0.0, 2.5, 0.0, 1.0, 0.0, 0.0])),
+        true @ exp_se3(np.array([0.0, 0.0, 0.0, 1e4, 0.0, 0.0])),
+        np.full((4, 4), np.nan),
+    ):
+        registrar = Registrar(camera, reference_map)
+        registrar.expect(frames[0].stamp_ns, wrong, uncertain(0.1, 0.1))
+        found = registrar.register(frames[0]).world_T_camera
+        assert np.linalg.norm(log_se3(inverse(true) @ found)) < 0.01
+    registrar = Registrar(camera, reference_map)
+    registrar.expect(frames[0].stamp_ns, true, np.full((6, 6), np.nan))
+    assert registrar.register(frames[0]).world_T_camera is not None
+
+
+def test_a_doubted_camera_searches_anew_and_stays_away_for_a_while(reference_map, seen) -> None:
+    """The same images lead to the same place: refused as long as the doubt lasts, and believed again after that."""
+    camera, frames = seen
+    lasting_s = 1e-9 * (frames[14].stamp_ns - frames[9].stamp_ns)
+    registrar = Registrar(camera, reference_map, doubt=DoubtSettings(lasting=lasting_s - 0.01))
+    before = [registrar.register(frame) for frame in frames[:10]]
+    assert before[-1].world_T_camera is not None
+    registrar.doubt(frames[9].stamp_ns)
+    # Every image brings descriptors, as of a keyframe, by which the whole map is searched.
+    doubted = [registrar.register(described(frame, frames[0])) for frame in frames[10:14]]
+    assert all(matches.world_T_camera is None and len(matches.track_ids) == 0 for matches in doubted)
+    back = [registrar.register(described(frame, frames[0])) for frame in frames[14:20]]
+    assert all(matches.world_T_camera is not None for matches in back)
+
+
+def test_a_doubted_camera_is_believed_elsewhere_at_once(reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    first = registrar.register(frames[0])
+    assert first.world_T_camera is not None
+    # As if it had been tracked at a wrong place.
+    registrar._world_T_camera = exp_se3(np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0])) @ first.world_T_camera
+    registrar.doubt(frames[0].stamp_ns)
+    found = registrar.register(described(frames[1], frames[0]))
+    assert found.world_T_camera is not None
+    assert np.linalg.norm(found.world_T_camera[:3, 3] - first.world_T_camera[:3, 3]) < 0.1
+
+
+def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:
+    """The frame with the descriptors that its tracks had on a keyframe."""
+    began = keyframe.track_ids[keyframe.described]
+    _, rows, of = np.intersect1d(frame.track_ids, began, assume_unique=True, return_indices=True)
+    return dataclasses.replace(
+        frame, described=rows.astype(np.uint32), descriptors=keyframe.descriptors[of], scales=keyframe.scales[of]
+    )

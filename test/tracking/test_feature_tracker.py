@@ -7,7 +7,8 @@ import pytest
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
-from bodycam_ros.tracking.feature_tracker import FeatureTracker, TrackerSettings
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
 
 STEP_NS = 33_000_000
 
@@ -91,6 +92,19 @@ def test_a_keyframe_comes_when_it_is_wanted(camera: CameraModel, panorama: np.nd
             tracker.want_keyframe()
         keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
     assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == [0, 5]
+
+
+def test_a_lost_camera_is_described_again_soon_but_not_in_every_image(
+    camera: CameraModel, panorama: np.ndarray
+) -> None:
+    tracker = FeatureTracker(camera, TrackerSettings(lost_keyframe_gap=0.18))
+    image = look(panorama, camera, turn(0))
+    keyframes = []
+    for index in range(20):
+        keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
+        tracker.lost()
+    gap = 7  # the seventh image after it, for the sixth is 0.2 s after it
+    assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == list(range(0, 20, gap))
 
 
 def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: CameraModel, panorama: np.ndarray) -> None:

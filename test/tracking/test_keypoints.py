@@ -1,8 +1,9 @@
 """New tracks are strong and keep their distance."""
 
+import cv2
 import numpy as np
 
-from bodycam_ros.tracking.keypoints import far_from, thin_out
+from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings, far_from, shared_out, thin_out
 
 
 def test_thinned_points_keep_their_distance_and_nothing_could_be_added() -> None:
@@ -33,3 +34,29 @@ def test_of_nothing_comes_nothing() -> None:
     none = np.zeros((0, 2), np.float32)
     assert len(thin_out(none, np.zeros(0, np.float32), 5.0)) == 0
     assert len(far_from(none, none, 5.0)) == 0
+
+
+def test_the_strongest_of_every_cell_come_first() -> None:
+    pixels = np.array([[1, 1], [2, 2], [3, 3], [90, 1], [91, 2], [99.9, 99.9]], np.float32)
+    strengths = np.array([7, 9, 8, 1, 2, 0], np.float32)
+    assert shared_out(pixels, strengths, (100, 100), 2).tolist() == [1, 4, 5, 2, 3, 0]
+    assert shared_out(pixels, strengths, (100, 100), 1).tolist() == [1, 2, 0, 4, 3, 5]
+
+
+def test_bright_clothes_over_half_of_the_picture_leave_the_room_its_keypoints() -> None:
+    rng = np.random.default_rng(1)
+    pattern = cv2.resize(rng.normal(size=(48, 64)), (640, 480), interpolation=cv2.INTER_CUBIC)
+    contrast = np.where(np.arange(640) < 320, 50.0, 8.0)
+    image = np.clip(128 + contrast * pattern, 0, 255).astype(np.uint8)
+    whole = np.full_like(image, 255)
+    spread = KeypointDetector(KeypointSettings(max_keypoints=100)).detect(image, whole)
+    strongest = KeypointDetector(KeypointSettings(max_keypoints=100, cells=1)).detect(image, whole)
+    assert len(spread.pixels) <= 100 and (strongest.pixels[:, 0] > 330).mean() < 0.1
+    assert (spread.pixels[:, 0] > 330).mean() > 0.3
+    detector = KeypointDetector(KeypointSettings(max_keypoints=100, max_keypoints_lost=200))
+    assert len(detector.detect(image, whole, lost=True).pixels) == 200
+    # What is described after it was chosen is described as when all are.
+    everything = KeypointDetector(KeypointSettings(max_keypoints=5000, cells=1)).detect(image, whole)
+    rows = [np.flatnonzero((everything.pixels == pixel).all(axis=1)) for pixel in spread.pixels]
+    for descriptor, candidates in zip(spread.descriptors, rows, strict=True):
+        assert (everything.descriptors[candidates] == descriptor).all(axis=1).any()

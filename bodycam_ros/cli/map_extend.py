@@ -1,0 +1,56 @@
+"""bodycam map extend: a map and a recording in, a map out that shows what the recording's cameras saw too (A 4.1)."""
+
+import argparse
+from pathlib import Path
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
+from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
+from bodycam_ros.output_place import check_output
+from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
+from bodycam_ros.replay.extend import MapExtension
+from bodycam_ros.shown import printable
+from bodycam_ros.terminal import Terminal
+
+_PICTURE = "rounds.png"
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("map extend", help="let a map grow by a recording", description=__doc__)
+    parser.add_argument("map", type=Path, metavar="MAP", help="reference map, a folder made by 'bodycam map'")
+    add_recording_flags(parser, with_map=False)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP2", help="map folder to write")
+    parser.add_argument("--force", action="store_true", help="replace MAP2 if it is there already")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from bodycam_ros.growth.rounds_picture import draw_rounds
+
+    settings = pipeline_settings(arguments)
+    check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))
+    check_replaceable(arguments.output, arguments.force)
+    settled = len(ReferenceMap.load(arguments.map).landmark_ids)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Terminal(stderr=True)) as bars:
+        extension = MapExtension(
+            arguments.recording, arguments.map, settings, arguments.jobs, on_progress=shown_steps(bars)
+        )
+        extended = extension.run()
+    recorded = "/".join(arguments.recording.resolve().parts[-2:])
+    title = f"{printable(arguments.map.resolve().name)}, extended by {printable(recorded)}"
+
+    def draw(folder: Path) -> None:
+        draw_rounds(extension.rounds, extended, settled, folder / _PICTURE, title)
+
+    extended.save(arguments.output, force=arguments.force, also=draw)
+    print_rounds(extension.rounds)
+    Terminal().print(
+        f"{extended.grown} landmarks by worn cameras and {settled} as before, {len(extended.image_names)} pictures; "
+        f"written to {arguments.output}, drawn in {arguments.output / _PICTURE}",
+        soft_wrap=True,
+    )
+    return 0

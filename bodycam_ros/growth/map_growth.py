@@ -1,0 +1,234 @@
+"""Growth of the map by what registered worn cameras see: relative registration (A 4.1, second half).
+
+The paper matches every newly registered image with the others, triangulates, and adjusts with the reference structure
+fixed. Here it is done for keyframes, as they come, of all cameras in order of time.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, GrownLandmarks
+from bodycam_ros.growth.grown_point import NO_SLOT, GrownPoint, rays_of, sighting
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.keyframe_matching import match_keyframes
+from bodycam_ros.growth.triangulation import triangulate
+from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import reprojection_errors
+from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
+from bodycam_ros.tracking.track_frame import NO_LANDMARK
+
+_WRONG_PX = 2.5
+"""A landmark this far from where its track is was wrong in that image."""
+
+NO_POINT = -1
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A keyframe that later ones are matched with.
+
+    Attributes:
+        keyframe: what it saw.
+        points: (N,) the point that each of its features shows; ``NO_POINT`` if none.
+    """
+
+    keyframe: WornKeyframe
+    points: NDArray[np.int64]
+
+
+class MapGrowth:
+    """Adds landmarks to a map, and takes away those that turn out wrong or are not seen any more.
+
+    Args:
+        growing_map: the map, in whose slots the landmarks go; reference landmarks never move.
+        cameras: models of the worn cameras by name.
+        settings: criteria and bounds.
+    """
+
+    def __init__(
+        self, growing_map: GrowingMap, cameras: Mapping[str, CameraModel], settings: GrowthSettings | None = None
+    ) -> None:
+        self.map = growing_map
+        self.settings = settings or GrowthSettings()
+        self._cameras = cameras
+        self._kept: deque[_Kept] = deque(maxlen=self.settings.keyframes)
+        self._points: dict[int, GrownPoint] = {}
+        self._next_point = 0
+        self._point_in_slot: dict[int, int] = {}
+        self._next_id = [growing_map.first_id + slot for slot in range(growing_map.capacity)]
+        self._never_used = 0
+        self._free: list[int] = []
+        self._changed: dict[int, None] = {}
+
+    @property
+    def landmarks(self) -> int:
+        """Landmarks that have grown and are there."""
+        return len(self._point_in_slot)
+
+    def grown_points(self) -> list[GrownPoint]:
+        """Those that are landmarks, in the order of their slots."""
+        return [self._points[number] for _, number in sorted(self._point_in_slot.items())]
+
+    def add(self, keyframe: WornKeyframe) -> None:
+        """Grow by one more keyframe."""
+        if keyframe.position_sigma > self.settings.max_sigma:
+            return
+        points = np.full(len(keyframe.bearings), NO_POINT)
+        touched: dict[int, None] = {}
+        # Landmarks that have grown before are seen again.
+        self._see_known(keyframe, points, touched)
+        # New points: 2D-2D matches with keyframes whose axes are within 90 degrees (A 4.1).
+        unnamed = np.flatnonzero(keyframe.landmark_ids == NO_LANDMARK)
+        for partner in self._partners(keyframe):
+            unnamed_there = np.flatnonzero(partner.keyframe.landmark_ids == NO_LANDMARK)
+            here, there = match_keyframes(keyframe, partner.keyframe, unnamed, unnamed_there, self.settings)
+            self._join(keyframe, points, partner, here, there, touched)
+        # Error below 1 px and rays 2 degrees apart, or it is no point (A 4.1).
+        self._triangulate(list(touched))
+        self._keep(keyframe, points)
+
+    def hear(self, matches: LandmarkMatches) -> None:
+        """What a camera made of landmarks that have grown: who is wrong too often goes."""
+        pose = matches.world_T_camera
+        grown = np.flatnonzero(matches.landmark_ids >= self.map.first_id)
+        if pose is None or not len(grown):
+            return
+        points_world = matches.points_world[grown].astype(np.float64)
+        errors = reprojection_errors(self._cameras[matches.camera], points_world, matches.pixels[grown], pose)
+        for landmark_id, wrong in zip(matches.landmark_ids[grown].tolist(), errors > _WRONG_PX, strict=True):
+            number = self._number_of(landmark_id)
+            if number == NO_POINT:
+                continue
+            point = self._points[number]
+            point.seen_ns = matches.stamp_ns
+            point.strikes = point.strikes + 1 if wrong else max(-self.settings.max_strikes, point.strikes - 1)
+            if point.strikes >= self.settings.max_strikes:
+                self._drop(number)
+
+    def take_changes(self) -> GrownLandmarks | None:
+        """What has changed since the last call, for the copies of the map; it is in ours already."""
+        if not self._changed:
+            return None
+        slots = list(self._changed)
+        self._changed.clear()
+        ids = np.full(len(slots), NO_LANDMARK, np.uint32)
+        positions = np.zeros((len(slots), 3))
+        descriptors = np.zeros((len(slots), LOOKS, DESCRIPTOR_LENGTH), np.uint8)
+        views, sizes = np.zeros((len(slots), LOOKS, 3), np.float32), np.zeros((len(slots), LOOKS), np.float32)
+        for row, slot in enumerate(slots):
+            if slot in self._point_in_slot:
+                point = self._points[self._point_in_slot[slot]]
+                ids[row], positions[row] = point.landmark_id, point.position
+                descriptors[row], views[row], sizes[row] = point.looks(LOOKS)
+        changes = GrownLandmarks(np.array(slots), ids, positions, descriptors, views, sizes)
+        self.map.take(changes)
+        return changes
+
+    def _see_known(self, keyframe: WornKeyframe, points: NDArray[np.int64], touched: dict[int, None]) -> None:
+        grown = np.flatnonzero((keyframe.landmark_ids >= self.map.first_id) & (keyframe.landmark_ids != NO_LANDMARK))
+        for feature in grown.tolist():
+            number = self._number_of(int(keyframe.landmark_ids[feature]))
+            if number != NO_POINT:
+                points[feature] = number
+                if self._points[number].see(sighting(keyframe, feature), keyframe.stamp_ns):
+                    touched[number] = None
+
+    def _number_of(self, landmark_id: int) -> int:
+        """The point that is a landmark; ``NO_POINT`` if it has gone."""
+        number = self._point_in_slot.get((landmark_id - self.map.first_id) % self.map.capacity, NO_POINT)
+        return number if number != NO_POINT and self._points[number].landmark_id == landmark_id else NO_POINT
+
+    def _partners(self, keyframe: WornKeyframe) -> list[_Kept]:
+        """The keyframes that most likely see the same, from another place."""
+        if not self._kept:
+            return []
+        poses = np.array([kept.keyframe.world_T_camera for kept in self._kept])
+        cosines = poses[:, :3, 2] @ keyframe.world_T_camera[:3, 2]
+        baselines = np.linalg.norm(poses[:, :3, 3] - keyframe.world_T_camera[:3, 3], axis=1)
+        fit = (cosines > np.cos(np.radians(self.settings.max_axis_angle))) & (baselines > self.settings.min_baseline)
+        likely = np.flatnonzero(fit)
+        order = np.argsort(baselines[likely] - cosines[likely], kind="stable")[: self.settings.partners]
+        return [self._kept[row] for row in likely[order].tolist()]
+
+    def _join(
+        self,
+        keyframe: WornKeyframe,
+        points: NDArray[np.int64],
+        partner: _Kept,
+        here: NDArray[np.int64],
+        there: NDArray[np.int64],
+        touched: dict[int, None],
+    ) -> None:
+        """Matched features see one point: that of either, or a new one."""
+        for feature, other in zip(here.tolist(), there.tolist(), strict=True):
+            mine, its = int(points[feature]), int(partner.points[other])
+            if its not in self._points:
+                its = NO_POINT
+            if mine == NO_POINT and its == NO_POINT:
+                both = [sighting(partner.keyframe, other), sighting(keyframe, feature)]
+                mine = its = self._next_point
+                self._points[mine] = GrownPoint(both, keyframe.stamp_ns)
+                self._next_point += 1
+            elif mine == NO_POINT:
+                mine = its
+                self._points[mine].see(sighting(keyframe, feature), keyframe.stamp_ns)
+            elif its == NO_POINT:
+                self._points[mine].see(sighting(partner.keyframe, other), keyframe.stamp_ns)
+                its = mine
+            points[feature], partner.points[other] = mine, its
+            touched[mine] = None
+
+    def _triangulate(self, numbers: list[int]) -> None:
+        """Place the points that were seen anew; those that their rays contradict are none."""
+        if not numbers:
+            return
+        points = [self._points[number] for number in numbers]
+        found = triangulate(rays_of(points))
+        good = found.errors_px.max(axis=1) <= self.settings.max_error
+        wide = found.angles >= np.radians(self.settings.min_angle)
+        for number, point, position, is_good, is_wide in zip(numbers, points, found.points, good, wide, strict=True):
+            if not is_good:
+                self._drop(number)
+                continue
+            point.position = position
+            if point.slot == NO_SLOT and is_wide and len(point.sightings) >= self.settings.min_views:
+                self._settle(number, point)
+            elif point.slot != NO_SLOT:
+                self._changed[point.slot] = None
+
+    def _settle(self, number: int, point: GrownPoint) -> None:
+        """The point becomes a landmark of the map; where there is no room, the one that was longest unseen goes."""
+        capacity = self.map.capacity
+        if not self._free and self._never_used == capacity:
+            self._drop(min(self._point_in_slot.values(), key=lambda other: self._points[other].seen_ns))
+        if self._free:
+            point.slot = self._free.pop()
+        else:
+            point.slot, self._never_used = self._never_used, self._never_used + 1
+        # Every landmark of a slot has an id of its own, so that nobody takes it for one before it.
+        point.landmark_id = self._next_id[point.slot]
+        self._next_id[point.slot] += self.map.capacity
+        self._point_in_slot[point.slot] = number
+        self._changed[point.slot] = None
+
+    def _drop(self, number: int) -> None:
+        point = self._points.pop(number)
+        if point.slot != NO_SLOT:
+            del self._point_in_slot[point.slot]
+            self._free.append(point.slot)
+            self._changed[point.slot] = None
+
+    def _keep(self, keyframe: WornKeyframe, points: NDArray[np.int64]) -> None:
+        """Later keyframes are matched with this one, and no more with the oldest, whose guesses nobody can confirm."""
+        if len(self._kept) == self._kept.maxlen:
+            for number in self._kept[0].points.tolist():
+                point = self._points.get(number)
+                if point is not None and point.slot == NO_SLOT:
+                    del self._points[number]
+        self._kept.append(_Kept(keyframe, points))

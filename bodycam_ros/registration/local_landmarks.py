@@ -1,0 +1,107 @@
+"""The landmarks that a camera could see from where it is, found without asking all of the map.
+
+A landmark's feature is seen from as far as its size allows, so landmarks lie in a grid of cells for every octave of
+sizes, and a camera looks into the cells around it. What it finds there lasts until it has moved on.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.registration.local_landmark_kernels import CELL_SIZES, cells_of, landmarks_around
+
+_MARGIN = 0.05  # of how far a landmark of usual size is seen: so far a camera moves before it looks around again
+_WIDER = 1.001  # of that margin, for rounding
+_MANY_LOOSE = 4096
+_LOOSE_SHARE = 8
+
+
+class LandmarkGrid:
+    """Where the landmarks of a map are; all cameras may share it.
+
+    Args:
+        points_world: (L, 3) float64 [m].
+        sizes: (L,) float32 of the largest feature of each [m]; one without a size is never seen.
+
+    Attributes:
+        changes: how often landmarks have changed.
+        usual_size: of a landmark that has one [m].
+    """
+
+    def __init__(self, points_world: NDArray[np.float64], sizes: NDArray[np.float32]) -> None:
+        self._points, self._sizes = as_rows(points_world), sizes
+        self._is_loose = np.zeros(len(sizes), bool)
+        self._loose = self._rows = self._cells = self._first_of_octave = np.zeros(0, np.int64)
+        self._largest = np.zeros(0)
+        self.changes = 0
+        self._sort()
+        self.usual_size = float(np.median(sizes[self._rows])) if len(self._rows) else 0.0
+
+    def put(self, rows: NDArray[np.int64]) -> None:
+        """Landmarks (N,) of the arrays that the grid was made with have moved, come or gone (with no size)."""
+        self._is_loose[rows] = True
+        self._loose = np.unique(np.concatenate([self._loose, rows]))
+        self.changes += 1
+        if len(self._loose) > max(_MANY_LOOSE, len(self._rows) // _LOOSE_SHARE):
+            self._sort()
+
+    def around(self, centre: NDArray[np.float64], reach: float, margin: float) -> NDArray[np.int64]:
+        """Rows (N,), ascending, of the landmarks no farther than ``reach * size + margin`` [m] from a place (3,)."""
+        found = landmarks_around(
+            as_rows(centre),
+            reach,
+            margin,
+            self._points,
+            self._sizes,
+            self._rows,
+            self._cells,
+            self._first_of_octave,
+            self._largest,
+            self._is_loose,
+        )
+        if len(self._loose):
+            offsets = self._points[self._loose] - centre
+            far = reach * self._sizes[self._loose].astype(float) + margin
+            near = (np.einsum("ij,ij->i", offsets, offsets) <= far**2) & (self._sizes[self._loose] > 0.0)
+            found = np.concatenate([found, self._loose[near]])
+        return np.sort(found)
+
+    def _sort(self) -> None:
+        """All landmarks into their cells."""
+        self._is_loose[:] = False
+        self._loose = np.zeros(0, np.int64)
+        rows = np.flatnonzero(self._sizes > 0.0)
+        octaves = np.frexp(self._sizes[rows])[1].astype(np.int64)
+        present, octave = np.unique(octaves, return_inverse=True)
+        self._largest = np.ldexp(1.0, present)
+        cells = cells_of(self._points[rows], as_rows(CELL_SIZES * self._largest[octave]))
+        order = np.lexsort((rows, cells, octave))
+        self._rows, self._cells = rows[order], cells[order]
+        self._first_of_octave = np.searchsorted(octave[order], np.arange(len(present) + 1)).astype(np.int64)
+
+
+class LocalLandmarks:
+    """The landmarks around one camera.
+
+    Args:
+        grid: of the map.
+        focal_px: of the camera.
+        least_sigma_px: of a feature that it can see [px].
+    """
+
+    def __init__(self, grid: LandmarkGrid, focal_px: float, least_sigma_px: float) -> None:
+        self._grid = grid
+        # Where every feature is large enough, every landmark is seen from everywhere.
+        self._reach = focal_px / max(least_sigma_px, 1e-9)
+        self._margin = _MARGIN * self._reach * grid.usual_size
+        self._at: NDArray[np.float64] | None = None
+        self._changes = 0
+        self._rows = np.zeros(0, np.int64)
+
+    def around(self, centre: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Rows (N,), ascending, of all landmarks that can be seen from a place (3,), and of some that cannot."""
+        moved = self._at is None or not np.linalg.norm(centre - self._at) <= self._margin
+        if moved or self._changes != self._grid.changes:
+            self._at, self._changes = np.array(centre, np.float64), self._grid.changes
+            self._rows = self._grid.around(self._at, self._reach, _WIDER * self._margin)
+        return self._rows

@@ -1,0 +1,28 @@
+"""Settings of the registrar."""
+
+from dataclasses import dataclass
+
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class RegistrarSettings:
+    """When a camera counts as registered, and when a track loses its landmark."""
+
+    min_inliers: int = setting(
+        12,
+        limits=(4, 500),
+        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
+    )
+    max_strikes: int = setting(
+        2,
+        unit="frames",
+        limits=(1, 30),
+        reason="a track whose landmark disagrees on this many frames in a row loses it",
+    )
+    max_predicted_frames: int = setting(
+        15,
+        unit="frames",
+        limits=(0, 300),
+        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
+    )

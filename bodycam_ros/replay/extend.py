@@ -1,0 +1,211 @@
+"""Rounds of registration and growth over a recording, forwards and backwards in time (A 4.1)."""
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import gettempdir
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.readout import Readout
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.growth.extended_map import KeptImage, extended_map
+from bodycam_ros.growth.extension_round import ExtensionRound
+from bodycam_ros.growth.growing_map import growing
+from bodycam_ros.growth.map_growth import MapGrowth
+from bodycam_ros.growth.registration_record import RegisteredImagePose, RegistrationRecord
+from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.photographs import in_parallel
+from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.matching import match_near_prediction
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.rolling_shutter import steady_pixels
+from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.replay.front_end import register_recording
+from bodycam_ros.tracking.keypoints import KeypointDetector
+from bodycam_ros.tracking.track_frame import NO_LANDMARK
+from bodycam_ros.tracking.view_mask import view_mask
+from bodycam_ros.whole_file import scratch_folder
+
+logger = logging.getLogger(__name__)
+
+
+OnProgress = Callable[[str, float], None]
+"""What is told of the progress: the step, and its share that is done, 0 to 1."""
+
+
+class MapExtension:
+    """Extends a map by what the cameras of a recording see.
+
+    Args:
+        recording_path: the recording.
+        map_path: folder of the map.
+        settings: of all stages, and of the rounds.
+        jobs: processes.
+        cameras: that are used; all by default.
+        readouts: camera -> how long its rows are read out, where somebody but the recording knows.
+        on_progress: told how far it is.
+
+    Attributes:
+        rounds: what each brought.
+        elapsed_s: time that they took.
+    """
+
+    def __init__(
+        self,
+        recording_path: Path,
+        map_path: Path,
+        settings: PipelineSettings,
+        jobs: int,
+        cameras: Sequence[str] | None = None,
+        readouts: Mapping[str, Readout] | None = None,
+        on_progress: OnProgress = lambda step, share: None,
+    ) -> None:
+        self._recording_path, self._map_path = recording_path, map_path
+        self._map = ReferenceMap.load(map_path)
+        self._pipeline, self._settings = settings, settings.extend
+        self._jobs, self._readouts, self._on_progress = jobs, readouts or {}, on_progress
+        with open_recording(recording_path) as recording:
+            names = recording.cameras if cameras is None else cameras
+            self._cameras = {name: recording.camera_model(name) for name in names}
+            self._start_ns, self._duration_s = recording.start_ns, recording.duration_s
+        self.rounds: list[ExtensionRound] = []
+        self.elapsed_s = 0.0
+
+    def run(self) -> ReferenceMap:
+        """The extended map.
+
+        Raises:
+            BodycamError: what is wrong with recording or map.
+        """
+        started_s = time.monotonic()
+        record = RegistrationRecord(self._cameras, self._pipeline.growth, self._pipeline.registrar.min_inliers)
+        extended = self._map
+        with scratch_folder(Path(gettempdir())) as scratch:
+            map_path = self._map_path
+            while len(self.rounds) < self._settings.rounds:
+                backwards = len(self.rounds) % 2 == 1
+                # Absolute and relative registration, by photographs and by what has grown (A 4.1).
+                self._register(map_path, record, backwards)
+                self._note(record, backwards, extended)
+                if self._is_enough():
+                    break
+                # 2D-2D matches between the images that are registered by now, triangulated (A 4.1).
+                extended = self._grow(record)
+                map_path = scratch / f"round_{len(self.rounds)}"
+                extended.save(map_path)
+        self.elapsed_s = time.monotonic() - started_s
+        return extended
+
+    def _register(self, map_path: Path, record: RegistrationRecord, backwards: bool) -> None:
+        task = RegistrationTask(
+            self._recording_path,
+            map_path,
+            self._pipeline,
+            with_messages=False,
+            readouts=self._readouts,
+            backwards=backwards,
+        )
+        step = f"round {len(self.rounds) + 1}, {'backwards' if backwards else 'forwards'}"
+        first_ns = None
+        for item in register_recording(task, self._cameras, self._jobs):
+            first_ns = item.stamp_ns if first_ns is None else first_ns
+            if isinstance(item, RegisteredImage):
+                stamp_ns = self._mirrored(item.stamp_ns) if backwards else item.stamp_ns
+                record.add(item.matches, stamp_ns, backwards)
+            self._on_progress(step, 1e-9 * (item.stamp_ns - first_ns) / max(self._duration_s, 1e-9))
+
+    def _mirrored(self, stamp_ns: int) -> int:
+        return 2 * self._start_ns + round(1e9 * self._duration_s) - stamp_ns
+
+    def _note(self, record: RegistrationRecord, backwards: bool, extended: ReferenceMap) -> None:
+        landmarks = extended.grown - self._map.grown
+        places = {camera: record.places(camera) for camera in self._cameras}
+        shares = {camera: record.share(camera) for camera in self._cameras}
+        self.rounds.append(
+            ExtensionRound(backwards, shares, record.share_of_all, record.absolute_share, landmarks, places)
+        )
+        logger.info("round %d: %.1f %% of all images registered", len(self.rounds), 100 * record.share_of_all)
+
+    def _is_enough(self) -> bool:
+        """Whether there is nothing left to register, or two rounds, one in each direction, brought nothing."""
+        shares = [one.share for one in self.rounds]
+        return (shares[-1] == 1.0 and len(shares) > 1) or (
+            len(shares) > 2 and shares[-1] - shares[-3] < self._settings.least_gain
+        )
+
+    def _grow(self, record: RegistrationRecord) -> ReferenceMap:
+        step = f"growth {len(self.rounds)}"
+        live = self._settings.growth(self._pipeline.growth)
+        growth = MapGrowth(growing(self._map, self._settings.capacity), self._cameras, live)
+        chosen = record.keyframes(self._settings)
+        total = sum(map(len, chosen.values()))
+        images = []
+        for number, (keyframe, jpeg) in enumerate(self._keyframes(chosen)):
+            growth.add(keyframe)
+            images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
+            self._on_progress(step, (number + 1) / total)
+        growth.take_changes()
+        return extended_map(
+            self._map, growth.grown_points(), images, self._cameras, self._settings.looks, SmallPhotographSettings()
+        )
+
+    def _keyframes(self, chosen: Mapping[str, Sequence[RegisteredImagePose]]) -> Iterator[tuple[WornKeyframe, bytes]]:
+        """The images that were chosen, in order of time, with their features, and as pictures."""
+        poses = {(camera, pose.stamp_ns): pose for camera, of_camera in chosen.items() for pose in of_camera}
+        masks = {
+            name: view_mask(camera, self._pipeline.tracker.max_view_angle_deg) for name, camera in self._cameras.items()
+        }
+
+        def look(image: CameraImage) -> tuple[WornKeyframe, bytes] | None:
+            try:
+                grey = decode_grey(image)
+            except RecordingError:
+                return None
+            pose = poses[image.camera, image.stamp_ns]
+            keyframe = self._keyframe(self._cameras[image.camera], pose, grey, masks[image.camera])
+            done, jpeg = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, self._settings.quality])
+            return (keyframe, bytes(jpeg.tobytes())) if done else None
+
+        with open_recording(self._recording_path) as recording:
+            images = (i for i in recording.images(list(self._cameras)) if (i.camera, i.stamp_ns) in poses)
+            for looked in in_parallel(look, images, self._jobs):
+                if looked is not None:
+                    yield looked
+
+    def _keyframe(
+        self, camera: CameraModel, pose: RegisteredImagePose, grey: NDArray[np.uint8], mask: NDArray[np.uint8]
+    ) -> WornKeyframe:
+        found = KeypointDetector(self._settings.keypoints).detect(grey, mask)
+        pixels = steady_pixels(camera, found.pixels, pose.turning, pose.readout_time)
+        named, landmarks = match_near_prediction(
+            self._map,
+            camera,
+            pose.world_T_camera,
+            pixels,
+            found.descriptors,
+            found.scales,
+            self._pipeline.matching.radius_px,
+            self._pipeline.matching,
+        )
+        ids = np.full(len(pixels), NO_LANDMARK, np.uint32)
+        ids[named] = self._map.landmark_ids[landmarks]
+        bearings, in_view = camera.unproject(pixels)
+        return WornKeyframe(
+            camera=camera.name,
+            stamp_ns=pose.stamp_ns,
+            world_T_camera=pose.world_T_camera,
+            position_sigma=pose.position_sigma,
+            focal_length=float(np.sqrt(camera.fx * camera.fy)),
+            bearings=bearings[in_view],
+            descriptors=found.descriptors[in_view],
+            scales=found.scales[in_view],
+            landmark_ids=ids[in_view],
+        )

@@ -1,0 +1,53 @@
+"""Several passes over a recording: the map grows in all but the last, which solves."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import gettempdir
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.growth.extension_round import ExtensionRound
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+from bodycam_ros.replay.extend import MapExtension, OnProgress
+from bodycam_ros.replay.replay import ReplaySummary, replay
+from bodycam_ros.whole_file import scratch_folder
+
+
+def replay_in_passes(
+    recording_path: Path,
+    map_path: Path,
+    body_path: Path,
+    output_path: Path,
+    settings: PipelineSettings,
+    jobs: int,
+    passes: int = 1,
+    force: bool = False,
+    on_step: OnProgress = lambda step, share: None,
+    on_progress: Callable[[float], None] = lambda seconds: None,
+) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
+    """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
+
+    Args:
+        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress: as of ``replay``.
+        passes: over the recording, the last one included.
+        on_step: called with each step before the last pass, and the share of it that is done.
+
+    Raises:
+        BodycamError: as ``replay``.
+    """
+    if passes == 1:
+        return replay(recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress), ()
+    body = read_body(body_path)
+    check_metric(ReferenceMap.load(map_path), map_path)
+    with open_recording(recording_path) as recording:
+        cameras = [camera for camera in recording.cameras if camera in body.mounts]
+    rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
+    readouts = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, on_step)
+    with scratch_folder(Path(gettempdir())) as scratch:
+        extension.run().save(scratch / "map")
+        summary = replay(recording_path, scratch / "map", body_path, output_path, settings, jobs, force, on_progress)
+    summary.elapsed_s += extension.elapsed_s
+    return summary, extension.rounds

@@ -1,0 +1,106 @@
+"""The sharp frames of a bag's camera as a reference folder."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from turned_view import CAMERA, rolled_view, turned_view
+from unshown_progress import Unshown
+
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import OutputError
+from bodycam_ros.mapping.bag_camera import BagCamera
+from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
+from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
+from bodycam_ros.mapping.photographs import find_photographs
+from bodycam_ros.messages.camera_info import camera_info_message
+from bodycam_ros.messages.header import header_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+
+LENS = camera_from_info("hand", 320, 240, "equidistant", [0.01, 0.0, 0.0, 0.0], [150, 0, 160, 0, 151, 120, 0, 0, 1])
+SHARP = [1, 4, 7]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Three pictures that have nothing in common, each between two that are blurred by motion, by the camera /hand."""
+    rng, make = np.random.default_rng(1), recorded_messages()
+    with write_recording(tmp_path / "bag") as writer:
+        for number in range(9):
+            if number % 3 == 0:
+                texture = cv2.resize(
+                    rng.integers(0, 256, (60, 80), np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC
+                )
+            picture = texture if number in SHARP else cv2.blur(texture, (9, 1))
+            stamp_ns = 1_000_000_000 + number * 100_000_000
+            writer.write("/hand/camera_info", stamp_ns, camera_info_message(make, LENS, stamp_ns))
+            data = cv2.imencode(".png", picture)[1].reshape(-1)
+            header = header_message(make, stamp_ns, "hand_optical_frame")
+            image = make("sensor_msgs/msg/CompressedImage", header=header, format="png", data=data)
+            writer.write("/hand/image_raw/compressed", stamp_ns, image)
+    return tmp_path / "bag"
+
+
+def test_sharp_frames_and_the_lens_are_written(bag: Path, tmp_path: Path) -> None:
+    progress = Unshown()
+    folder = tmp_path / "kept"
+    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), force=False, progress=progress)
+    photographs = find_photographs(folder)
+    assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
+    assert np.array_equal(photographs.camera.parameters, LENS.parameters)
+    assert progress.done == progress.totals == {"looking at frames": 9, "keeping sharp frames": 3}
+
+
+def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    for name in ("frame_000099.jpg", "camera.yaml"):
+        (folder / name).touch()
+    with pytest.raises(OutputError, match="--force"):
+        keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), False, Unshown())
+    assert (folder / "frame_000099.jpg").exists()
+    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), True, Unshown())
+    assert sorted(path.name for path in folder.iterdir()) == ["camera.yaml", *(f"frame_{n:06d}.png" for n in SHARP)]
+
+
+class Turning:
+    """A camera that turns to the right by 45 deg/s, and reads out its rows meanwhile."""
+
+    name, camera, count, readout_s = "turning.mp4", CAMERA, 12, (0.0, 0.03)
+
+    @contextmanager
+    def frames(self) -> Iterator[Iterator["TurningFrame"]]:
+        yield (TurningFrame(number) for number in range(self.count))
+
+
+@dataclass(frozen=True)
+class TurningFrame:
+    number: int
+
+    @property
+    def seconds(self) -> float:
+        return self.number / 30.0
+
+    def grey(self) -> NDArray[np.uint8]:
+        return rolled_view(1.5 * self.number, 0.0, (45.0, 0.0), Turning.readout_s, lines=24)
+
+    def file(self) -> tuple[str, bytes]:
+        return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
+
+
+def test_frames_are_straightened_where_rows_are_read_out_one_by_one(tmp_path: Path) -> None:
+    keep_chosen_frames(Turning(), tmp_path / "kept", FrameChoiceSettings(), False, Unshown())
+    paths = find_photographs(tmp_path / "kept").paths
+    inner = np.s_[30:-30, 30:-30]
+    for path in paths:
+        number = int(path.stem.removeprefix("frame_"))
+        kept, wanted = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), turned_view(1.5 * number)
+        assert kept is not None
+        off = [np.abs(p[inner].astype(int) - wanted[inner]).mean() for p in (TurningFrame(number).grey(), kept)]
+        assert off[1] < 0.4 * off[0], off

@@ -1,0 +1,107 @@
+"""How frames move and how sharp they are, on views of a texture whose camera turns as we say."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from turned_view import CAMERA, HEIGHT, WIDTH
+from turned_view import turned_view as view
+
+from bodycam_ros.errors import LensError, MapError, RecordingError
+from bodycam_ros.mapping.frame_motion import FrameMotion, frame_motion
+from bodycam_ros.mapping.moving_camera import Frame
+
+CUT_DEG = 10.0
+
+
+@dataclass(frozen=True)
+class Still:
+    """A frame that is there already; None: damaged."""
+
+    seconds: float
+    pixels: NDArray[np.uint8] | None
+
+    def grey(self) -> NDArray[np.uint8]:
+        if self.pixels is None:
+            raise RecordingError("torn")
+        return self.pixels
+
+    def file(self) -> tuple[str, bytes]:
+        return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
+
+
+class Stills:
+    """A moving camera of such frames."""
+
+    name, camera = "walk.mp4", CAMERA
+
+    def __init__(
+        self, pictures: Sequence[NDArray[np.uint8] | None], readout_s: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self.readout_s = readout_s
+        self._frames = [Still(row / 30.0, picture) for row, picture in enumerate(pictures)]
+        self.count = len(pictures)
+
+    @contextmanager
+    def frames(self) -> Iterator[Iterator[Frame]]:
+        yield iter(self._frames)
+
+
+def measured(pictures: Sequence[NDArray[np.uint8] | None], readout_s: tuple[float, float] = (0.0, 0.0)) -> FrameMotion:
+    told = []
+    motion = frame_motion(Stills(pictures, readout_s), CUT_DEG, lambda: told.append(True))
+    assert len(told) == len(pictures) == len(motion.seconds) == len(motion.sharpness) == len(motion.path_deg)
+    return motion
+
+
+def test_the_path_is_by_how_much_the_camera_turned() -> None:
+    """There and back again is twice the way."""
+    pans = np.concatenate([np.arange(0.0, 30.0, 1.5), np.arange(30.0, 0.0, -1.5)])
+    motion = measured([view(pan) for pan in pans])
+    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pans)))])
+    assert motion.path_deg == pytest.approx(walked, abs=3.0)
+    assert np.all(np.diff(motion.path_deg) >= 0.0)
+
+
+def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one() -> None:
+    pictures = [view(1.5 * number, -0.5 * number) for number in range(6)]
+    assert not measured(pictures).angular_velocity.any()
+    found = np.degrees(measured(pictures, readout_s=(0.0, 0.01)).angular_velocity)
+    assert found == pytest.approx(np.tile([-15.0, 45.0, 0.0], (6, 1)), abs=2.0)  # it rolls a little, too
+    # A frame that is damaged makes those beside it no faster.
+    torn = np.degrees(measured([*pictures[:3], None, *pictures[4:]], readout_s=(0.0, 0.01)).angular_velocity)
+    assert np.delete(torn, 3, axis=0) == pytest.approx(np.delete(found, 3, axis=0), abs=2.0)
+
+
+def test_a_hand_that_trembles_goes_nowhere() -> None:
+    rng = np.random.default_rng(4)
+    motion = measured([view(*rng.normal(0.0, 0.3, 2)) for _ in range(40)])
+    assert motion.path_deg[-1] < 2.0
+
+
+def test_a_cut_is_a_step() -> None:
+    motion = measured([view(0.0)] * 3 + [view(60.0)] * 3)
+    assert motion.path_deg == pytest.approx([0.0, 0.0, 0.0, CUT_DEG, CUT_DEG, CUT_DEG], abs=0.2)
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1)])
+def test_blur_by_motion_in_any_direction_shows(shape: tuple[int, int]) -> None:
+    blurred = np.asarray(cv2.blur(view(0.0), shape), np.uint8)
+    sharp, less = measured([view(0.0), blurred]).sharpness
+    assert less < 0.5 * sharp
+
+
+def test_what_is_damaged_or_empty_is_not_sharp() -> None:
+    motion = measured([view(0.0), None, np.full((HEIGHT, WIDTH), 90, np.uint8), view(0.0)])
+    assert motion.sharpness[1] == motion.sharpness[2] == 0.0 < motion.sharpness[3]
+    with pytest.raises(MapError, match=r"walk\.mp4: none of its 2 frames shows anything"):
+        measured([None, np.zeros((HEIGHT, WIDTH), np.uint8)])
+
+
+def test_images_of_another_size_are_an_error() -> None:
+    with pytest.raises(LensError, match=r"320 x 240 pixels, but its intrinsics are for 640 x 480"):
+        measured([view(0.0)[::2, ::2]])

@@ -1,0 +1,25 @@
+"""Rows that were read out while the camera turned, against the picture that it would have taken all at once."""
+
+import numpy as np
+import pytest
+from turned_view import CAMERA, rolled_view, turned_view
+
+from bodycam_ros.mapping.steady_picture import steady_picture
+
+READOUT_S = 0.02
+
+
+@pytest.mark.parametrize("rate_deg", [(100.0, 0.0), (70.0, -60.0)])
+@pytest.mark.parametrize("readout_s", [(0.0, READOUT_S), (0.0, -READOUT_S), (READOUT_S, 0.0), (-READOUT_S, 0.0)])
+def test_a_picture_is_straightened(rate_deg: tuple[float, float], readout_s: tuple[float, float]) -> None:
+    shown, wanted = rolled_view(0.0, 0.0, rate_deg, readout_s), turned_view(0.0)
+    velocity = np.radians([rate_deg[1], rate_deg[0], 0.0])
+    straight = steady_picture(shown, CAMERA, velocity, readout_s)
+    inner = np.s_[30:-30, 30:-30]
+    off = [np.abs(picture[inner].astype(int) - wanted[inner]).mean() for picture in (shown, straight)]
+    assert off[1] < 0.2 * off[0]
+
+
+def test_a_camera_that_does_not_turn_keeps_its_picture() -> None:
+    picture = np.dstack([turned_view(3.0)] * 3)
+    assert np.array_equal(steady_picture(picture, CAMERA, np.zeros(3), (0.0, READOUT_S)), picture)
