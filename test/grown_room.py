@@ -23,6 +23,7 @@ FOCAL_PX = float(np.sqrt(CAMERA.fx * CAMERA.fy))
 CAMERAS = ("chest", "hip", "shin")
 FRAME_NS = 400_000_000
 _HALF_M = 3.0
+_SIZE_M = 0.03  # of features
 _LEAST_DEPTH_M = 0.3
 
 
@@ -88,7 +89,7 @@ def keyframe(
         focal_length=FOCAL_PX,
         bearings=bearings,
         descriptors=np.clip(looks, 0, 255).astype(np.uint8),
-        scales=np.full(len(seen), 3.0, np.float32),
+        sizes=_SIZE_M / np.linalg.norm(points_camera[seen], axis=1),
         landmark_ids=np.full(len(seen), NO_LANDMARK, np.uint32),
     )
 
