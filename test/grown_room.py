@@ -109,7 +109,7 @@ def named(one: WornKeyframe, grown_map: ReferenceMap) -> WornKeyframe:
     pixels, _ = CAMERA.project(one.bearings)
     matching = MatchingSettings()
     features, landmarks = match_near_prediction(
-        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, one.scales, matching.radius_px, matching
+        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, one.sizes, matching.radius_px, matching
     )
     ids = one.landmark_ids.copy()
     ids[features] = grown_map.landmark_ids[landmarks]
