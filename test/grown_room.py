@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rolling_camera import map_of, wide_camera
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -108,8 +109,9 @@ def named(one: WornKeyframe, grown_map: ReferenceMap) -> WornKeyframe:
     """The keyframe with the landmarks that its features show, as a registrar names them."""
     pixels, _ = CAMERA.project(one.bearings)
     matching = MatchingSettings()
+    scales = one.sizes * scales_at(CAMERA, one.bearings[:, 2])
     features, landmarks = match_near_prediction(
-        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, one.sizes, matching.radius_px, matching
+        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, scales, matching.radius_px, matching
     )
     ids = one.landmark_ids.copy()
     ids[features] = grown_map.landmark_ids[landmarks]
