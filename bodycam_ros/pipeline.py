@@ -2,8 +2,8 @@
 
     image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
 
-``CameraPipeline`` is what happens to one camera's images, ``SkeletonPipeline`` what happens to all cameras'
-registrations. The live graph runs the two halves of ``CameraPipeline`` in different nodes.
+What happens to one camera's images is in ``camera_pipeline.py``; ``SkeletonPipeline`` is what happens to all cameras'
+registrations.
 """
 
 from collections import Counter
@@ -19,10 +19,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
-from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.keyframe_choice import KeyframeChoice
-from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.doubted_place import DoubtSettings
@@ -52,7 +49,6 @@ from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
-from bodycam_ros.tracking.track_frame import TrackFrame
 from bodycam_ros.tracking.tracker_settings import TrackerSettings
 from bodycam_ros.verdict.verdict import VerdictSettings
 
@@ -114,51 +110,6 @@ def registrar(
     )
 
 
-class CameraPipeline:
-    """One camera from images to registrations.
-
-    Args:
-        camera: its model.
-        reference_map: what its tracker finds landmarks by.
-        settings: of all stages.
-        readout: as of ``registrar``.
-        growing_map: what it is registered in, if not that map; the same with room for more landmarks.
-    """
-
-    def __init__(
-        self,
-        camera: CameraModel,
-        reference_map: ReferenceMap,
-        settings: PipelineSettings,
-        readout: Readout | None = None,
-        growing_map: GrowingMap | None = None,
-    ) -> None:
-        self._camera = camera
-        self._tracker = landmark_tracker(camera, reference_map, settings, readout)
-        self._registrar = registrar(camera, growing_map or reference_map, settings, readout)
-        self._keyframes = None if growing_map is None else KeyframeChoice(camera, settings.growth)
-
-    def process(
-        self, image: NDArray[np.uint8], stamp_ns: int
-    ) -> tuple[TrackFrame, LandmarkMatches, WornKeyframe | None]:
-        """Track and register the next image (H, W); what the map may grow by, if it is a keyframe.
-
-        Raises:
-            RecordingError: as ``FeatureTracker.track``.
-        """
-        tracks = self._tracker.track(image, stamp_ns)
-        matches = self._registrar.register(tracks)
-        self._tracker.hear(matches)
-        if self._keyframes is None:
-            return tracks, matches, None
-        keyframe = worn_keyframe(self._camera, tracks, matches) if tracks.keyframe else None
-        if keyframe is not None:
-            self._keyframes.taken(matches)
-        elif self._keyframes.is_due(matches):
-            self._tracker.want_keyframe()
-        return tracks, matches, keyframe
-
-
 class SkeletonPipeline:
     """All cameras from registrations to the articulated body.
 
@@ -187,7 +138,7 @@ class SkeletonPipeline:
     ) -> None:
         self.body = body
         self._cameras = dict(cameras)
-        self._settings = settings
+        self._settings, self._live = settings, live
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -211,6 +162,7 @@ class SkeletonPipeline:
             of.memory,
             of.covariance,
             of.pose_fit,
+            offline=not self._live,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

@@ -49,6 +49,12 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "registrations", default_value="4", description="processes that share the registration of the cameras"
             ),
+            DeclareLaunchArgument(
+                "grown_map",
+                default_value="",
+                description="folder in which the registrations keep what their maps grow by, and go on from; "
+                "nowhere if empty",
+            ),
             DeclareLaunchArgument("bagfile", default_value="", description="ros2 bag or .mcap file to play"),
             DeclareLaunchArgument("rate", default_value="1.0", description="times the recorded speed, for bagfile"),
             DeclareLaunchArgument(
@@ -83,6 +89,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         int(value("registrations")),
         Path(value("rig")) if value("rig") else None,
         TRUTH[value("overwrite_body")],
+        Path(value("grown_map")) if value("grown_map") else None,
     )
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):

@@ -52,7 +52,9 @@ def board_picture(
     bearings, _ = camera.unproject(pixels)
     R, t = board_T_camera[:3, :3], board_T_camera[:3, 3]
     directions = bearings @ R.T
-    on_board = t - directions * (t[2] / directions[:, 2:])
+    with np.errstate(all="ignore"):
+        ahead = -t[2] / directions[:, 2:]
+    on_board = np.where(ahead > 0.0, t + directions * ahead, 1e3)  # far away, where the floor is
     at = (on_board[:, :2] * [1.0, -1.0] + origin) * texels_per_m - 0.5
     at = at.astype(np.float32).reshape(camera.height * n, camera.width * n, 2)
     light = cv2.remap(

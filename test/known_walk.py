@@ -185,8 +185,9 @@ def _body_messages(walk: Walk) -> list[Stamped]:
     covariance = np.diag([ROOT_SIGMA_RAD**2] * 3 + [ROOT_SIGMA_M**2] * 3)
     for stamp_ns, poses in zip(walk.stamps_ns.tolist(), walk.world_T_segment, strict=True):
         joints = np.tile(1e-4 * np.eye(3), (len(walk.body.tree_joints), 1, 1))
-        known = BodyUncertainty(covariance, covariance, joints)
-        seen = np.ones(len(walk.body.segments), bool)
+        count = len(walk.body.segments)
+        known = BodyUncertainty(covariance, covariance, joints, np.tile(covariance, (count, 1, 1)))
+        seen = np.ones(count, bool)
         state = BodyState(stamp_ns, walk.body.segments, poses, known, seen, cameras_used=2)
         angles = tracker.angles(poses)
         output = BodyOutput(state, tracker.names, angles, np.zeros(len(angles)), np.zeros(6))

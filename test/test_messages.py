@@ -272,7 +272,8 @@ def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> No
 @pytest.fixture
 def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
-    known = BodyUncertainty(random_covariance(rng), random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2))
+    segments = np.stack([random_covariance(rng) for _ in range(3)])
+    known = BodyUncertainty(segments[0], random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2), segments)
     return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
 
 

@@ -26,12 +26,15 @@ def turned_view(pan_deg: float, tilt_deg: float = 0.0) -> NDArray[np.uint8]:
 
 
 def rolled_view(
-    pan_deg: float, tilt_deg: float, rate_deg: tuple[float, float], readout_s: float, rows: int = 8
+    pan_deg: float, tilt_deg: float, rate_deg: tuple[float, float], readout_s: tuple[float, float], lines: int = 8
 ) -> NDArray[np.uint8]:
-    """The same while it turns on by (pan, tilt) [deg/s] and its rows are read out, some together, about the middle."""
+    """The same while it turns on by (pan, tilt) [deg/s], and is read out to the right or down, some lines together."""
     picture = np.empty((HEIGHT, WIDTH), np.uint8)
-    for top in range(0, HEIGHT, rows):
-        at_s = readout_s * ((top + 0.5 * (rows - 1)) / (HEIGHT - 1) - 0.5)
+    across = readout_s[0] != 0.0
+    count = WIDTH if across else HEIGHT
+    for first in range(0, count, lines):
+        at_s = sum(readout_s) * ((first + 0.5 * (lines - 1)) / (count - 1) - 0.5)
         turned = turned_view(pan_deg + at_s * rate_deg[0], tilt_deg + at_s * rate_deg[1])
-        picture[top : top + rows] = turned[top : top + rows]
+        part = np.s_[:, first : first + lines] if across else np.s_[first : first + lines]
+        picture[part] = turned[part]
     return picture

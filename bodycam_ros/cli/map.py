@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
@@ -38,7 +39,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
-    parser.add_argument("--force", action="store_true", help="replace MAP if it is there already")
+    parser.add_argument(
+        "--force", action="store_true", help="replace MAP, and DIR of --keep-frames, if it is there already"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     add_settings_flags(parser, MapSettings)
@@ -54,16 +57,25 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
     settings = settings_from_flags(arguments, MapSettings, arguments.config)
-    inputs = (arguments.source, arguments.camera, arguments.board, arguments.model, arguments.config)
+    sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
+    inputs = (*sources, arguments.board, arguments.model, arguments.config)
     check_output(arguments.output, inputs)
     check_replaceable(arguments.output, arguments.force)
     check_source(arguments)
     with (
         shown_progress() as progress,
-        photographs_of(arguments, settings.frames, progress) as photographs,
+        photographs_of(arguments, settings, progress) as photographs,
     ):
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
-        built = build_map(photographs, board_path, arguments.model, settings, max(1, arguments.jobs), progress)
+        built = build_map(
+            photographs,
+            board_path,
+            arguments.model,
+            settings,
+            max(1, arguments.jobs),
+            progress,
+            known_distances(arguments),
+        )
         coverage = measure_coverage(built.reference_map, settings.coverage, progress)
     built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
     name = f"Coverage of {printable(arguments.output.name)}"
@@ -109,9 +121,29 @@ def _report(built: "BuiltMap", coverage: Coverage, path: Path) -> None:
         f"{registered} of {len(built.registrations)} photographs registered",
         f"{len(m.landmark_ids)} landmarks with {len(m.descriptors)} descriptors",
         seconds,
-        "metric" if m.metric else "NOT metric: without a board the scale is arbitrary",
-        "z is up, from the board" if m.gravity_aligned else "z is NOT up: no board says what is",
+        _scale_line(built),
+        _upright_line(built),
         *coverage_lines(coverage, m),
         f"written to {path}; what it covers is drawn in {path / COVERAGE_FILE}",
     ]
     console.print("\n".join(lines), soft_wrap=True)
+
+
+def _scale_line(built: "BuiltMap") -> str:
+    known = built.known_scale
+    if not built.reference_map.metric:
+        return "NOT metric: without a board or a known distance the scale is arbitrary"
+    if known is None:
+        return "metric, by the board"
+    if built.residual is None:
+        return (
+            f"metric, by a known distance: lengths are known to +- {100 * known.sigma:.1f} %; a board tells them better"
+        )
+    share, sigma = 100 / known.scale, 100 * known.sigma
+    return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
+
+
+def _upright_line(built: "BuiltMap") -> str:
+    if built.floor is not None:
+        return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
+    return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: no board says what is"

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bodycam_ros.cli.map_from_bag import add_worn_flags, check_worn, worn_photographs_of
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.bag_camera import BagCamera
 from bodycam_ros.mapping.chosen_frames import check_frames_replaceable, keep_chosen_frames
-from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
+from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.moving_camera import MovingCamera
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
 from bodycam_ros.mapping.progress import Progress
@@ -26,6 +27,7 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         type=Path,
+        nargs="?",
         metavar="REFERENCE_DIR|VIDEO|BAG",
         help="folder with photographs (jpg, png) and camera.yaml; or a video, or a bag with --topic, of a walk through "
         "the place, of which sharp frames are taken",
@@ -49,6 +51,7 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         metavar="COLMAP_DIR",
         help="take over this COLMAP model of the same photographs, and its camera where they have no camera.yaml",
     )
+    add_worn_flags(parser)
 
 
 def check_source(arguments: argparse.Namespace) -> None:
@@ -58,12 +61,13 @@ def check_source(arguments: argparse.Namespace) -> None:
         MapError: there is no source, or a flag that it has no use for.
         OutputError: the frames cannot be kept where they should.
     """
-    if not arguments.source.exists():
+    check_worn(arguments)
+    if arguments.source is not None and not arguments.source.exists():
         raise MapError(
             f"{arguments.source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, "
             "or a bag"
         )
-    moving = is_moving(arguments.source)
+    moving = arguments.source is not None and is_moving(arguments.source)
     if arguments.topic is not None and not is_bag(arguments.source):
         raise MapError(f"{arguments.source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")
     if arguments.keep_frames is not None:
@@ -80,14 +84,16 @@ def check_source(arguments: argparse.Namespace) -> None:
 
 
 @contextmanager
-def photographs_of(
-    arguments: argparse.Namespace, settings: FrameChoiceSettings, progress: Progress
-) -> Iterator[Photographs]:
+def photographs_of(arguments: argparse.Namespace, settings: MapSettings, progress: Progress) -> Iterator[Photographs]:
     """The photographs, whatever they come from; those that were taken of a recording are gone when the block ends.
 
     Raises:
         BodycamError: the source cannot be read, or makes no photographs.
     """
+    if arguments.from_bag is not None:
+        with worn_photographs_of(arguments, settings.worn, progress) as worn:
+            yield worn
+        return
     source: Path = arguments.source
     if not is_moving(source):
         yield find_photographs(source, arguments.camera, arguments.model)
@@ -98,9 +104,9 @@ def photographs_of(
     else:
         camera = VideoCamera(source, arguments.camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        folder: Path = arguments.keep_frames or scratch / source.stem
-        keep_chosen_frames(camera, folder, settings, arguments.force, progress)
-        board = source.parent / BOARD_FILE
+        folder: Path = arguments.keep_frames or scratch / "frames"
+        keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)
+        board = source.resolve().parent / BOARD_FILE
         yield find_photographs(folder, name=camera.name, board_path=board if board.is_file() else None)
 
 

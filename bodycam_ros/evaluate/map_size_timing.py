@@ -144,8 +144,7 @@ def _time_map(
 
     def similar(picture: _Picture) -> None:
         places = search.places.similar(picture.frame.descriptors, matching.similar_places)
-        seen = search.places.seen_from(places, len(scaled.landmark_ids))
-        match_by_looks(scaled, picture.frame.descriptors, seen, matching)
+        match_by_looks(scaled, picture.frame.descriptors, search.places.seen_from(places), matching)
 
     def anywhere(picture: _Picture) -> None:
         match_by_looks(scaled, picture.frame.descriptors, None, matching)

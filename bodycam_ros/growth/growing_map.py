@@ -4,7 +4,7 @@ Slots are there from the start, empty: who computes over the whole map computes 
 because a landmark without size is too small to be seen by anybody. So arrays keep their length, and memory is bounded.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,9 @@ from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 LOOKS = 2
 """Descriptors that a grown landmark keeps."""
+
+_GREY = 128
+"""Colour of landmarks that grey images gave."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,37 @@ class GrowingMap(ReferenceMap):
         if "search" in self.__dict__:  # else nobody has been lost yet, and it will be made of all that is there
             self.search.index.add(looks[sizes > 0.0])
 
+    def settled(self) -> ReferenceMap:
+        """The map as it is now, for a file: what fills the slots behind the others, numbered anew, and no empty slots.
+
+        No photograph shows what has grown, and its normals are zero: whoever looks by photographs passes it by.
+        """
+        filled = np.flatnonzero(self.landmark_ids[self.slots_from :] != NO_LANDMARK)
+        rows = np.concatenate([np.arange(self.slots_from), self.slots_from + filled])
+        first_look = len(self.descriptor_landmark) - LOOKS * self.capacity
+        there = first_look + np.flatnonzero(self.descriptor_size[first_look:] > 0.0)
+        looks = np.concatenate([np.arange(first_look), there])
+        ids = np.concatenate([self.landmark_ids[: self.slots_from], self.first_id + np.arange(len(filled))])
+        photographs = self.photographs
+        if photographs is not None:
+            nowhere = np.zeros((len(filled), 3), np.float32)
+            photographs = replace(photographs, normals=np.concatenate([photographs.normals, nowhere]))
+        settled = {f.name: getattr(self, f.name) for f in fields(ReferenceMap)}
+        return ReferenceMap(
+            **settled
+            | {
+                "landmark_ids": ids.astype(np.uint32),
+                "points_world": self.points_world[rows],
+                "colours": self.colours[rows],
+                "descriptor_landmark": np.searchsorted(rows, self.descriptor_landmark[looks]).astype(np.uint32),
+                "descriptors": self.descriptors[looks],
+                "descriptor_view": self.descriptor_view[looks],
+                "descriptor_size": self.descriptor_size[looks],
+                "photographs": photographs,
+                "grown": self.grown + len(filled),
+            }
+        )
+
 
 def growing(reference_map: ReferenceMap, capacity: int) -> GrowingMap:
     """A map with room for so many landmarks; the given one stays as it is."""
@@ -108,7 +142,7 @@ def growing(reference_map: ReferenceMap, capacity: int) -> GrowingMap:
     spare = {
         "landmark_ids": np.full(capacity, NO_LANDMARK, np.uint32),
         "points_world": np.zeros((capacity, 3)),
-        "colours": np.zeros((capacity, 3), np.uint8),
+        "colours": np.full((capacity, 3), _GREY, np.uint8),
         "descriptor_landmark": np.repeat(rows, LOOKS),
         "descriptors": np.zeros((LOOKS * capacity, DESCRIPTOR_LENGTH), np.uint8),
         "descriptor_view": np.zeros((LOOKS * capacity, 3), np.float32),

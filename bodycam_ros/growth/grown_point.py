@@ -15,6 +15,9 @@ _MOST_SIGHTINGS = 10
 
 NO_SLOT = -1
 
+Looks = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]
+"""Descriptors, views and sizes, see ``GrownPoint.looks``."""
+
 
 @dataclass(frozen=True)
 class Sighting:
@@ -54,6 +57,7 @@ class GrownPoint:
         slot: of the growing map; ``NO_SLOT`` until it is a landmark.
         landmark_id: its id in the map then.
         strikes: images in which it was wrong, less those in which it was right.
+        kept_looks: of a landmark of an earlier run. Its sightings are gone, so it moves no more.
     """
 
     sightings: list[Sighting]
@@ -62,6 +66,7 @@ class GrownPoint:
     slot: int = NO_SLOT
     landmark_id: int = 0
     strikes: int = 0
+    kept_looks: Looks | None = None
 
     def see(self, one: Sighting, stamp_ns: int) -> bool:
         """Somebody saw it; whether that is kept.
@@ -69,7 +74,7 @@ class GrownPoint:
         An image is one witness, however many of its features show the point.
         """
         self.seen_ns = stamp_ns
-        if self.is_seen_in(one):
+        if self.kept_looks is not None or self.is_seen_in(one):
             return False
         if len(self.sightings) >= _MOST_SIGHTINGS:
             directions = np.array([own.direction for own in self.sightings])
@@ -84,7 +89,7 @@ class GrownPoint:
         """Whether it has a sighting in the same image."""
         return any(own.stamp_ns == one.stamp_ns and own.camera == one.camera for own in self.sightings)
 
-    def looks(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
+    def looks(self, count: int) -> Looks:
         """What it looks like from the sides farthest from each other, the nearest sighting first.
 
         Args:
@@ -94,6 +99,8 @@ class GrownPoint:
             Descriptors (count, 128); unit directions (count, 3) to where they were seen from; their sizes (count,) as
             ``ReferenceMap.descriptor_size``. A point that was seen less often says the same twice.
         """
+        if self.kept_looks is not None:
+            return self.kept_looks
         descriptors = np.zeros((count, DESCRIPTOR_LENGTH), np.uint8)
         views, sizes = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
         towards = np.array([s.centre for s in self.sightings]) - self.position

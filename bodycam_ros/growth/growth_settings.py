@@ -52,6 +52,9 @@ class GrowthSettings:
     ratio: float = setting(
         0.85, limits=(0.3, 1.0), reason="best to second best distance along the epipolar line (Lowe 2004)"
     )
+    max_size_ratio: float = setting(
+        2.0, limits=(1.1, 10.0), reason="size of a feature against the one that the distance of the point predicts"
+    )
     max_error: float = setting(1.0, unit="px", limits=(0.1, 10.0), reason="largest reprojection error, A section 4.1")
     min_angle: float = setting(
         2.0, unit="deg", limits=(0.1, 45.0), reason="least angle between two rays, A section 4.1"

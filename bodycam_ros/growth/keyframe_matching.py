@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.matching_kernels import match_along_epipolar_lines
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels.kernel import as_bytes, as_rows
+from bodycam_ros.mapping.epipolar_kernels import match_along_epipolars
+from bodycam_ros.mapping.epipolar_matching import axes_along
 
 
 def match_keyframes(
@@ -24,13 +25,22 @@ def match_keyframes(
         settings: tolerances.
     """
     between = second.world_T_camera[:3, 3] - first.world_T_camera[:3, 3]
-    nearest, best, rival = match_along_epipolar_lines(
-        np.ascontiguousarray(first.descriptors[first_rows]),
-        np.ascontiguousarray(second.descriptors[second_rows]),
-        as_rows(first.bearings[first_rows] @ first.world_T_camera[:3, :3].T),
-        as_rows(second.bearings[second_rows] @ second.world_T_camera[:3, :3].T),
-        as_rows(between / np.linalg.norm(between)),
+    axes_world = axes_along(between / np.linalg.norm(between))
+    found = match_along_epipolars(
+        *_looks(first, first_rows, axes_world),
+        *_looks(second, second_rows, axes_world),
         settings.epipolar_px / min(first.focal_length, second.focal_length),
+        settings.max_size_ratio,
+        settings.ratio,
+        settings.max_distance,
     )
-    good = (nearest >= 0) & (best < settings.max_distance**2) & (best < settings.ratio**2 * rival)
-    return first_rows[good], second_rows[nearest[good]]
+    return first_rows[found[:, 0]], second_rows[found[:, 1]]
+
+
+def _looks(
+    keyframe: WornKeyframe, rows: NDArray[np.int64], axes_world: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
+    """Rays (N, 3) in some axes, sizes (N,) [rad] and descriptors (N, 128) of features."""
+    rays = keyframe.bearings[rows] @ keyframe.world_T_camera[:3, :3].T @ axes_world.T
+    sizes = keyframe.scales[rows].astype(np.float64) / keyframe.focal_length
+    return as_rows(rays), sizes, as_bytes(keyframe.descriptors[rows])

@@ -75,6 +75,32 @@ class MapGrowth:
         """Those that are landmarks, in the order of their slots."""
         return [self._points[number] for _, number in sorted(self._point_in_slot.items())]
 
+    @property
+    def keyframes(self) -> int:
+        """Keyframes that later ones are matched with."""
+        return len(self._kept)
+
+    def forget(self) -> None:
+        """All that has grown goes."""
+        for number in list(self._point_in_slot.values()):
+            self._drop(number)
+        self._points.clear()
+        self._kept.clear()
+
+    def remember(self, grown: GrownLandmarks) -> int:
+        """Landmarks of an earlier run are there again, as they were; how many of them there is room for.
+
+        Their slots and ids are new ones. If room is needed they are the first to go, until they are seen again.
+        """
+        count = min(len(grown.slots), self.map.capacity - self.landmarks)
+        for row in range(count):
+            looks = grown.descriptors[row], grown.views[row], grown.sizes[row]
+            point = GrownPoint([], 0, grown.points_world[row], kept_looks=looks)
+            self._points[self._next_point] = point
+            self._settle(self._next_point, point)
+            self._next_point += 1
+        return count
+
     def add(self, keyframe: WornKeyframe) -> None:
         """Grow by one more keyframe."""
         if keyframe.position_sigma > self.settings.max_sigma:

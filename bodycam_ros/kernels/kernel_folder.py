@@ -25,6 +25,7 @@ PACKAGE = Path(__file__).parent.parent
 KERNEL_FILES = (
     "camera/lens_kernels.py",
     "geometry_kernels.py",
+    "mapping/epipolar_kernels.py",
     "registration/residual_scale.py",
     "registration/pose_kernels.py",
     "registration/landmark_choice_kernels.py",
@@ -33,7 +34,6 @@ KERNEL_FILES = (
     "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
-    "growth/matching_kernels.py",
 )
 """All that hold kernels, in the order in which they are compiled."""
 

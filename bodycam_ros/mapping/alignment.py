@@ -13,6 +13,7 @@ from bodycam_ros.geometry import exp_so3, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, CornerViews, collect_corners, triangulate_corners
 from bodycam_ros.mapping.photographs import wrong_camera
+from bodycam_ros.mapping.structure import distinct
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -45,6 +46,12 @@ class AlignmentSettings:
         limits=(0.01, 1000.0),
         reason="median error of the board's corners beyond which there is no map; 0.05 to 1.0 with the right "
         "camera.yaml, 1.3 and more with another lens model or a focal length 20 % off",
+    )
+    fine_misfit: float = setting(
+        0.5,
+        unit="px",
+        limits=(0.0, 50.0),
+        reason="median error that is never refused: a fisheye's pixels are wider than max_misfit",
     )
 
 
@@ -83,7 +90,7 @@ class BoardAlignment:
 def align_to_board(
     world_T_camera: Array,
     tag_views: Sequence[Sequence[TagView]],
-    camera: CameraModel,
+    taken_by: Sequence[CameraModel],
     board: Board,
     settings: AlignmentSettings,
 ) -> BoardAlignment:
@@ -92,43 +99,43 @@ def align_to_board(
     Args:
         world_T_camera: (K, 4, 4) poses of the registered photographs, in any frame and scale.
         tag_views: for each of them the tags that it shows.
-        camera: the camera of all photographs.
+        taken_by: the camera of each of them.
         board: what was printed.
         settings: noise and tolerance.
 
     Raises:
         MapError: too few views of the board to place it, or it does not fit, as with the intrinsics of another camera.
     """
-    views = collect_corners(world_T_camera, tag_views, camera, board)
-    triangulated = triangulate_corners(views, camera, settings.max_corner_error)
+    views = collect_corners(world_T_camera, tag_views, taken_by, board)
+    triangulated = triangulate_corners(views, settings.max_corner_error)
     seen = [row for row, point in triangulated.items() if point is not None]
     if len(seen) < _MIN_CORNERS:
         raise MapError(
             f"board: only {len(seen)} of its corners can be placed from {len(tag_views)} registered photographs; "
             "take more photographs of it from different sides, near enough that a tag is 30 px or broader. If there "
-            f"are enough: {wrong_camera(camera)}"
+            f"are enough: {wrong_camera(*distinct(taken_by)[0])}"
         )
     world_points = np.array([triangulated[row] for row in seen])
     board_points = np.concatenate(list(board.corners_board.values()))[seen]
     scale, R, t = umeyama(board_points, world_points, with_scale=True)
-    scale, R, t, inset_px = _refine(views, camera, scale, R, t, settings)
-    residuals = _residuals(views, camera, scale, R, t, inset_px)
+    scale, R, t, inset_px = _refine(views, scale, R, t, settings)
+    residuals = _residuals(views, scale, R, t, inset_px)
     offsets = (world_points - t) @ R / scale - board_points
     residual = _report(views, residuals, np.array(seen), offsets, inset_px)
     # An angle, since pixels are finer in larger photographs.
-    misfit_mrad = 1e3 * residual.median_px / camera.fx
-    if misfit_mrad > settings.max_misfit:
+    misfit_mrad = 1e3 * float(np.median(np.linalg.norm(residuals, axis=1) / views.focal_px))
+    if misfit_mrad > settings.max_misfit and residual.median_px > settings.fine_misfit:
         raise MapError(
             f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
             f"photographs should show them, expected {settings.max_misfit:g} mrad at most (alignment.max_misfit). "
-            f"{wrong_camera(camera)} If it does, board.yaml may describe another board"
+            f"{wrong_camera(*distinct(taken_by)[0])} If it does, board.yaml may describe another board"
         )
     map_R_world = R.T if board.map_R_board is None else board.map_R_board @ R.T
     return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, residual)
 
 
 def _refine(
-    views: CornerViews, camera: CameraModel, scale: float, R: Array, t: Array, settings: AlignmentSettings
+    views: CornerViews, scale: float, R: Array, t: Array, settings: AlignmentSettings
 ) -> tuple[float, Array, Array, float]:
     """Least squares of the corners' pixels over the board's seven parameters and the inset of the tags' edges.
 
@@ -142,20 +149,22 @@ def _refine(
     noise = settings.corner_noise * growth[:, None]
 
     def cost(x: Array) -> Array:
-        weighted: Array = _residuals(views, camera, *unpack(x)) / noise
+        weighted: Array = _residuals(views, *unpack(x)) / noise
         return weighted.ravel()
 
     solution = least_squares(cost, np.zeros(8), loss="huber", f_scale=2.0, x_scale="jac")
     return unpack(solution.x)
 
 
-def _residuals(views: CornerViews, camera: CameraModel, scale: float, R: Array, t: Array, inset_px: float) -> Array:
+def _residuals(views: CornerViews, scale: float, R: Array, t: Array, inset_px: float) -> Array:
     """Pixels (N, 2) from where the board projects, its tags shrunk by the inset, to where the corners were found."""
     shrink = 1.0 - 2.0 * inset_px / views.breadths[:, :, None]
     points_board = views.centre_board + shrink[:, 0] * views.half_width_board + shrink[:, 1] * views.half_height_board
     points_camera = transform_points(views.camera_T_world, (scale * points_board @ R.T + t)[:, None])[:, 0]
-    projected, valid = camera.project(points_camera)
-    residuals: Array = np.where(valid[:, None], views.pixels - projected, 0.0)
+    residuals = np.zeros_like(views.pixels)
+    for camera, rows in views.by_camera:
+        projected, valid = camera.project(points_camera[rows])
+        residuals[rows[valid]] = (views.pixels[rows] - projected)[valid]
     return residuals
 
 

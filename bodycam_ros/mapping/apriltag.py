@@ -15,6 +15,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.tag_search import find_tags
 from bodycam_ros.settings import setting
 
 FAMILIES: Mapping[str, int] = {
@@ -67,24 +68,18 @@ def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, sett
     """
     if family not in FAMILIES:
         raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
-    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    if hasattr(cv2.aruco, "ArucoDetector"):
-        found, tags, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(gray)
-    else:  # OpenCV 4.6
-        found, tags, _ = cv2.aruco.detectMarkers(gray, dictionary)
+    gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
     spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
-    views = []
-    for tag, quadrilateral in zip([] if tags is None else np.reshape(tags, -1).tolist(), found, strict=True):
-        rough = np.asarray(quadrilateral, dtype=np.float64).reshape(4, 2)
+    views: dict[int, TagView] = {}
+    for tag, rough in find_tags(gray, camera, FAMILIES[family]):
         breadths = _breadths(rough)
-        if breadths.min() < settings.min_breadth:
+        if tag in views or breadths.min() < settings.min_breadth:
             continue
         corners = _corners_of_edges(spline, rough, breadths, camera, settings.line_tolerance)
         if corners is not None:
-            views.append(TagView(int(tag), corners, breadths))
-    return views
+            views[tag] = TagView(tag, corners, breadths)
+    return list(views.values())
 
 
 def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,7 +102,7 @@ def _corners_of_edges(
     # Upper and lower edges are looked for across the tag's height, the others across its width.
     reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])
     for start, end, reach in zip(rough, np.roll(rough, -1, axis=0), reaches.tolist(), strict=True):
-        points = _edge_points(spline, start, end, reach)
+        points = _edge_points(spline, camera, start, end, reach)
         bearings, valid = camera.unproject(points)
         bearings = bearings[valid]
         # Straight in space is a plane through the camera, whatever the lens does.
@@ -116,7 +111,7 @@ def _corners_of_edges(
             return None
         lines.append(normal)
     rays = np.array([np.cross(lines[i - 1], lines[i]) for i in range(4)])
-    rays *= np.sign(rays[:, 2:])
+    rays *= np.sign(np.sum(rays * camera.unproject(rough)[0], axis=1, keepdims=True))
     corners, valid = camera.project(rays)
     # A line that slid to another edge moves the corner by a cell or more.
     if not valid.all() or np.linalg.norm(corners - rough, axis=1).max() > 2.0 * reaches.max():
@@ -125,18 +120,29 @@ def _corners_of_edges(
 
 
 def _edge_points(
-    spline: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64], reach: float
+    spline: NDArray[np.float32],
+    camera: CameraModel,
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    reach: float,
 ) -> NDArray[np.float64]:
     """Points (N, 2) of steepest brightness across the edge from one corner to the next, dark on its right.
 
-    Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge.
+    Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge. The edge is
+    looked for along what the lens makes of a straight line; there are none where it shows none.
     """
-    length = float(np.linalg.norm(end - start))
-    along = (end - start) / length
-    outward = np.array([along[1], -along[0]])
+    stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(np.linalg.norm(end - start))))
+    chord, _ = camera.unproject(start + stations[:, None] * (end - start))
+    first, last = camera.unproject(np.array([start, end]))[0]
+    normal = np.cross(first, last) / np.linalg.norm(np.cross(first, last))
+    line = camera.project(chord - (chord @ normal)[:, None] * normal)[0]
+    along = np.gradient(line, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    outward = np.column_stack([along[:, 1], -along[:, 0]])
+    if not np.isfinite(outward).all():
+        return np.zeros((0, 2))
     offsets = np.arange(-reach, reach + 1e-9, 1.0 / _STEPS_PER_PIXEL)
-    stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(length)))
-    grid = start + stations[:, None, None] * (end - start) + offsets[:, None] * outward
+    grid = line[:, None] + offsets[:, None] * outward[:, None]
     profiles = map_coordinates(spline, [grid[..., 1], grid[..., 0]], order=3, mode="nearest", prefilter=False)
     slope = _smoothed_slope(profiles)
     peak = np.clip(slope.argmax(axis=1), 1, slope.shape[1] - 2)
@@ -146,7 +152,7 @@ def _edge_points(
     shift = np.where(curvature < 0.0, 0.5 * (left - right) / np.minimum(curvature, -1e-12), 0.0)
     inside = (np.abs(shift) <= 1.0) & (middle > 0.0)
     at = offsets[0] + (peak + shift) / _STEPS_PER_PIXEL
-    points: NDArray[np.float64] = (start + stations[:, None] * (end - start) + at[:, None] * outward)[inside]
+    points: NDArray[np.float64] = (line + at[:, None] * outward)[inside]
     return points
 
 

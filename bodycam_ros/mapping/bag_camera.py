@@ -60,7 +60,7 @@ class BagCamera:
             self.camera = recording.camera_model(self._camera) if lens_path is None else camera_from_yaml(lens_path)
             self.count = recording.image_count(self._camera)
             readout = recording.readout(self._camera)
-        self.readout_s = 0.0 if readout is None else readout.seconds
+        self.readout_s = (0.0, 0.0 if readout is None else readout.seconds)
         self.name = f"{path.name}, camera {self._camera}"
 
     @contextmanager

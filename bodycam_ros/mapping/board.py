@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.mapping.apriltag import FAMILIES, TagView
+from bodycam_ros.mapping.structure import distinct
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -103,6 +105,7 @@ class CornerViews:
     A corner is its tag's centre plus half of the tag's width and half of its height, each with the corner's sign.
 
     Attributes:
+        by_camera: each camera with the rows that it took.
         camera_T_world: (N, 4, 4) of the photograph.
         pixels: (N, 2) where it shows the corner.
         bearings: (N, 3) unit rays to it in the camera.
@@ -112,6 +115,7 @@ class CornerViews:
         corner_rows: (N,) number of the corner: four per tag, in the order of the board's description.
     """
 
+    by_camera: tuple[tuple[CameraModel, NDArray[np.int64]], ...]
     camera_T_world: Array
     pixels: Array
     bearings: Array
@@ -122,24 +126,32 @@ class CornerViews:
     tags: NDArray[np.int64]
     corner_rows: NDArray[np.int64]
 
+    @cached_property
+    def focal_px(self) -> Array:
+        """(N,) focal length of the photograph's camera [px], by which pixels become angles."""
+        focal = np.empty(len(self.pixels))
+        for camera, rows in self.by_camera:
+            focal[rows] = camera.fx
+        return focal
+
 
 def collect_corners(
-    world_T_camera: Array, tag_views: Sequence[Sequence[TagView]], camera: CameraModel, board: Board
+    world_T_camera: Array, tag_views: Sequence[Sequence[TagView]], taken_by: Sequence[CameraModel], board: Board
 ) -> CornerViews:
     """Gather the views of all corners of a board.
 
     Args:
         world_T_camera: (K, 4, 4) poses of the photographs.
         tag_views: for each of them the tags that it shows; those of other boards are ignored.
-        camera: of all photographs.
+        taken_by: the camera of each of them.
         board: what was printed.
 
     Raises:
         MapError: no photograph shows a tag of the board.
     """
     rows = [
-        (pose, view, board.corners_board[view.tag])
-        for pose, views in zip(inverse(world_T_camera), tag_views, strict=True)
+        (pose, view, board.corners_board[view.tag], camera)
+        for pose, views, camera in zip(inverse(world_T_camera), tag_views, taken_by, strict=True)
         for view in views
         if view.tag in board.corners_board
     ]
@@ -148,37 +160,43 @@ def collect_corners(
             f"board: none of its tags ({board.family}: {', '.join(map(str, board.corners_board))}) is seen in the "
             "registered photographs; photograph it from near by, or leave the board out for a map without scale"
         )
-    tags = np.array([view.tag for _, view, _ in rows])
+    tags = np.array([view.tag for _, view, _, _ in rows])
     order = {tag: row for row, tag in enumerate(board.corners_board)}
-    pixels = np.concatenate([view.corners for _, view, _ in rows])
-    corners_board = np.array([corners for _, _, corners in rows])
+    pixels = np.concatenate([view.corners for _, view, _, _ in rows])
+    corners_board = np.array([corners for _, _, corners, _ in rows])
+    cameras, camera_of_row = distinct([camera for _, _, _, camera in rows])
+    by_camera = tuple((camera, np.flatnonzero(np.repeat(camera_of_row == k, 4))) for k, camera in enumerate(cameras))
+    bearings = np.empty((len(pixels), 3))
+    for camera, at in by_camera:
+        bearings[at] = camera.unproject(pixels[at])[0]
     # The centre is the mean, so these are exact for squares and any other parallelogram.
     half_widths = (corners_board * _WIDTH_SIGNS).mean(axis=1)
     half_heights = (corners_board * _HEIGHT_SIGNS).mean(axis=1)
     return CornerViews(
-        camera_T_world=np.repeat(np.array([pose for pose, _, _ in rows]), 4, axis=0),
+        by_camera=by_camera,
+        camera_T_world=np.repeat(np.array([pose for pose, _, _, _ in rows]), 4, axis=0),
         pixels=pixels,
-        bearings=camera.unproject(pixels)[0],
+        bearings=bearings,
         centre_board=np.repeat(corners_board.mean(axis=1), 4, axis=0),
         half_width_board=(_WIDTH_SIGNS * half_widths[:, None]).reshape(-1, 3),
         half_height_board=(_HEIGHT_SIGNS * half_heights[:, None]).reshape(-1, 3),
-        breadths=np.repeat(np.array([view.breadths for _, view, _ in rows]), 4, axis=0),
+        breadths=np.repeat(np.array([view.breadths for _, view, _, _ in rows]), 4, axis=0),
         tags=np.repeat(tags, 4),
         corner_rows=np.array([4 * order[tag] + corner for tag in tags.tolist() for corner in range(4)]),
     )
 
 
-def triangulate_corners(views: CornerViews, camera: CameraModel, max_error_px: float) -> dict[int, Array | None]:
+def triangulate_corners(views: CornerViews, max_error_px: float) -> dict[int, Array | None]:
     """Each corner of the board in the world, from all photographs that agree on it."""
     return {
-        row: _triangulate_robustly(views.camera_T_world[at], views.bearings[at], max_error_px / camera.fx)
+        row: _triangulate_robustly(views.camera_T_world[at], views.bearings[at], max_error_px / views.focal_px[at])
         for row in np.unique(views.corner_rows).tolist()
         for at in [views.corner_rows == row]
     }
 
 
-def _triangulate_robustly(camera_T_world: Array, bearings: Array, max_angle: float) -> Array | None:
-    """Point (3,) nearest to the rays (N, 3), by leaving out the worst ray until all agree to ``max_angle`` [rad]."""
+def _triangulate_robustly(camera_T_world: Array, bearings: Array, max_angles: Array) -> Array | None:
+    """Point (3,) nearest to the rays (N, 3), by leaving out the worst until all agree to ``max_angles`` (N,) [rad]."""
     R_transposed = np.swapaxes(camera_T_world[:, :3, :3], 1, 2)
     directions = (R_transposed @ bearings[:, :, None])[:, :, 0]
     centres = -(R_transposed @ camera_T_world[:, :3, 3:])[:, :, 0]
@@ -196,8 +214,8 @@ def _triangulate_robustly(camera_T_world: Array, bearings: Array, max_angle: flo
             weights = 1.0 / np.maximum(np.sum((point - centres[kept]) ** 2, axis=1), 1e-12)
         to_point = point - centres[kept]
         angles = np.linalg.norm(np.cross(directions[kept], to_point), axis=1) / np.linalg.norm(to_point, axis=1)
-        worst = int(angles.argmax())
-        if angles[worst] <= max_angle:
+        worst = int((angles / max_angles[kept]).argmax())
+        if angles[worst] <= max_angles[kept][worst]:
             return point
         kept = np.delete(kept, worst)
     return None

@@ -1,4 +1,4 @@
-"""From a folder of photographs to a reference map."""
+"""From photographs to a reference map."""
 
 import logging
 from collections.abc import Sequence
@@ -12,12 +12,16 @@ from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
 from bodycam_ros.mapping.built_map import BuiltMap, map_summary, registration_table
 from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
+from bodycam_ros.mapping.floor import Floor, FloorSettings, find_floor
+from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs, in_parallel
 from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
+from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.mapping.worn_keyframes import WornPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _LOG = logging.getLogger(__name__)
@@ -30,6 +34,7 @@ def build_map(
     settings: MapSettings,
     workers: int,
     progress: Progress,
+    known_distances: Sequence[KnownDistance] = (),
 ) -> BuiltMap:
     """Build a reference map (A section 4.1), metric and upright if a board is described.
 
@@ -40,30 +45,38 @@ def build_map(
         settings: of all steps.
         workers: threads.
         progress: shows the steps.
+        known_distances: between worn cameras, of which the photographs are; they scale a map where no board does.
 
     Raises:
         MapError: the photographs do not make a map, or do not show the board.
     """
     board = None if board_path is None else read_board(board_path)
     timed = TimedProgress(progress)
-    camera = photographs.camera
-    camera_of_name = {path.name: camera for path in photographs.paths}
+    camera_of_name = photographs.camera_of_name
 
     # Features, with the detector that body cameras use.
     features = _features(photographs, settings.features, workers, timed)
     # Before the minutes of structure from motion: a board that nobody sees should cost seconds.
     tags = {} if board is None else _tag_views(photographs, features, board, settings.tags, workers, timed)
+    if board is not None and not any(tags.values()):
+        problem = _no_tag(photographs, board, settings.tags)
+        if not known_distances:
+            raise MapError(problem)
+        _LOG.warning("%s. The known distance alone scales the map", problem)
+        board = None
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
-        structure = reconstruct(features, camera_of_name, settings.pairs, settings.landmarks, workers, timed)
+        structure = reconstruct(
+            features, camera_of_name, settings.pairs, settings.epipolar, settings.landmarks, workers, timed
+        )
     else:
         structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
 
     # Scale, origin and upward direction.
-    alignment = None
+    alignment, known_scale, floor = None, None, None
     if board is not None:
-        tag_views = [tags[name] for name in structure.names]
-        alignment = align_to_board(structure.world_T_camera, tag_views, camera, board, settings.alignment)
+        tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
+        alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board, settings.alignment)
         structure = structure.transformed(alignment.scale, alignment.R, alignment.t)
         if board.map_R_board is None:
             _LOG.warning(
@@ -71,6 +84,11 @@ def build_map(
                 "the map is metric, but its z is the board's, not up",
                 board_path,
             )
+    if isinstance(photographs, WornPhotographs):
+        if known_distances:
+            known_scale = measure_scale(structure, photographs.moments, known_distances, settings.known_distance)
+        if alignment is None:
+            structure, floor = _by_wearer(structure, photographs, known_scale, settings.floor)
 
     with timed.step("describing landmarks", 1) as advance:
         by_name = {image.name: image for image in features}
@@ -92,12 +110,35 @@ def build_map(
         descriptor_size=chosen.size,
         world_T_camera=structure.world_T_camera,
         image_names=tuple(structure.names),
-        metric=alignment is not None,
-        gravity_aligned=board is not None and board.map_R_board is not None,
+        metric=alignment is not None or known_scale is not None,
+        gravity_aligned=floor is not None or (board is not None and board.map_R_board is not None),
         photographs=kept,
-        summary=map_summary(photographs, structure, settings, residual, registrations),
+        summary=map_summary(photographs, structure, settings, residual, known_scale, floor, registrations),
     )
-    return BuiltMap(reference_map, structure, registrations, residual, timed.seconds)
+    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, timed.seconds)
+
+
+def _by_wearer(
+    structure: Structure, photographs: WornPhotographs, known_scale: KnownScale | None, settings: FloorSettings
+) -> tuple[Structure, Floor | None]:
+    """Put a structure on the floor beneath the wearer, in metres if a distance is known; says how far to trust it."""
+    scale = 1.0
+    if known_scale is None:
+        _LOG.warning("no board is seen and no distance is known, so the map has no scale; see --known-distance")
+    else:
+        scale = known_scale.scale
+        _LOG.warning(
+            "the map's scale comes from known distances alone: all lengths may be wrong by %.1f %% (1 sigma). A board "
+            "on the floor, or a longer distance, makes that less",
+            100.0 * known_scale.sigma,
+        )
+    floor = find_floor(structure, photographs.moments, settings)
+    if floor is None:
+        _LOG.warning("no floor is found beneath the worn cameras, so the map's z is not up; let a board lie there")
+        return structure.transformed(scale, np.eye(3), np.zeros(3)), None
+    _LOG.warning("the map's z is up if the floor is level on which its wearer stood")
+    turned = scale * floor.map_R_world
+    return structure.transformed(scale, floor.map_R_world, -turned @ floor.origin), floor
 
 
 def _features(
@@ -107,7 +148,7 @@ def _features(
     features: list[ImageFeatures] = []
     skipped = []
     with progress.step("extracting features", len(photographs.paths)) as advance:
-        for result in extract_all(photographs.paths, photographs.camera, settings, workers):
+        for result in extract_all(photographs.paths, photographs.camera_of_name, settings, workers):
             if isinstance(result, MapError):
                 _LOG.warning("skipped: %s", result)
                 skipped.append(result)
@@ -116,7 +157,7 @@ def _features(
             advance()
     if len(features) < 2:
         raise MapError(
-            f"{photographs.folder}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
+            f"{photographs.where}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
     return features
@@ -133,7 +174,8 @@ def _tag_views(
     """Photograph -> the board's tags that it measures."""
 
     def detect(name: str) -> list[TagView]:
-        views = detect_tags(read_photograph(photographs.folder / name), photographs.camera, board.family, settings)
+        picture, camera = read_photograph(photographs.folder / name), photographs.camera_of_name[name]
+        views = detect_tags(picture, camera, board.family, settings)
         return [view for view in views if view.tag in board.corners_board]
 
     names = [image.name for image in features]
@@ -142,10 +184,12 @@ def _tag_views(
         for name, views in zip(names, in_parallel(detect, names, workers), strict=True):
             tags[name] = views
             advance()
-    if not any(tags.values()):
-        raise MapError(
-            f"{photographs.folder}: no photograph shows a tag of the board ({board.family}: "
-            f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
-            "from near by, or leave the board out (--no-board) for a map without scale"
-        )
     return tags
+
+
+def _no_tag(photographs: Photographs, board: Board, settings: TagSettings) -> str:
+    return (
+        f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
+        f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
+        "from near by, or leave the board out (--no-board) for a map without scale"
+    )

@@ -11,6 +11,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.alignment import BoardResidual
 from bodycam_ros.mapping.apriltag import TagView
+from bodycam_ros.mapping.floor import Floor
+from bodycam_ros.mapping.known_distance import KnownScale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.mapping.structure import Structure, write_ply
@@ -48,6 +50,8 @@ class BuiltMap:
         structure: the same with all observations, in the map frame.
         registrations: one per readable photograph.
         residual: of the board; None without one.
+        known_scale: by known distances, or what they make of a map that the board has scaled; None without any.
+        floor: that says what is up, where no board does.
         seconds: step -> time that it took.
     """
 
@@ -55,6 +59,8 @@ class BuiltMap:
     structure: Structure
     registrations: tuple[Registration, ...]
     residual: BoardResidual | None
+    known_scale: KnownScale | None
+    floor: Floor | None
     seconds: dict[str, float]
 
     def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
@@ -101,6 +107,8 @@ def map_summary(
     structure: Structure,
     settings: MapSettings,
     residual: BoardResidual | None,
+    known_scale: KnownScale | None,
+    floor: Floor | None,
     registrations: Sequence[Registration],
 ) -> dict[str, Any]:
     """The document, of plain values only."""
@@ -116,6 +124,8 @@ def map_summary(
         "mean_reprojection_error_px": round(float(errors.mean()), 4),
         **_cameras_summary(structure.cameras),
         "board_residual": None if residual is None else asdict(residual),
+        "known_distance": None if known_scale is None else known_scale.as_mapping(),
+        "floor": None if floor is None else {"landmarks": floor.landmarks, "tilt_sigma_deg": floor.tilt_sigma_deg},
         "settings": settings.as_mapping(),
         "registrations": [
             {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}

@@ -23,7 +23,8 @@ from bodycam_ros.whole_file import failure_named, whole_folder
 _LOG = logging.getLogger(__name__)
 
 _JPEG_QUALITY = 95
-_PARTS = re.compile(rf"frame_\d{{6}}\.(jpg|png)|{re.escape(CAMERA_FILE)}")
+_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_PARTS = re.compile(rf"frame_\d{{6,}}\.(jpg|png)|{re.escape(CAMERA_FILE)}")
 
 
 def keep_chosen_frames(
@@ -73,9 +74,9 @@ def keep_chosen_frames(
 def _straight(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:
     """Suffix and content of the frame's file, without what reading out its rows did to it."""
     suffix, content = frame.file()
-    if source.readout_s == 0.0 or not angular_velocity.any():
+    if not any(source.readout_s) or not angular_velocity.any():
         return suffix, content
-    pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+    pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
     straight = steady_picture(pixels, source.camera, angular_velocity, source.readout_s)
     return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
 

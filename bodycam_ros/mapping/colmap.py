@@ -5,17 +5,18 @@ All pixels are shifted by half a pixel between COLMAP's convention and ours, see
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.structure import Structure, cameras_of
+from bodycam_ros.mapping.structure import Structure, distinct
 
 _RANDOM_SEED = 1
 _LONGEST_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
@@ -47,7 +48,7 @@ def write_database(path: Path, camera_of_name: Mapping[str, CameraModel], featur
             f"{path}: COLMAP cannot make its database here: {error} Is the disk full? TMPDIR names another place"
         ) from error
     with opened as database:
-        cameras, camera_of_view = cameras_of([image.name for image in features], camera_of_name)
+        cameras, camera_of_view = distinct([camera_of_name[image.name] for image in features])
         written = [_write_camera(database, camera) for camera in cameras]
         for image, row in zip(features, camera_of_view.tolist(), strict=True):
             camera_id, sensor, rig_id = written[row]
@@ -69,18 +70,6 @@ def _write_camera(database: pycolmap.Database, camera: CameraModel) -> tuple[int
     rig = pycolmap.Rig()
     rig.add_ref_sensor(sensor)
     return camera_id, sensor, database.write_rig(rig)
-
-
-def match_pairs(database: Path, pairs: Iterable[tuple[str, str]], workers: int) -> None:
-    """Match pairs of photographs in full and verify them by their epipolar geometry, into the database."""
-    options = pycolmap.FeatureMatchingOptions(num_threads=workers, use_gpu=False)
-    list_path = database.with_name("pairs.txt")
-    list_path.write_text("".join(f"{first} {second}\n" for first, second in pairs))
-    pycolmap.match_image_pairs(
-        database,
-        matching_options=options,
-        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
-    )
 
 
 def reconstruct(
@@ -126,10 +115,23 @@ def keep_good_points(reconstruction: pycolmap.Reconstruction, max_error_px: floa
     pycolmap.ObservationManager(reconstruction).filter_all_points3D(max_error_px, min_angle_deg)
 
 
-def adjust(reconstruction: pycolmap.Reconstruction, workers: int) -> None:
-    """Bundle adjustment of poses and points with fixed intrinsics."""
+def adjust(
+    reconstruction: pycolmap.Reconstruction, workers: int, outlier_px: float = 0.0, tolerance: float = 0.0
+) -> None:
+    """Bundle adjustment of poses and points with fixed intrinsics.
+
+    Args:
+        reconstruction: the model.
+        workers: threads.
+        outlier_px: observations that err by more count less and less; 0: all count by the square.
+        tolerance: relative decrease of the cost at which it stops.
+    """
     options = pycolmap.BundleAdjustmentOptions(print_summary=False)
     options.ceres.solver_options.num_threads = workers
+    options.ceres.solver_options.function_tolerance = tolerance
+    if outlier_px > 0.0:
+        options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+        options.ceres.loss_function_scale = outlier_px
     config = pycolmap.BundleAdjustmentConfig()
     for image_id in reconstruction.reg_image_ids():
         config.add_image(image_id)
@@ -138,6 +140,12 @@ def adjust(reconstruction: pycolmap.Reconstruction, workers: int) -> None:
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     # Not pycolmap.bundle_adjustment: in 4.2 it turns the log on again.
     pycolmap.create_default_bundle_adjuster(options, config, reconstruction).solve()
+
+
+def observations_of_points(reconstruction: pycolmap.Reconstruction, min_views: int) -> int:
+    """How many observations the points have that are seen by so many photographs."""
+    lengths = np.array([point.track.length() for point in reconstruction.points3D.values()], dtype=np.int64)
+    return int(lengths[lengths >= min_views].sum())
 
 
 def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapping[str, CameraModel]) -> Structure:
@@ -162,7 +170,7 @@ def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapp
     for view, image in enumerate(images):
         camera_T_world[view, :3] = image.cam_from_world().matrix()
     names = [i.name for i in images]
-    cameras, camera_of_view = cameras_of(names, camera_of_name)
+    cameras, camera_of_view = distinct([camera_of_name[name] for name in names])
     return Structure(
         names=names,
         cameras=cameras,
@@ -175,6 +183,14 @@ def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapp
         observation_pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2) - PIXEL_SHIFT,
         observation_features=np.array(rows, dtype=np.int64),
     )
+
+
+def poses_of(reconstruction: pycolmap.Reconstruction) -> dict[str, NDArray[np.float64]]:
+    """world_T_camera (4, 4) of every photograph that is registered, by its name."""
+    return {
+        image.name: inverse(np.vstack([image.cam_from_world().matrix(), [0.0, 0.0, 0.0, 1.0]]))
+        for image in _registered_images(reconstruction)
+    }
 
 
 def registered_names(reconstruction: pycolmap.Reconstruction) -> list[str]:

@@ -74,9 +74,8 @@ def coverage_lines(coverage: Coverage, reference_map: ReferenceMap) -> list[str]
         f"{len(coverage.places_world)} places where a person would be ({coverage.enough} landmarks in sight are enough)"
     ]
     gaps = find_gaps(coverage, reference_map)
-    lines += [_said(gap, first=row == 0, upright=reference_map.gravity_aligned) for row, gap in enumerate(gaps)][
-        :_MOST_SAID
-    ]
+    first = next((gap for gap in gaps if not gap.all_around), None)
+    lines += [_said(gap, gap is first, reference_map.gravity_aligned) for gap in gaps[:_MOST_SAID]]
     poor = poor_places(coverage)
     if len(poor) == len(coverage.places_world) and len(poor) > 1:
         lines.append("from no place does it do so in half of them: take more photographs everywhere")
@@ -94,6 +93,7 @@ def with_coverage(reference_map: ReferenceMap, coverage: Coverage) -> ReferenceM
 
 def coverage_summary(coverage: Coverage, reference_map: ReferenceMap) -> dict[str, Any]:
     """The same as plain values, for ``map.yaml``."""
+    poor = poor_places(coverage)
     by_azimuth = (coverage.share_by_direction * coverage.weights).sum(axis=0) / coverage.weights.sum(axis=0)
     return {
         "share": round(coverage.share, 3),
@@ -114,21 +114,23 @@ def coverage_summary(coverage: Coverage, reference_map: ReferenceMap) -> dict[st
             }
             for gap in find_gaps(coverage, reference_map)
         ],
-        "poor_places": [[round(float(value), 2) for value in place] for place in poor_places(coverage)],
+        "poor_places": len(poor),
+        "poorest": [[round(float(value), 2) for value in place] for place in _spread(poor)],
     }
 
 
 def _said(gap: Gap, first: bool, upright: bool) -> str:
+    low, high = gap.elevations_deg
+    what = "this wall"
     if gap.all_around:
-        middle = "up" if gap.elevation_deg > 0.0 else "down" if gap.elevation_deg < 0.0 else "everywhere"
-        where = f"all around, {middle}"
+        what = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more"
+        where = "all around"
     else:
         origin = "from the map's x axis, counter-clockwise as seen from above" if upright else "from the map's x axis"
         where = f"towards azimuth {gap.azimuth_deg:.0f} deg" + (f" ({origin})" if first else "")
         where += f", from {gap.azimuths_deg[0]:.0f} to {gap.azimuths_deg[1]:.0f} deg"
-    low, high = gap.elevations_deg
     return (
-        f"photograph this wall too: {where}, elevation {low:.0f} to {high:.0f} deg; {100 * gap.share:.0f} % of the "
+        f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; {100 * gap.share:.0f} % of the "
         f"places see enough there, {gap.seen} landmarks in the median. The nearest photograph, {gap.nearest}, looks "
         f"{gap.nearest_deg:.0f} deg away from it"
     )
@@ -139,25 +141,23 @@ def _gap(coverage: Coverage, reference_map: ReferenceMap, cells: NDArray[np.bool
     weights = coverage.weights[cells] * (1.0 - coverage.share_by_direction[cells])
     vectors = directions_level(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
     mean = weights @ vectors
-    covered: NDArray[np.bool_] = np.any(cells, axis=0)
-    around = bool(covered.all())
     elevation = float(weights @ coverage.elevations_deg[elevations] / weights.sum())
     azimuth = float(np.degrees(np.arctan2(mean[1], mean[0])))
+    at_middle = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
+    covered = at_middle if at_middle.any() else np.any(cells, axis=0)
+    around = bool(covered.all())
     middle = directions_level(np.array(elevation), np.array(azimuth))
     forward_level = reference_map.world_T_camera[:, :3, 2] @ coverage.level_R_world.T
-    # A gap all around is one of elevation alone.
-    cosines = forward_level[:, 2] * middle[2] if around else forward_level @ middle
-    if around:
-        cosines = cosines + np.linalg.norm(forward_level[:, :2], axis=1) * np.linalg.norm(middle[:2])
-    nearest = int(np.argmax(cosines))
-    level_row = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
+    if around:  # one of elevation alone
+        away = np.abs(np.arcsin(np.clip(forward_level[:, 2], -1.0, 1.0)) - np.radians(elevation))
+    else:
+        away = np.arccos(np.clip(forward_level @ middle, -1.0, 1.0))
+    nearest = int(np.argmin(away))
     return Gap(
         cells=cells,
         azimuth_deg=azimuth,
         elevation_deg=elevation,
-        azimuths_deg=(-180.0, 180.0)
-        if around
-        else _arc(coverage.azimuths_deg, level_row if level_row.any() else covered),
+        azimuths_deg=(-180.0, 180.0) if around else _arc(coverage.azimuths_deg, covered),
         elevations_deg=(
             float(coverage.elevations_deg[elevations].min()),
             float(coverage.elevations_deg[elevations].max()),
@@ -166,7 +166,7 @@ def _gap(coverage: Coverage, reference_map: ReferenceMap, cells: NDArray[np.bool
         seen=int(np.median(coverage.seen[:, cells])),
         size=float(coverage.weights[cells].sum()),
         nearest=reference_map.image_names[nearest],
-        nearest_deg=float(np.degrees(np.arccos(np.clip(cosines[nearest], -1.0, 1.0)))),
+        nearest_deg=float(np.degrees(away[nearest])),
     )
 
 

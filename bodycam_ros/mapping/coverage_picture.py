@@ -43,7 +43,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
     with matplotlib.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
         FigureCanvasAgg(figure)
-        figure.text(0.035, 0.965, title, fontsize=17.0, weight="bold", va="top")
+        figure.text(0.035, 0.965, title, fontsize=17.0, weight="bold", va="top", parse_math=False)
         figure.text(0.035, 0.89, _caption(coverage, reference_map, gaps), fontsize=10.0, color=QUIET, va="top")
         around = figure.add_axes(_DIRECTIONS)
         plan = figure.add_axes(_PLAN)

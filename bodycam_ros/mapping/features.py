@@ -1,7 +1,8 @@
 """Features of the photographs that a reference map is built from."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
+from bodycam_ros.tracking.view_mask import view_mask
 
 _KEYPOINTS_TO_CHOOSE_FROM = 20000  # more than a photograph has
 
@@ -26,6 +28,12 @@ class FeatureSettings:
     )
     max_features: int = setting(
         4000, unit="per photograph", limits=(500, 20000), reason="the smallest go first: body cameras do not see them"
+    )
+    max_view_angle_deg: float = setting(
+        80.0,
+        unit="deg",
+        limits=(20.0, 85.0),
+        reason="from the optical axis; what a fisheye shows farther out is known badly",
     )
 
 
@@ -46,6 +54,12 @@ class ImageFeatures:
     sigmas: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
     colours: NDArray[np.uint8]
+
+    def largest(self, count: int) -> "ImageFeatures":
+        """The ``count`` largest features alone."""
+        return ImageFeatures(
+            self.name, self.pixels[:count], self.sigmas[:count], self.descriptors[:count], self.colours[:count]
+        )
 
 
 def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
@@ -70,7 +84,7 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
         )
     )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    found = detector.detect(gray, np.full_like(gray, 255))
+    found = detector.detect(gray, _mask(camera, settings.max_view_angle_deg))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
     kept = np.argsort(-found.scales, kind="stable")[: settings.max_features]
     pixels = found.pixels[kept]
@@ -79,14 +93,19 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
     return ImageFeatures(path.name, pixels, found.scales[kept], found.descriptors[kept], colours)
 
 
+@cache
+def _mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint8]:
+    return view_mask(camera, max_view_angle_deg)
+
+
 def extract_all(
-    paths: Sequence[Path], camera: CameraModel, settings: FeatureSettings, workers: int
+    paths: Sequence[Path], camera_of_name: Mapping[str, CameraModel], settings: FeatureSettings, workers: int
 ) -> Iterator[ImageFeatures | MapError]:
     """Features of all photographs, in order, as they get ready; what cannot be used comes as its error."""
 
     def extract(path: Path) -> ImageFeatures | MapError:
         try:
-            return extract_features(path, camera, settings)
+            return extract_features(path, camera_of_name[path.name], settings)
         except MapError as error:
             return error
 

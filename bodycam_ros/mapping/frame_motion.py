@@ -61,7 +61,7 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
         LensError: the camera's intrinsics are for images of another size.
     """
     seconds, sharpness, path_deg, turns = [], [], [], []
-    follower = _Follower(source.camera, cut_deg, turns=source.readout_s != 0.0)
+    follower = _Follower(source.camera, cut_deg, turns=any(source.readout_s))
     with source.frames() as frames:
         for frame in frames:
             try:
@@ -72,17 +72,17 @@ def frame_motion(source: MovingCamera, cut_deg: float, on_frame: Callable[[], No
             if grey is None:
                 sharpness.append(0.0)
                 path_deg.append(follower.path_deg)
-                turns.append(np.zeros(3))
             else:
                 _check_size(source, grey)
                 sharpness.append(_sharpness(_at_width(grey, _SHARP_WIDTH)))
                 path_deg.append(follower.follow(_at_width(grey, _FLOW_WIDTH)))
-                turns.append(follower.turn)
+                turns.append((len(seconds) - 1, follower.turn))
             on_frame()
     if not any(sharpness):
         raise MapError(f"{source.name}: none of its {len(sharpness)} frames shows anything; give another recording")
-    times = np.array(seconds)
-    velocity = _velocity(times, np.array(turns))
+    times, velocity = np.array(seconds), np.zeros((len(seconds), 3))
+    decoded = [row for row, _ in turns]
+    velocity[decoded] = _velocity(times[decoded], np.array([turn for _, turn in turns]))
     return FrameMotion(times, np.array(sharpness), np.maximum.accumulate(path_deg), velocity)
 
 
@@ -114,22 +114,27 @@ class _Follower:
         self.turn = np.zeros(3)
         if self._grey is not None and len(self._pixels) >= _LEAST_POINTS:
             ahead, kept = _followed(self._grey, grey, self._pixels)
-            if self._turns:
-                before, after = self._rays(self._pixels[kept], grey), self._rays(ahead[kept], grey)
-                known = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
-                current_R_previous, _ = estimate_rotation(before[known], after[known], _ROTATION, seed=0)
-                self.turn = log_so3(current_R_previous.T)
+            before = self._pixels[kept]
             self._pixels, self._first_rays = ahead[kept], self._first_rays[kept]
             # Some points always seem to be found again, in whatever picture.
             if kept.sum() < max(_LEAST_POINTS, _LEAST_SHARE * len(kept)):
                 self.path_deg += self._cut_deg
                 self._pixels = self._pixels[:0]
             else:
+                if self._turns:
+                    self._measure_turn(before, grey)
                 self._measure(grey)
         if len(self._pixels) < max(_LEAST_POINTS, self._begun // 2):
             self._begin(grey)
         self._grey = grey
         return self.path_deg
+
+    def _measure_turn(self, before: NDArray[np.float32], grey: Grey) -> None:
+        """The turn since the frame in which the points were at pixels (N, 1, 2), by most of them (A eq. 2)."""
+        then, now = self._rays(before, grey), self._rays(self._pixels, grey)
+        known = np.isfinite(then[:, 0]) & np.isfinite(now[:, 0])
+        current_R_previous, _ = estimate_rotation(then[known], now[known], _ROTATION, seed=0)
+        self.turn = log_so3(current_R_previous.T)
 
     def _measure(self, grey: Grey) -> None:
         cosines = np.einsum("ij,ij->i", self._rays(self._pixels, grey), self._first_rays)

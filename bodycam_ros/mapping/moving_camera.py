@@ -35,14 +35,14 @@ class MovingCamera(Protocol):
         name: of the video or topic, for people.
         camera: its lens.
         count: about how many frames there are.
-        readout_s: from the exposure of the first row to that of the last [s]; negative from the bottom up, 0 if all
-            rows are exposed together or nobody knows.
+        readout_s: by how much later the right border is exposed than the left, and the lower than the upper [s]; zero
+            if all rows are exposed together, or nobody knows.
     """
 
     name: str
     camera: CameraModel
     count: int
-    readout_s: float
+    readout_s: tuple[float, float]
 
     def frames(self) -> AbstractContextManager[Iterator[Frame]]:
         """The frames in order of time, from the first on."""

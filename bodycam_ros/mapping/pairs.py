@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.mapping.mutual_matches import mutual_matches
+from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.settings import setting
 
 
 @dataclass(frozen=True)
 class PairSettings:
-    """How pairs of photographs are chosen."""
+    """How pairs of photographs are chosen, and matched before their poses are known."""
 
     probe_features: int = setting(
         500,
@@ -33,20 +35,30 @@ class PairSettings:
     spanning_trees: int = setting(
         3, limits=(0, 10), reason="independent ties between groups of photographs, so that one weak tie does no harm"
     )
+    registering_features: int = setting(
+        1000,
+        unit="per photograph",
+        limits=(200, 20000),
+        reason="largest features that find the poses, to some pixels; with all of them it takes five times as long",
+    )
 
 
-def probe_overlap(features: Sequence[ImageFeatures], settings: PairSettings) -> Iterator[NDArray[np.int64]]:
+def probe_overlap(
+    features: Sequence[ImageFeatures], settings: PairSettings, workers: int = 1
+) -> Iterator[NDArray[np.int64]]:
     """Count mutual matches among the largest features of all pairs (preemptive matching, Wu 2013, section 3).
 
     Yields:
         for each photograph i the (K,) counts with the photographs before it, zero from itself on.
     """
     probes = [f.descriptors[: settings.probe_features].astype(np.float32) for f in features]
-    for i, probe in enumerate(probes):
+
+    def counts_with_those_before(i: int) -> NDArray[np.int64]:
         counts = np.zeros(len(probes), dtype=np.int64)
-        for j in range(i):
-            counts[j] = _mutual_matches(probe, probes[j], settings.probe_ratio)
-        yield counts
+        counts[:i] = [len(mutual_matches(probes[i], probe, settings.probe_ratio)) for probe in probes[:i]]
+        return counts
+
+    return in_parallel(counts_with_those_before, range(len(probes)), workers)
 
 
 def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[tuple[int, int]]:
@@ -69,20 +81,3 @@ def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[t
         candidates[tree] = 0
     rows, columns = np.nonzero(np.triu(chosen | chosen.T, k=1))
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
-
-
-def _mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32], ratio: float) -> int:
-    """Number of mutual nearest neighbours of RootSIFT descriptors (N, 128) and (M, 128) that pass the ratio test."""
-    if len(first) == 0 or len(second) < 2:
-        return 0
-    # All have about the same length, so the nearest is the one with the largest product.
-    products = first @ second.T
-    nearest = products.argmax(axis=1)
-    rows = np.arange(len(first))
-    mutual = products.argmax(axis=0)[nearest] == rows
-    best = products[rows, nearest]
-    products[rows, nearest] = -1.0
-    length_squared = float(np.median(np.einsum("ij,ij->i", first, first)))
-    best_distance_squared = length_squared - best
-    second_distance_squared = length_squared - products.max(axis=1)
-    return int(np.sum(mutual & (best_distance_squared < ratio**2 * second_distance_squared)))

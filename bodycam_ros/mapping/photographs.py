@@ -1,6 +1,6 @@
 """The photographs of a reference folder, the camera that took them, and work on many of them at once."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,19 +25,31 @@ class Photographs:
         folder: where it is.
         name: of the folder, or of the recording that its photographs were taken from.
         paths: image files in order of name.
-        camera: the camera that took all of them.
+        camera_of_name: file name -> the camera that took it.
         board_path: description of the board, if the folder has one.
     """
 
     folder: Path
     name: str
     paths: tuple[Path, ...]
-    camera: CameraModel
+    camera_of_name: Mapping[str, CameraModel]
     board_path: Path | None
 
+    @property
+    def where(self) -> str:
+        """For messages: the folder, or the recording, whose frames may be in a folder that nobody knows."""
+        return str(self.folder) if self.name == self.folder.resolve().name else self.name
 
-def wrong_camera(camera: CameraModel) -> str:
-    """What to tell a user whose photographs contradict the intrinsics."""
+
+def wrong_camera(*cameras: CameraModel) -> str:
+    """What to tell a user whose photographs contradict the intrinsics of the cameras that took them."""
+    if len(cameras) > 1:
+        said = ", ".join(f"{camera.name} {camera.distortion_model} {camera.fx:.0f} px" for camera in cameras)
+        return (
+            f"Do the intrinsics belong to the cameras? They say: {said}. Another lens model, zoom or image size makes "
+            "another camera."
+        )
+    (camera,) = cameras
     return (
         f"Does {CAMERA_FILE} belong to the camera that took the photographs? It says {camera.distortion_model}, focal "
         f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."
@@ -72,7 +84,8 @@ def find_photographs(
     if board_path is None and (folder / BOARD_FILE).is_file():
         board_path = folder / BOARD_FILE
     camera = _camera(folder, camera_path, model_folder)
-    return Photographs(folder, name or folder.resolve().name, paths, camera, board_path)
+    camera_of_name = {path.name: camera for path in paths}
+    return Photographs(folder, name or folder.resolve().name, paths, camera_of_name, board_path)
 
 
 def _camera(folder: Path, camera_path: Path | None, model_folder: Path | None) -> CameraModel:

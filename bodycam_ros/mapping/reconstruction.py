@@ -9,16 +9,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.colmap_camera import pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping import colmap
+from bodycam_ros.mapping.colmap_completion import complete
+from bodycam_ros.mapping.colmap_matches import match_in_full, write_verified, write_verified_by_colmap
+from bodycam_ros.mapping.epipolar_matching import EpipolarSettings, match_known_poses
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.map_settings import LandmarkSettings
+from bodycam_ros.mapping.mutual_matches import mutual_matches
 from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
-from bodycam_ros.mapping.photographs import wrong_camera
+from bodycam_ros.mapping.photographs import in_parallel, wrong_camera
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.mapping.structure import NO_FEATURE, Structure
+from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
@@ -31,54 +37,124 @@ def reconstruct(
     features: Sequence[ImageFeatures],
     camera_of_name: Mapping[str, CameraModel],
     pair_settings: PairSettings,
+    epipolar_settings: EpipolarSettings,
     landmark_settings: LandmarkSettings,
     workers: int,
     progress: Progress,
 ) -> Structure:
-    """Recover camera poses and landmarks, up to a similarity.
+    """Recover camera poses and landmarks, up to a similarity: poses by few features, landmarks by all.
+
+    The largest features register the photographs, in a quarter of the time that all of them would take. Their poses say
+    where to look for the others.
 
     Raises:
         MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
     """
-    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        database = scratch / "database.db"
-        colmap.write_database(database, camera_of_name, features)
-
+    with scratch_folder(Path(tempfile.gettempdir())) as scratch, threadpool_limits(1, user_api="blas"):
         with progress.step("choosing pairs", len(features)) as advance:
             counts = []
-            for row in probe_overlap(features, pair_settings):
+            for row in probe_overlap(features, pair_settings, workers):
                 counts.append(row)
                 advance()
         pairs = promising_pairs(np.array(counts), pair_settings)
 
-        with progress.step("matching pairs", len(pairs)) as advance:
-            for start in range(0, len(pairs), _PAIRS_AT_ONCE):
-                block = pairs[start : start + _PAIRS_AT_ONCE]
-                colmap.match_pairs(database, [(features[i].name, features[j].name) for i, j in block], workers)
-                advance(len(block))
-
-        with progress.step("registering photographs", len(features)) as advance:
-            model = colmap.reconstruct(database, scratch, workers, advance)
-    registered = 0 if model is None else model.num_reg_images()
-    if model is None or registered < 2:
-        raise MapError(
-            f"{registered} of {len(features)} photographs register; a map needs two or more that see the same textured "
-            "things from different places. Take more of them with at least half of the view in common with the next, "
-            "sharp and well lit, and check that camera.yaml belongs to the camera"
+        coarse = None
+        for count in (pair_settings.registering_features, max(len(image.pixels) for image in features)):
+            coarse = _coarse_model(features, camera_of_name, pairs, count, pair_settings, scratch, workers, progress)
+            if coarse is not None and 2 * coarse.num_reg_images() > len(features):
+                break
+        registered = 0 if coarse is None else coarse.num_reg_images()
+        if coarse is None or registered < 2:
+            raise MapError(
+                f"{registered} of {len(features)} photographs register; a map needs two or more that see the same "
+                "textured things from different places. Take more of them with at least half of the view in common "
+                "with the next, sharp and well lit, and check that camera.yaml belongs to the camera"
+            )
+        _check_fits(coarse, distinct(list(camera_of_name.values()))[0], landmark_settings, workers)
+        database = _matched_in_full(
+            features, camera_of_name, coarse, pairs, epipolar_settings, scratch, workers, progress
         )
+        with progress.step("adjusting the bundle", 3) as advance:
+            model = complete(database, coarse, landmark_settings.min_angle, workers, advance)
+            # A 4.1
+            colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
+            structure = colmap.structure_from(model, camera_of_name)
+            advance()
+    return _coloured(_keep_seen(structure, landmark_settings), features)
 
-    matched = colmap.structure_from(model, camera_of_name)
-    with progress.step("adjusting the bundle", 2) as advance:
-        # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
-        colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
-        colmap.adjust(model, workers)
-        advance()
-        colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
-        structure = colmap.structure_from(model, camera_of_name)
-        advance()
-    structure = _keep_seen(structure, landmark_settings)
-    _check_fits(structure, matched, landmark_settings)
-    return _coloured(structure, features)
+
+def _coarse_model(
+    features: Sequence[ImageFeatures],
+    camera_of_name: Mapping[str, CameraModel],
+    pairs: Sequence[tuple[int, int]],
+    count: int,
+    settings: PairSettings,
+    scratch: Path,
+    workers: int,
+    progress: Progress,
+) -> pycolmap.Reconstruction | None:
+    """Incremental structure from motion on the ``count`` largest features of each photograph."""
+    folder = scratch / f"{count}_features"
+    folder.mkdir(exist_ok=True)
+    database = folder / "database.db"
+    database.unlink(missing_ok=True)
+    largest = [image.largest(count) for image in features]
+    colmap.write_database(database, camera_of_name, largest)
+    descriptors = [image.descriptors.astype(np.float32) for image in largest]
+
+    def match(pair: tuple[int, int]) -> NDArray[np.uint32]:
+        first, second = pair
+        return mutual_matches(descriptors[first], descriptors[second], settings.probe_ratio)
+
+    matches = []
+    with progress.step("matching pairs", len(pairs)) as advance:
+        for found in in_parallel(match, pairs, workers):
+            matches.append(found)
+            advance()
+        write_verified_by_colmap(database, _names(features, pairs), matches)
+    with progress.step("registering photographs", len(features)) as advance:
+        return colmap.reconstruct(database, folder, workers, advance)
+
+
+def _matched_in_full(
+    features: Sequence[ImageFeatures],
+    camera_of_name: Mapping[str, CameraModel],
+    coarse: pycolmap.Reconstruction,
+    pairs: Sequence[tuple[int, int]],
+    settings: EpipolarSettings,
+    scratch: Path,
+    workers: int,
+    progress: Progress,
+) -> Path:
+    """A database of all features with the matches of all pairs, by the poses where both are known."""
+    database = scratch / "database.db"
+    colmap.write_database(database, camera_of_name, features)
+    poses = colmap.poses_of(coarse)
+    posed = [image for image in features if image.name in poses]
+    row_of = {image.name: row for row, image in enumerate(posed)}
+    names = _names(features, pairs)
+    known = [pair for pair in names if pair[0] in row_of and pair[1] in row_of]
+    unknown = [pair for pair in names if not (pair[0] in row_of and pair[1] in row_of)]
+    with progress.step("matching in full", len(pairs)) as advance:
+        matches = match_known_poses(
+            posed,
+            [camera_of_name[image.name] for image in posed],
+            np.array([poses[image.name] for image in posed]),
+            [(row_of[first], row_of[second]) for first, second in known],
+            settings,
+            workers,
+            advance,
+        )
+        write_verified(database, known, matches)
+        for start in range(0, len(unknown), _PAIRS_AT_ONCE):
+            block = unknown[start : start + _PAIRS_AT_ONCE]
+            match_in_full(database, block, workers)
+            advance(len(block))
+    return database
+
+
+def _names(features: Sequence[ImageFeatures], pairs: Sequence[tuple[int, int]]) -> list[tuple[str, str]]:
+    return [(features[first].name, features[second].name) for first, second in pairs]
 
 
 def adopt_model(
@@ -121,13 +197,19 @@ def adopt_model(
     return _coloured(_keep_seen(structure, settings), features)
 
 
-def _check_fits(structure: Structure, matched: Structure, settings: LandmarkSettings) -> None:
-    """Refuse a structure that is a small part of what was matched: with wrong intrinsics only scraps fit together.
+def _check_fits(
+    model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], settings: LandmarkSettings, workers: int
+) -> None:
+    """Adjust a model, and refuse it if little of what was matched fits: with wrong intrinsics only scraps do.
 
-    Errors alone do not tell, because what errs by more than ``max_error`` has been left out.
+    Errors alone do not tell, because what errs by more than ``max_error`` is left out.
     """
-    seen = int((matched.views_per_point()[matched.observation_points] >= settings.min_views).sum())
-    share = len(structure.observation_views) / max(1, seen)
+    seen = colmap.observations_of_points(model, settings.min_views)
+    # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
+    colmap.keep_good_points(model, settings.max_error, settings.min_angle)
+    colmap.adjust(model, workers)
+    colmap.keep_good_points(model, settings.max_error, settings.min_angle)
+    share = colmap.observations_of_points(model, settings.min_views) / max(1, seen)
     if share >= max(settings.doubtful_fitting, settings.min_fitting):
         return
     doubt = (
@@ -135,11 +217,11 @@ def _check_fits(structure: Structure, matched: Structure, settings: LandmarkSett
         f"{settings.max_error:g} px"
     )
     if share >= settings.min_fitting:
-        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(structure.cameras[0]))
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(*cameras))
         return
     raise MapError(
         f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
-        f"(landmarks.min_fitting). {wrong_camera(structure.cameras[0])}"
+        f"(landmarks.min_fitting). {wrong_camera(*cameras)}"
     )
 
 

@@ -1,6 +1,6 @@
 """What structure from motion recovers: camera poses, points and who sees what; and that as a PLY file."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -99,11 +99,8 @@ class Structure:
             yield camera, np.flatnonzero(camera_of_observation == row)
 
 
-def cameras_of(
-    names: Sequence[str], camera_of_name: Mapping[str, CameraModel]
-) -> tuple[tuple[CameraModel, ...], NDArray[np.int64]]:
-    """The different cameras of photographs, in the order in which they come first, and the row of each photograph's."""
-    taken_by = [camera_of_name[name] for name in names]
+def distinct(taken_by: Sequence[CameraModel]) -> tuple[tuple[CameraModel, ...], NDArray[np.int64]]:
+    """The different cameras of K photographs, in the order in which they come first, and the row of each one's (K,)."""
     row_of = {id(camera): row for row, camera in reversed(list(enumerate(taken_by)))}
     firsts = sorted(row_of.values())
     rows = np.searchsorted(firsts, [row_of[id(camera)] for camera in taken_by]).astype(np.int64)

@@ -19,8 +19,8 @@ from bodycam_ros.video.video_frame import grey_pixels
 if TYPE_CHECKING:
     from av import VideoFrame
 
-_DIRECTIONS = {0: 1.0, 90: 0.0, 180: -1.0, 270: 0.0}
-"""In which the rows of an upright frame are read out; those of a camera that lay on its side are columns."""
+_DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
+"""In which an upright frame is read out, to the right and down, by how much it was turned counter-clockwise."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ class VideoCamera:
         self.count = facts.frames or round(facts.rate_hz * facts.duration_s)
         lens_path = lens_path or path.with_suffix(".yaml")
         self.camera = _lens(path, lens_path)
-        self.readout_s = _DIRECTIONS[facts.rotation_deg] * (readout_time_from_yaml(lens_path) or 0.0)
+        readout_s, (right, down) = readout_time_from_yaml(lens_path) or 0.0, _DIRECTIONS[facts.rotation_deg]
+        self.readout_s = (right * readout_s, down * readout_s)
         if (self.camera.width, self.camera.height) != (facts.width, facts.height):
             turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
             raise LensError(

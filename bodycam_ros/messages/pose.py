@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros import geometry
 from bodycam_ros.messages.factory import Message, MessageFactory, numbers
+from bodycam_ros.messages.header import MAP_FRAME, header_message
 
 
 def quaternion_message(make: MessageFactory, a_R_b: NDArray[np.float64]) -> Message:
@@ -77,6 +78,17 @@ def pose_with_covariance_message(
         "geometry_msgs/msg/PoseWithCovariance",
         pose=pose_message(make, a_T_b),
         covariance=ros_covariance(a_T_b, covariance).reshape(-1),
+    )
+
+
+def stamped_pose_message(
+    make: MessageFactory, stamp_ns: int, world_T_body: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> Message:
+    """geometry_msgs/PoseWithCovarianceStamped in the map, of a transform (4, 4) and its covariance (6, 6)."""
+    return make(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        pose=pose_with_covariance_message(make, world_T_body, covariance),
     )
 
 

@@ -3,12 +3,13 @@
 import numpy as np
 
 from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
-from bodycam_ros.messages.header import MAP_FRAME, header_message, optical_frame, stamp_ns, time_message
+from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns, time_message
 from bodycam_ros.messages.pose import (
     pose_and_covariance,
     pose_with_covariance_message,
     quaternion_message,
     rotation_from_message,
+    stamped_pose_message,
 )
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
@@ -112,8 +113,4 @@ def camera_pose_message(make: MessageFactory, matches: LandmarkMatches) -> Messa
     """geometry_msgs/PoseWithCovarianceStamped of the optical frame in the map; None while the camera is lost."""
     if matches.world_T_camera is None:
         return None
-    return make(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header_message(make, matches.stamp_ns, MAP_FRAME),
-        pose=pose_with_covariance_message(make, matches.world_T_camera, matches.pose_covariance),
-    )
+    return stamped_pose_message(make, matches.stamp_ns, matches.world_T_camera, matches.pose_covariance)

@@ -45,6 +45,7 @@ def live_graph(
     registrations: int = 1,
     rig: Path | None = None,
     overwrite_body: bool = False,
+    grown_map: Path | None = None,
 ) -> list[NodeProcess]:
     """A tracker for each camera, the registration and the solver.
 
@@ -55,6 +56,7 @@ def live_graph(
         registrations: processes that share the registration of the cameras among them.
         rig: rig YAML, where there is no body yet.
         overwrite_body: with ``rig``: whether a body that is there already may be replaced.
+        grown_map: folder in which the registrations keep what their maps grow by; None: nowhere.
 
     Raises:
         BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``.
@@ -71,6 +73,7 @@ def live_graph(
         of_solver["cameras"] = used
     if rig is not None:
         of_solver |= {"rig": str(rig), "map": str(reference_map), "overwrite_body": overwrite_body}
+    kept: dict[str, object] = {} if grown_map is None else {"grown_map": str(grown_map)}
     return [
         *(
             NodeProcess("tracker", f"tracker_{camera}", {"camera": camera, "map": str(reference_map)})
@@ -85,6 +88,7 @@ def live_graph(
                     "cameras": used[start::count],
                     "publish_map": start == 0,
                     "landmark_readers": READERS_OF_LANDMARKS,
+                    **kept,
                 },
             )
             for start, name in enumerate(names)

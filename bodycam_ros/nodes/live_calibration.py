@@ -6,7 +6,6 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from std_srvs.srv import Trigger
 
@@ -20,6 +19,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.nodes.later_service import LaterService
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -152,38 +152,6 @@ class LiveCalibration:
             self._node.get_logger().info(done.text)
             self._on_body(done.body)
         self._calibrate.answer(done.body is not None, done.text)
-
-
-class LaterService:
-    """A ``std_srvs/Trigger`` whose answer is given later. Those who ask in the meantime get the same answer.
-
-    rclpy's executors hand what a service's callback returns to ``send_response`` at once; here that only notes who
-    asked.
-
-    Args:
-        node: serves.
-        name: of the service.
-        on_request: called when somebody asks and nobody waits for an answer yet; guarded.
-    """
-
-    def __init__(self, node: StageNode[Any], name: str, on_request: Callable[[], None]) -> None:
-        self._on_request = node.guarded(on_request)
-        self._asking: list[tuple[Message, object]] = []
-        service = node.create_service(Trigger, name, lambda request, response: response)
-        self._send = service.send_response
-        service.send_response = self._note
-
-    def answer(self, success: bool, text: str) -> None:
-        """Answer all who ask."""
-        asking, self._asking = self._asking, []
-        for response, header in asking:
-            response.success, response.message = success, text
-            self._send(response, header)
-
-    def _note(self, response: Message, header: object) -> None:
-        self._asking.append((response, header))
-        if len(self._asking) == 1:
-            self._on_request()
 
 
 class _Stopped(Exception):

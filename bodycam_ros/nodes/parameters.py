@@ -21,7 +21,7 @@ P = TypeVar("P")
 _SOURCE = "parameters"
 
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
-REGISTRATION_GROUPS: Final = ("registrar", "matching", "absolute_pose", "pose_fit", "shutter")
+REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter")
 SOLVER_GROUPS: Final = (
     *(group for group in PipelineSettings.groups() if group not in TRACKER_GROUPS + REGISTRATION_GROUPS),
     "pose_fit",
@@ -97,6 +97,18 @@ class RegistrationParameters(CommonParameters):
     )
     landmark_wait: float = setting(
         10.0, unit="s", limits=(0.0, 600.0), reason="go on without them when they are not there by then"
+    )
+    grown_map: str = setting(
+        "",
+        reason="folder to be, in which each registration keeps its map with all that has grown, under its own name; "
+        "started again it goes on from there; nothing is kept if empty",
+    )
+    save_interval: float = setting(
+        60.0,
+        unit="s",
+        limits=(1.0, 86400.0),
+        reason="how often 'grown_map' is written if it has changed; so much of the growth is lost by a crash, and the "
+        "whole map, some 20 MB, is written each time",
     )
 
 

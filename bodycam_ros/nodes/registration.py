@@ -7,15 +7,19 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
+from bodycam_ros.growth.live_growth import LiveGrowth
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
+from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.nodes.kept_map import KeptMap
 from bodycam_ros.nodes.parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
@@ -32,7 +36,7 @@ _TIMINGS = 10
 
 
 class Registration(StageNode[RegistrationParameters]):
-    """Registers all cameras; one registrar for each, over one map.
+    """Registers all cameras; one registrar for each, over one map, which grows by what they see.
 
     Track frames that come before their camera's camera_info wait for it, and the first ones for those who are to read
     what is made of them: two nodes may take seconds to find each other, and landmarks that nobody heard of are lost for
@@ -47,6 +51,8 @@ class Registration(StageNode[RegistrationParameters]):
         check_metric(self.map, map_path)
         if assumed := assumed_vertical(self.map, map_path):
             self.get_logger().warning(assumed)
+        self._growth = LiveGrowth(self.map, self.settings.growth, self._want_keyframe, self.soon)
+        self._kept = KeptMap(self, self._growth, self.map)
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
@@ -85,6 +91,12 @@ class Registration(StageNode[RegistrationParameters]):
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
+            self.subscription(
+                "geometry_msgs/msg/PoseWithCovarianceStamped",
+                f"{camera}/expected_pose",
+                partial(self._on_expected, camera),
+                reliable(1),
+            )
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
@@ -121,7 +133,9 @@ class Registration(StageNode[RegistrationParameters]):
     def _begin(self, camera: str) -> None:
         """Nothing is known of the camera's tracks."""
         known = best_known(*self._readouts[camera].values())
-        self._registrars[camera] = registrar(self._cameras.models[camera], self.map, self.settings, known)
+        model = self._cameras.models[camera]
+        self._registrars[camera] = registrar(model, self._growth.map, self.settings, known)
+        self._growth.begin(camera, model)
         self._described.discard(camera)
 
     def _on_timing(self, camera: str, message: Message) -> None:
@@ -136,6 +150,11 @@ class Registration(StageNode[RegistrationParameters]):
         self._readouts[camera][timing.source] = timing.readout
         if camera in self._registrars:
             self._registrars[camera].learn(timing.readout)
+
+    def _on_expected(self, camera: str, message: Message) -> None:
+        """Where the body has a camera."""
+        if camera in self._registrars:
+            self._registrars[camera].expect(stamp_ns(message.header.stamp), *pose_and_covariance(message.pose))
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:
@@ -172,7 +191,7 @@ class Registration(StageNode[RegistrationParameters]):
         if frame.keyframe:
             self._described.add(camera)
         elif camera not in self._described:
-            self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
+            self._want_keyframe(camera)
         matches = self._registrars[camera].register(frame)
         self._landmarks[camera].publish(landmarks_message(self.make, matches))
         self.moments.note(Moment.REGISTERED, camera, frame.stamp_ns)
@@ -180,8 +199,16 @@ class Registration(StageNode[RegistrationParameters]):
         if pose is not None:
             self._poses[camera].publish(pose)
         self._registration_health.add(matches)
+        self._growth.hear(frame, matches)
         self._frames += 1
         self._work_s += time.monotonic() - started_s
+
+    def _want_keyframe(self, camera: str) -> None:
+        self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
+
+    def finish(self) -> None:
+        """Save what has grown before the node goes."""
+        self._kept.stop()
 
     def health(self) -> list[Health]:
         """How the cameras fared in the last second; several of these nodes may share them."""
@@ -211,7 +238,8 @@ class Registration(StageNode[RegistrationParameters]):
             level, text = HealthLevel.OK, "registering"
         else:
             level, text = HealthLevel.STALE, "no tracks come"
-        return [Health("all cameras", level, text, values), *self._registration_health.report()]
+        everybody = Health("all cameras", level, text, values)
+        return [everybody, self._kept.health(), *self._registration_health.report()]
 
 
 def main() -> int:

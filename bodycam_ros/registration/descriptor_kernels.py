@@ -11,17 +11,19 @@ Whole = NDArray[np.int64]
 FARTHEST = 1 << 30
 """More than the squared distance of any two descriptors."""
 
+_HALF = 64  # entries of a descriptor
+
 
 @kernel("(u1[:, ::1], i8[::1], u1[:, ::1], i8[::1])")
 def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, looks: Whole) -> Whole:
     """(P,) squared distances of pairs of descriptors, given by their rows (P,) in two tables (M, 128), (D, 128)."""
     squared = np.empty(len(features), np.int64)
     for p in range(len(features)):
-        squared[p] = _squared_distance(descriptors, features[p], known, looks[p])
+        squared[p] = _squared_distance(descriptors, features[p], known, looks[p], FARTHEST)
     return squared
 
 
-@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], b1[::1], i8[::1], i8[::1], i8[::1])")
+@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], i8[::1], i8[::1], i8[::1])")
 def search_lists(
     descriptors: Bytes,
     lists: Whole,
@@ -29,7 +31,6 @@ def search_lists(
     looks: Whole,
     known: Bytes,
     landmark_of_look: NDArray[np.uint32],
-    wanted: NDArray[np.bool_],
     nearest: Whole,
     best: Whole,
     rival: Whole,
@@ -43,7 +44,6 @@ def search_lists(
         looks: (N,) rows of the looks, list by list.
         known: (D, 128) descriptors of all looks.
         landmark_of_look: (D,) their landmarks.
-        wanted: (L,) landmarks that are asked for.
         nearest: (M,) most alike so far, or -1; mended.
         best, rival: (M,) squared distances to it, and to the next landmark; mended.
     """
@@ -52,9 +52,7 @@ def search_lists(
             for j in range(first_of_list[lists[i, p]], first_of_list[lists[i, p] + 1]):
                 look = looks[j]
                 landmark = np.int64(landmark_of_look[look])
-                if not wanted[landmark]:
-                    continue
-                squared = _squared_distance(descriptors, i, known, look)
+                squared = _squared_distance(descriptors, i, known, look, rival[i])
                 if landmark == nearest[i]:
                     best[i] = min(best[i], squared)
                 elif squared < best[i]:
@@ -64,9 +62,15 @@ def search_lists(
 
 
 @kernel()
-def _squared_distance(a: Bytes, i: int, b: Bytes, j: int) -> int:
+def _squared_distance(a: Bytes, i: int, b: Bytes, j: int, enough: int) -> int:
+    """Or, if it is no less than ``enough``, what half of the entries tell, if that is so already: most are far away."""
     squared = np.int32(0)
-    for k in range(a.shape[1]):
+    for k in range(_HALF):
+        difference = np.int32(a[i, k]) - np.int32(b[j, k])
+        squared += np.int32(difference * difference)
+    if squared >= enough:
+        return int(squared)
+    for k in range(_HALF, 2 * _HALF):
         difference = np.int32(a[i, k]) - np.int32(b[j, k])
         squared += np.int32(difference * difference)
     return int(squared)

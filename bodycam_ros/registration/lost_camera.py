@@ -116,8 +116,7 @@ class LostCamera:
         places = self._map.search.places
         if len(places) > self._matching.similar_places:
             similar = places.similar(descriptors, self._matching.similar_places)
-            seen = places.seen_from(similar, len(self._map.landmark_ids))
-            yield match_by_looks(self._map, descriptors, seen, self._matching)
+            yield match_by_looks(self._map, descriptors, places.seen_from(similar), self._matching)
         yield match_by_looks(self._map, descriptors, None, self._matching)
 
     def _pose(self, pixels: NDArray[np.float64], matches: Matches) -> NDArray[np.float64] | None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels.kernel import as_bytes
 from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -48,9 +49,9 @@ class MatchingSettings:
         "4 where people fill half of the picture",
     )
     searched_lists: int = setting(
-        16,
+        8,
         limits=(1, 64),
-        reason="of the map's index that are searched for a feature; 16 find what a search of all looks finds",
+        reason="of the map's index that are searched for a feature; 8 find 56 of the 60 landmarks that all find",
     )
     similar_places: int = setting(
         20,
@@ -120,7 +121,8 @@ def match_near_prediction(
     offsets = reference_map.points_world[landmark] - centre
     distances = np.sqrt(np.einsum("ij,ij->i", offsets, offsets))
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets) / distances
-    expected_scale = camera.fx * reference_map.descriptor_size[look] / distances
+    shown = scales_at(camera, offsets @ world_T_camera[:3, 2] / distances)
+    expected_scale = shown * reference_map.descriptor_size[look] / distances
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
     alike = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
     alike &= cosines > np.cos(np.radians(settings.max_view_angle_deg))
@@ -133,7 +135,7 @@ def match_near_prediction(
 def match_by_looks(
     reference_map: ReferenceMap,
     descriptors: NDArray[np.uint8],
-    wanted: NDArray[np.bool_] | None,
+    landmarks: NDArray[np.int64] | None,
     settings: MatchingSettings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match features to landmarks by their descriptors alone; returns as above.
@@ -142,13 +144,14 @@ def match_by_looks(
         reference_map: the map, whose index is searched.
         descriptors: (M, 128) RootSIFT, the strongest first; a few dozen matches are enough to find a camera, so only
             the first ``max_features_lost`` are looked up.
-        wanted: (L,) the landmarks that are asked for; None: all.
+        landmarks: (N,) rows of those that are asked for; None: all.
         settings: thresholds.
     """
-    if wanted is None:
-        wanted = np.ones(len(reference_map.landmark_ids), bool)
     query = descriptors[: settings.max_features_lost]
-    landmark, best, rival = reference_map.search.index.nearest(query, wanted, settings.searched_lists)
+    among = None
+    if landmarks is not None:
+        _, among = _looks_of(reference_map.descriptor_landmark, landmarks, landmarks)
+    landmark, best, rival = reference_map.search.index.nearest(query, settings.searched_lists, among)
     good = np.flatnonzero((landmark >= 0) & (best < settings.max_distance_lost) & (best < settings.ratio * rival))
     return _one_feature_per_landmark(good, landmark[good], best[good])
 

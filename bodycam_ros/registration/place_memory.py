@@ -50,12 +50,9 @@ class PlaceMemory:
         likeness = self._vectors[: len(self)] @ self._vector(descriptors, self._words.words_of(descriptors))
         return np.argsort(-likeness, kind="stable")[:count]
 
-    def seen_from(self, places: NDArray[np.int64], landmarks: int) -> NDArray[np.bool_]:
-        """(L,) which of so many landmarks are seen from any of these places (N,)."""
-        seen = np.zeros(landmarks, bool)
-        for place in places.tolist():
-            seen[self._landmarks[place]] = True
-        return seen
+    def seen_from(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows (N,), ascending, of the landmarks that are seen from any of these places (M,)."""
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *(self._landmarks[p] for p in places.tolist())]))
 
     def _vector(self, descriptors: NDArray[np.uint8], words: NDArray[np.int64]) -> Vectors:
         centres = self._words.centres

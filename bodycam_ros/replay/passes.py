@@ -38,16 +38,18 @@ def replay_in_passes(
         BodycamError: as ``replay``.
     """
     if passes == 1:
-        return replay(recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress), ()
+        return replay(recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress), ()
     body = read_body(body_path)
     check_metric(ReferenceMap.load(map_path), map_path)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
     readouts = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
-    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, on_step)
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, body, on_step)
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")
-        summary = replay(recording_path, scratch / "map", body_path, output_path, settings, jobs, force, on_progress)
+        summary = replay(
+            recording_path, scratch / "map", body_path, output_path, settings, jobs, force, extension.hints, on_progress
+        )
     summary.elapsed_s += extension.elapsed_s
     return summary, extension.rounds

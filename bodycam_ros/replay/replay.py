@@ -25,6 +25,7 @@ from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
+from bodycam_ros.replay.body_feedback import BodyHints
 from bodycam_ros.replay.camera_clock import CameraClocks
 from bodycam_ros.replay.camera_worker import (
     DroppedImages,
@@ -107,6 +108,7 @@ def replay(
     settings: PipelineSettings,
     jobs: int,
     force: bool = False,
+    hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
@@ -119,6 +121,7 @@ def replay(
         settings: of all stages.
         jobs: processes for the cameras.
         force: replace an output that is there already.
+        hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
 
     Raises:
@@ -141,7 +144,7 @@ def replay(
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
-        task = RegistrationTask(recording_path, map_path, settings, readouts=known)
+        task = RegistrationTask(recording_path, map_path, settings, readouts=known, hints=hints or BodyHints())
         clocks = CameraClocks(cameras)
         start_ns = None
         for item in register_recording(task, cameras, jobs):

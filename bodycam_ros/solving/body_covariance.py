@@ -58,11 +58,13 @@ class BodyUncertainty:
         root: (6, 6) of the root segment's pose.
         root_twist: (6, 6) of its velocity [rad/s, m/s].
         joints: (J, 3, 3) of the joint rotations, in the child segment's axes [rad^2].
+        segments: (S, 6, 6) of the segments' poses.
     """
 
     root: NDArray[np.float64]
     root_twist: NDArray[np.float64]
     joints: NDArray[np.float64]
+    segments: NDArray[np.float64]
 
 
 class BodyCovariance:
@@ -197,8 +199,10 @@ class BodyCovariance:
             - crossed
             - np.swapaxes(crossed, -1, -2)
         )
-        root = covariance[self._root, :, self._root, :]
-        return BodyUncertainty(root + np.diag(body_error), self._twist(root, dt_s, seen), joints)
+        each = np.arange(len(covariance))
+        segments = covariance[each, :, each, :]
+        known = segments + np.diag(body_error)
+        return BodyUncertainty(known[self._root], self._twist(segments[self._root], dt_s, seen), joints, known)
 
     def _twist(self, root: NDArray[np.float64], dt_s: float, seen: bool) -> NDArray[np.float64]:
         """Covariance (6, 6) of the root's velocity: a difference of two poses whose errors are nearly the same.

@@ -18,6 +18,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.solving.blind_stretches import BlindStretches
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -29,7 +30,6 @@ from bodycam_ros.solving.camera_evidence import (
     MountedCameras,
     SegmentPose,
     SegmentTurn,
-    rotation_evidence,
     turned,
     weak_evidence,
 )
@@ -37,6 +37,7 @@ from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.refusal_log import RefusalLog
+from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
 
@@ -53,6 +54,7 @@ class BodySmoother:
         body: segments, joints and mounts.
         cameras: models of the cameras, by name.
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
+        offline: states may wait until a limb that is blind is seen again.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
@@ -73,8 +75,9 @@ class BodySmoother:
         memory: PoseMemorySettings | None = None,
         covariance: CovarianceSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
+        offline: bool = False,
     ) -> None:
-        self.body = body
+        self.body, self._offline = body, offline
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
@@ -108,6 +111,8 @@ class BodySmoother:
         """An empty window: at the start, and after a pause that nothing reaches across."""
         self._window.clear()
         self._published = -1
+        longest_s = self.settings.blind_hold if self._offline else 0.0
+        self._stretches = BlindStretches(self.body, longest_s, self._evidence.blind_rotation_sigma)
         self._leaving: deque[Posture] = deque(maxlen=2)
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
@@ -131,12 +136,13 @@ class BodySmoother:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
-
         moved = self._predict_motion(frame.stamp_ns)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
         path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
-        turns = self._predict_turns(frame, {seen.segment for seen in trusted.evidence.values()}, path)
+        seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
+        measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
+        turns = self._predict_turns(measured, seen_by_pose, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
         observed = self._of_segments(seen.segment for seen in evidence.values())
         joints_seen = observed[self._joint_ends].all(axis=1)
@@ -146,7 +152,6 @@ class BodySmoother:
         path = self._hang(path, known, expected)
         start = self._seat(path, trusted.seats)
         self._jumped = trusted.jumped
-
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
@@ -156,8 +161,10 @@ class BodySmoother:
         uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
         silent_ns = self._silence.missing(frame)
+        silent_ns = silent_ns if index else ()
+        steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         instant = Instant(
-            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns if index else ()
+            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps
         )
         self._window.add(instant, factors)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
@@ -168,7 +175,7 @@ class BodySmoother:
         if self._window.instants:
             self._window.settle()
         self.refusals.end()
-        return self._publish(0)
+        return self._publish(0) + self._stretches.flush()
 
     def _publish_before(self, stamp_ns: int) -> list[BodyState]:
         """All states, if the next instant comes after a pause that nothing reaches across."""
@@ -199,22 +206,15 @@ class BodySmoother:
             predicted[row] = world_T_segment[row]
         return predicted
 
-    def _predict_turns(self, frame: BodyFrame, seen: set[str], path: Array) -> list[tuple[int, SegmentTurn]]:
+    def _predict_turns(
+        self, measured: Iterable[TurnSince], seen: set[str], path: Array
+    ) -> list[tuple[int, SegmentTurn]]:
         """Turns of the segments that are not seen, and since which instant; their path is turned, in place."""
         turns = []
-        for camera, matches in frame.matches.items():
-            mount = self.body.mounts.get(camera)
-            if mount is None or mount.segment in seen:
-                continue
-            # By the camera's own stamps: those of other cameras may be off by some milliseconds.
-            since = next(
-                (i for i in self._window.instants if i.camera_stamps_ns.get(camera) == matches.previous_stamp_ns), None
-            )
-            turn = rotation_evidence(matches, mount, self._evidence)
-            if since and turn and self._window.reaches(since.index):
-                row = self.body.segment_index[mount.segment]
-                turns.append((since.index, turn))
-                path[row] = turned(self._window.poses(since)[row], turn, path[row])
+        for said in measured:
+            if said.turn.segment not in seen and self._window.reaches(said.since.index):
+                turns.append((said.since.index, said.turn))
+                path[said.row] = turned(self._window.poses(said.since)[said.row], said.turn, path[said.row])
         return turns
 
     def _hang(self, path: Array, known: NDArray[np.bool_], expected: ExpectedJoints) -> Array:
@@ -266,18 +266,18 @@ class BodySmoother:
         states = []
         for position, instant in enumerate(self._window.instants):
             if self._published < instant.index <= self._window.instants[-1].index - delay:
-                states += self._bridge(position, instant)
+                for bridged in self._bridge(position, instant):
+                    states += self._stretches.add(bridged, {})
                 posture = self._posture(instant)
-                states.append(
-                    BodyState(
-                        posture.stamp_ns,
-                        self.body.segments,
-                        posture.world_T_segment,
-                        posture.uncertainty,
-                        instant.observed,
-                        instant.cameras_used,
-                    )
+                state = BodyState(
+                    posture.stamp_ns,
+                    self.body.segments,
+                    posture.world_T_segment,
+                    posture.uncertainty,
+                    instant.observed,
+                    instant.cameras_used,
                 )
+                states += self._stretches.add(state, instant.turns)
                 self._leaving.append(posture)
                 self._published = instant.index
         return states

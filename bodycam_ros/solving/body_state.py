@@ -16,7 +16,7 @@ class BodyState:
         stamp_ns: the instant [ns].
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
-        uncertainty: covariances of root, velocity and joints.
+        uncertainty: covariances of root, velocity, joints and segments.
         observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
             from smoothness and from the poses that the body has been seen in.
         cameras_used: how many cameras spoke and were believed.

@@ -7,7 +7,7 @@ is. Then the window begins anew from where the body was: one instant is less cer
 import logging
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
@@ -37,6 +37,7 @@ class Instant:
         cameras_used: how many did.
         uncertainty: covariances.
         missing_ns: stamps before this one at which all cameras were silent.
+        turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
         solution: the number of the solution that the estimate is from; -1 of a start value.
     """
 
@@ -48,6 +49,7 @@ class Instant:
     cameras_used: int
     uncertainty: BodyUncertainty
     missing_ns: tuple[int, ...] = ()
+    turns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
     solution: int = -1
 
 

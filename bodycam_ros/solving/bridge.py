@@ -104,12 +104,17 @@ def _between(
     """Covariances on the way: a white-noise acceleration pinned at both ends leaves q (t (T - t))^3 / (3 T^3)."""
     pinned = (share * (1.0 - share)) ** 3 * whole_s**3 / 3.0 * density
     spun = whole_s * share * (1.0 - share) * density
-    mixed = [
-        (1.0 - share) * a + share * b
-        for a, b in ((start.root, end.root), (start.root_twist, end.root_twist), (start.joints, end.joints))
-    ]
-    # Both segments of a joint may have turned.
-    return BodyUncertainty(mixed[0] + np.diag(pinned), mixed[1] + np.diag(spun), mixed[2] + 2.0 * np.diag(pinned[:3]))
+
+    def mixed(a: Array, b: Array) -> Array:
+        return (1.0 - share) * a + share * b
+
+    return BodyUncertainty(
+        root=mixed(start.root, end.root) + np.diag(pinned),
+        root_twist=mixed(start.root_twist, end.root_twist) + np.diag(spun),
+        # Both segments of a joint may have turned.
+        joints=mixed(start.joints, end.joints) + 2.0 * np.diag(pinned[:3]),
+        segments=mixed(start.segments, end.segments) + np.diag(pinned),
+    )
 
 
 def _seconds(postures: Sequence[Posture]) -> float:

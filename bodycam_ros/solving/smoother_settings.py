@@ -27,6 +27,13 @@ class SmootherSettings:
         limits=(0.05, 10.0),
         reason="a silence of all cameras up to this long is bridged; after a longer one the body begins anew",
     )
+    blind_hold: float = setting(
+        10.0,
+        unit="s",
+        limits=(0.0, 60.0),
+        reason="offline, what is published waits this long at most for a blind limb to be seen again, so that its "
+        "rotation can be averaged from both sides; 0 never waits, as live",
+    )
     extra_updates: int = setting(
         0,
         limits=(0, 10),

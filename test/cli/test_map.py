@@ -67,14 +67,15 @@ def test_the_board_lies_where_the_map_begins(built, sample):
     views = [
         detect_tags(
             read_photograph(sample / "reference" / reference_map.image_names[row]),
-            photographs.camera,
+            photographs.camera_of_name[reference_map.image_names[row]],
             "36h11",
             TagSettings(),
         )
         for row in chosen
     ]
     board = read_board(sample / "reference" / "board.yaml")
-    again = align_to_board(reference_map.world_T_camera[chosen], views, photographs.camera, board, AlignmentSettings())
+    taken_by = [photographs.camera_of_name[reference_map.image_names[row]] for row in chosen]
+    again = align_to_board(reference_map.world_T_camera[chosen], views, taken_by, board, AlignmentSettings())
     assert again.scale == pytest.approx(1.0, abs=1e-3)
     assert np.degrees(np.arccos(again.R[2, 2])) < 0.1
     assert np.linalg.norm(again.t) < 0.002
@@ -256,7 +257,7 @@ def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     (tmp_path / "scratch").mkdir()
     environment = {**os.environ, "TMPDIR": str(tmp_path / "scratch")}
     process = subprocess.Popen([*command, *QUICK], stderr=subprocess.PIPE, text=True, env=environment)
-    while process.poll() is None and not any((tmp_path / "scratch").glob("*/pairs.txt")):
+    while process.poll() is None and not any((tmp_path / "scratch").glob("*/*/pairs.txt")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=120)

@@ -84,7 +84,7 @@ def test_a_map_is_made_of_the_sharp_frames_of_a_video(
     assert summary["reference"] == "walk.mp4"
     # Four photographs of a floor do not cover a hall; the picture and the sentences say so.
     assert 0.0 <= summary["coverage"]["share"] < 0.5 and summary["coverage"]["gaps"]
-    assert "photograph this wall too" in said and "coverage.png" in said
+    assert "photograph more too: all around" in said and "coverage.png" in said
     assert cv2.imread(str(path / "coverage.png")) is not None
     assert main(["map", "check", str(path), "-o", str(tmp_path / "check.png")]) == 0
     assert capsys.readouterr().out.splitlines()[0] in said

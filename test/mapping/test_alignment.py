@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board, wide_camera
+from small_structure import fisheye_camera
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import MapError
@@ -48,7 +49,9 @@ def assert_similarity(alignment, tolerance):
 
 def test_exact_corners_give_the_similarity_back(scene):
     camera, board, poses = scene
-    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), camera, board, AlignmentSettings())
+    alignment = align_to_board(
+        moved(poses), exact_views(camera, board, poses), [camera] * len(poses), board, AlignmentSettings()
+    )
     assert_similarity(alignment, 1e-6)
     assert alignment.residual.rms_px < 1e-4
     assert alignment.residual.views_of_tag == {tag: len(PLACES) for tag in range(4)}
@@ -58,7 +61,7 @@ def test_a_wrong_view_of_a_tag_hardly_matters(scene):
     camera, board, poses = scene
     views = exact_views(camera, board, poses)
     views[2][1] = TagView(1, views[2][1].corners + [9.0, -6.0], np.array([80.0, 80.0]))
-    assert_similarity(align_to_board(moved(poses), views, camera, board, AlignmentSettings()), 2e-3)
+    assert_similarity(align_to_board(moved(poses), views, [camera] * len(poses), board, AlignmentSettings()), 2e-3)
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
@@ -68,7 +71,7 @@ def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene, gamma
         detect_tags(board_picture(camera, pose, board, 1.2, gamma), camera, "36h11", TagSettings())
         for pose in poses[:3]
     ]
-    alignment = align_to_board(moved(poses[:3]), views, camera, board, AlignmentSettings())
+    alignment = align_to_board(moved(poses[:3]), views, [camera] * 3, board, AlignmentSettings())
     assert_similarity(alignment, 1e-3)
     if gamma > 1.0:
         assert alignment.residual.inset_px > 0.1
@@ -79,7 +82,9 @@ def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene, gamma
 def test_the_upward_axis_of_a_standing_board_becomes_z(scene):
     camera, board, poses = scene
     standing = Board(board.family, board.corners_board, np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
-    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), camera, standing, AlignmentSettings())
+    alignment = align_to_board(
+        moved(poses), exact_views(camera, board, poses), [camera] * len(poses), standing, AlignmentSettings()
+    )
     up_in_sfm = R @ [0.0, 1.0, 0.0]
     assert np.allclose(alignment.R @ up_in_sfm, [0.0, 0.0, 1.0], atol=1e-6)
 
@@ -88,14 +93,14 @@ def test_tags_of_another_board_are_an_error(scene):
     camera, board, poses = scene
     views = [[TagView(77, v.corners, v.breadths) for v in seen] for seen in exact_views(camera, board, poses)]
     with pytest.raises(MapError, match="none of its tags"):
-        align_to_board(moved(poses), views, camera, board, AlignmentSettings())
+        align_to_board(moved(poses), views, [camera] * len(poses), board, AlignmentSettings())
 
 
 def test_one_photograph_cannot_place_the_board(scene):
     camera, board, poses = scene
     views = exact_views(camera, board, poses[:1])
     with pytest.raises(MapError, match=r"more photographs .* Does camera.yaml belong"):
-        align_to_board(moved(poses[:1]), views, camera, board, AlignmentSettings())
+        align_to_board(moved(poses[:1]), views, [camera], board, AlignmentSettings())
 
 
 def test_another_camera_than_that_of_the_photographs_is_named(scene):
@@ -105,12 +110,26 @@ def test_another_camera_than_that_of_the_photographs_is_named(scene):
     longer = with_longer_lens(camera)
     settings = AlignmentSettings(max_corner_error=50.0)
     with pytest.raises(MapError, match=r"mrad, median\) from where .* Does camera.yaml belong .* focal lengths"):
-        align_to_board(moved(poses), views, longer, board, settings)
+        align_to_board(moved(poses), views, [longer] * len(poses), board, settings)
 
 
 def test_how_badly_a_board_may_fit_is_a_setting(scene):
     camera, board, poses = scene
     longer = with_longer_lens(camera)
     settings = AlignmentSettings(max_corner_error=50.0, max_misfit=10.0)
-    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), longer, board, settings)
+    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), [longer] * len(poses), board, settings)
     assert 1e3 * alignment.residual.median_px / longer.fx > AlignmentSettings().max_misfit
+
+
+def test_photographs_of_different_cameras_agree_on_the_board(scene):
+    camera, board, poses = scene
+    other = fisheye_camera()
+    taken_by = [camera, other, other, camera, other]
+    views = [exact_views(taker, board, [pose])[0] for taker, pose in zip(taken_by, poses, strict=True)]
+    alignment = align_to_board(moved(poses), views, taken_by, board, AlignmentSettings())
+    assert_similarity(alignment, 1e-6)
+    assert alignment.residual.rms_px < 1e-4
+
+    swapped = [other if taker is camera else camera for taker in taken_by]
+    with pytest.raises(MapError, match="mrad"):
+        align_to_board(moved(poses), views, swapped, board, AlignmentSettings(max_corner_error=50.0))

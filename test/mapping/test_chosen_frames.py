@@ -72,7 +72,7 @@ def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_p
 class Turning:
     """A camera that turns to the right by 45 deg/s, and reads out its rows meanwhile."""
 
-    name, camera, count, readout_s = "turning.mp4", CAMERA, 12, 0.03
+    name, camera, count, readout_s = "turning.mp4", CAMERA, 12, (0.0, 0.03)
 
     @contextmanager
     def frames(self) -> Iterator[Iterator["TurningFrame"]]:
@@ -88,7 +88,7 @@ class TurningFrame:
         return self.number / 30.0
 
     def grey(self) -> NDArray[np.uint8]:
-        return rolled_view(1.5 * self.number, 0.0, (45.0, 0.0), Turning.readout_s, rows=24)
+        return rolled_view(1.5 * self.number, 0.0, (45.0, 0.0), Turning.readout_s, lines=24)
 
     def file(self) -> tuple[str, bytes]:
         return ".png", cv2.imencode(".png", self.grey())[1].tobytes()

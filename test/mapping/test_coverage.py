@@ -88,6 +88,16 @@ def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
     )
 
 
+def test_the_ceiling_that_is_missing_is_named() -> None:
+    reference_map = hall(0.0, 360.0)
+    low = reference_map.points_world[:, 2] < 0.5
+    coverage = measured(replace(reference_map, descriptor_size=np.where(low, np.float32(0.1), np.float32(0.0))))
+    (gap,) = find_gaps(coverage, reference_map)
+    assert gap.all_around and gap.elevations_deg[0] > 0.0 and gap.elevations_deg[1] == 60.0
+    assert gap.nearest_deg == pytest.approx(gap.elevation_deg, abs=0.1)
+    assert "photograph the ceiling too: all around" in coverage_lines(coverage, reference_map)[1]
+
+
 def test_counts_are_those_of_a_projection() -> None:
     """What a camera sees is counted anew, landmark by landmark."""
     reference_map = hall(0.0, 220.0, landmarks=1500)

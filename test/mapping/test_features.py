@@ -64,7 +64,8 @@ def test_what_cannot_be_used_comes_as_its_error_and_in_order(tmp_path, photograp
     broken.write_bytes(b"\xff\xd8\xff\xe0 not a whole picture")
     small = tmp_path / "small.png"
     cv2.imwrite(str(small), np.zeros((100, 120), np.uint8))
-    first, second, third = extract_all([broken, photograph, small], CAMERA, FeatureSettings(), workers=2)
+    paths = [broken, photograph, small]
+    first, second, third = extract_all(paths, {path.name: CAMERA for path in paths}, FeatureSettings(), workers=2)
     assert isinstance(first, MapError) and "broken.jpg" in str(first)
     assert second.name == "blobs.png"
     assert isinstance(third, MapError) and "120x100" in str(third) and "240x200" in str(third)

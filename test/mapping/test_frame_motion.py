@@ -39,7 +39,9 @@ class Stills:
 
     name, camera = "walk.mp4", CAMERA
 
-    def __init__(self, pictures: Sequence[NDArray[np.uint8] | None], readout_s: float = 0.0) -> None:
+    def __init__(
+        self, pictures: Sequence[NDArray[np.uint8] | None], readout_s: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         self.readout_s = readout_s
         self._frames = [Still(row / 30.0, picture) for row, picture in enumerate(pictures)]
         self.count = len(pictures)
@@ -49,7 +51,7 @@ class Stills:
         yield iter(self._frames)
 
 
-def measured(pictures: Sequence[NDArray[np.uint8] | None], readout_s: float = 0.0) -> FrameMotion:
+def measured(pictures: Sequence[NDArray[np.uint8] | None], readout_s: tuple[float, float] = (0.0, 0.0)) -> FrameMotion:
     told = []
     motion = frame_motion(Stills(pictures, readout_s), CUT_DEG, lambda: told.append(True))
     assert len(told) == len(pictures) == len(motion.seconds) == len(motion.sharpness) == len(motion.path_deg)
@@ -68,8 +70,11 @@ def test_the_path_is_by_how_much_the_camera_turned() -> None:
 def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one() -> None:
     pictures = [view(1.5 * number, -0.5 * number) for number in range(6)]
     assert not measured(pictures).angular_velocity.any()
-    found = np.degrees(measured(pictures, readout_s=0.01).angular_velocity)
+    found = np.degrees(measured(pictures, readout_s=(0.0, 0.01)).angular_velocity)
     assert found == pytest.approx(np.tile([-15.0, 45.0, 0.0], (6, 1)), abs=2.0)  # it rolls a little, too
+    # A frame that is damaged makes those beside it no faster.
+    torn = np.degrees(measured([*pictures[:3], None, *pictures[4:]], readout_s=(0.0, 0.01)).angular_velocity)
+    assert np.delete(torn, 3, axis=0) == pytest.approx(np.delete(found, 3, axis=0), abs=2.0)
 
 
 def test_a_hand_that_trembles_goes_nowhere() -> None:

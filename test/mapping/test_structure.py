@@ -3,7 +3,7 @@ import pytest
 from small_structure import small_structure
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.structure import cameras_of, write_ply
+from bodycam_ros.mapping.structure import distinct, write_ply
 
 
 def test_exact_observations_reproject_exactly():
@@ -41,7 +41,7 @@ def test_cameras_are_named_once_in_the_order_of_the_photographs():
     wide, fisheye = small_structure().cameras
     camera_of_name = {"a": wide, "b": fisheye, "c": wide, "d": wide}
     for names, expected in {"abcd": [0, 1, 0, 0], "bca": [0, 1, 1], "ca": [0, 0]}.items():
-        cameras, rows = cameras_of(list(names), camera_of_name)
+        cameras, rows = distinct([camera_of_name[name] for name in names])
         assert rows.tolist() == expected
         assert all(cameras[row] is camera_of_name[name] for name, row in zip(names, rows, strict=True))
 

@@ -50,6 +50,14 @@ def test_everybody_is_told_of_the_cameras(tmp_path: Path) -> None:
     assert (played["bag"], played["rate"], played["cameras"], played["loop"]) == ("bag", 0.5, ["left", "odd"], True)
 
 
+def test_registrations_are_told_where_to_keep_what_their_maps_grow_by(tmp_path: Path) -> None:
+    body = str(write_body(tmp_path / "body.yaml"))
+    nodes = _launched(map="map", body=body, grown_map="grown")
+    kept = {name: node.parameters.get("grown_map") for name, node in nodes.items() if "grown_map" in node.parameters}
+    assert kept == {"registration_1": "grown", "registration_2": "grown"}
+    assert all("grown_map" not in node.parameters for node in _launched(map="map", body=body).values())
+
+
 @pytest.mark.parametrize("respawn", ["true", "false"])
 def test_who_dies_is_started_again_but_a_bag_is_played_once(tmp_path: Path, respawn: str) -> None:
     body = str(write_body(tmp_path / "body.yaml"))

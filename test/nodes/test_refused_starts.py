@@ -21,6 +21,7 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     body, reference_map = str(write_body(tmp_path / "body.yaml")), str(write_map(tmp_path / "map"))
     sizeless = tmp_path / "sizeless"
     replace(ReferenceMap.load(Path(reference_map)), metric=False).save(sizeless)
+    of_another = ("registration", "map", reference_map, "grown_map", str(tmp_path / "grown"))
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")
     rig = str(tmp_path / "rig.yaml")
@@ -43,6 +44,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("registration", "body", body, "map", str(tmp_path / "nowhere")): "there is no map folder",
         ("registration", "body", body, "map", str(sizeless)): "is not metric",
         ("registration", "map", reference_map): "the parameter 'body' is missing",
+        of_another: "has grown from another one than",
+        ("registration", "map", reference_map, "grown_map", reference_map): "lies within",
         ("skeleton_solver",): "the parameter 'body' is missing",
         ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
         ("skeleton_solver", "body", str(broken)): "broken.yaml",
@@ -54,6 +57,7 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     }
     if not is_installed(COMPRESSED_VIDEO):
         cases["tracker", "camera", "left", "transport", "video"] = "'video' needs the ROS package foxglove_msgs"
+    write_map(tmp_path / f"grown/wrong_{list(cases).index(of_another)}", landmarks=40)
     nodes = [
         NodeProcess(executable, f"wrong_{number}", dict(zip(given[::2], given[1::2], strict=True)))
         for number, (executable, *given) in enumerate(cases)

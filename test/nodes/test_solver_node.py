@@ -14,9 +14,10 @@ from two_cameras import write_body
 from bodycam_ros.body import body_file
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import rigid
+from bodycam_ros.geometry import inverse, log_se3, rigid
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -69,12 +70,16 @@ class Cameras:
         everything = [*self._registrations.values(), *self._infos.values()]
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
 
-    def publish(self, frames: range, *cameras: str, off_ns: Mapping[str, int] = MappingProxyType({})) -> None:
+    def publish(
+        self, frames: range, *cameras: str, off_ns: Mapping[str, int] = MappingProxyType({}), lost: str = ""
+    ) -> None:
         for matches in _registrations(self.body, frames):
             if not cameras or matches.camera in cameras:
                 off = off_ns.get(matches.camera, 0)
                 previous = matches.previous_stamp_ns + off if matches.previous_stamp_ns else 0
                 stamped = replace(matches, stamp_ns=matches.stamp_ns + off, previous_stamp_ns=previous)
+                if matches.camera == lost:
+                    stamped = replace(stamped, world_T_camera=None, pose_covariance=np.full((6, 6), np.nan))
                 self._registrations[matches.camera].publish(landmarks_message(self._make, stamped))
 
     def say(self, images: Iterable[LandmarkMatches]) -> None:
@@ -120,6 +125,8 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
 def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path: Path) -> None:
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=60.0, info_wait=0.2)
     left, right = cameras.body.mounts
+    topics = [f"/{camera}/expected_pose" for camera in (right, left)]
+    graph.listen(dict.fromkeys(topics, "geometry_msgs/msg/PoseWithCovarianceStamped"))
     cameras.publish(range(40))
     cameras.inform(left)
     graph.until(lambda: cameras.solved()[-1:] == [35], _SOON_S, "the solver does not wait for all cameras")
@@ -150,6 +157,19 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     assert again[-36:] == list(range(36)), again
     assert again[:-36] == list(range(116, 120)), "what waited of the time before is published"
     graph.until(lambda: cameras.reports("body")[-1]["times begun anew"] == "1", _SOON_S, "it is counted")
+
+    # A camera that is lost hears where the body has it.
+    assert not graph.heard[topics[0]], "it was registered whenever it spoke"
+    cameras.publish(range(40, 60), lost=right)
+    graph.until(lambda: len(graph.heard[topics[0]]) > 10, _SOON_S, "the body says where it has the lost camera")
+    truth = {m.stamp_ns: m.world_T_camera for m in _registrations(cameras.body, range(60)) if m.camera == right}
+    for message in graph.messages(topics[0]):
+        pose, covariance = pose_and_covariance(message.pose)
+        away = log_se3(inverse(truth[stamp_ns(message.header.stamp)]) @ pose)
+        assert message.header.frame_id == "map"
+        assert np.linalg.norm(away[:3]) < 0.05 and np.linalg.norm(away[3:]) < 0.02
+        assert 1e-4 < np.sqrt(np.diag(covariance)).max() < 1.0
+    assert not graph.heard[topics[1]], "who is registered needs no such help"
     graph.until(lambda: cameras.reports("body")[-1]["level"] == 2, _SOON_S, "the end is told")
     assert "no registration" in cameras.reports("body")[-1]["text"]
     assert cameras.solver.end() == 0, cameras.solver.printed

@@ -19,7 +19,6 @@ def test_lists_tell_the_nearest_landmark_and_its_rival() -> None:
     random = np.random.default_rng(1)
     known = random.integers(0, 20, (400, 128), np.uint8)
     landmark = np.sort(random.integers(0, 120, 400)).astype(np.uint32)
-    wanted = random.uniform(size=120) < 0.7
     list_of_look = random.integers(0, 9, 400)
     looks = np.argsort(list_of_look, kind="stable")
     first = np.searchsorted(list_of_look[looks], np.arange(10)).astype(np.int64)
@@ -28,11 +27,9 @@ def test_lists_tell_the_nearest_landmark_and_its_rival() -> None:
     nearest, best, rival = np.full(50, -1), np.full(50, FARTHEST), np.full(50, FARTHEST)
     # In two steps, as of a map that has grown.
     for part in (lists[:, :1], lists[:, 1:]):
-        search_lists(
-            descriptors, np.ascontiguousarray(part), first, looks, known, landmark, wanted, nearest, best, rival
-        )
+        search_lists(descriptors, np.ascontiguousarray(part), first, looks, known, landmark, nearest, best, rival)
     for row in range(50):
-        asked = np.flatnonzero(np.isin(list_of_look, lists[row]) & wanted[landmark])
+        asked = np.flatnonzero(np.isin(list_of_look, lists[row]))
         squared = ((known[asked].astype(int) - descriptors[row]) ** 2).sum(axis=1)
         assert best[row] == squared.min()
         assert nearest[row] == landmark[asked[squared.argmin()]]

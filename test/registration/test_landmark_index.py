@@ -45,7 +45,7 @@ def test_the_nearest_of_the_lists(lists: int) -> None:
     index.add(np.arange(len(descriptors)))
     asked = some_looks(3000, 1)[0][::50] // 2 + descriptors[::50] // 2
     wanted = np.random.default_rng(2).uniform(size=3000) < 0.6
-    rows, best, rival = index.nearest(asked, wanted, lists)
+    rows, best, rival = index.nearest(asked, lists, np.flatnonzero(wanted[landmark]))
     expected, distances = by_hand(words, descriptors, landmark, asked, wanted, lists)
     np.testing.assert_array_equal(rows, expected)
     np.testing.assert_allclose(best, distances)
@@ -63,13 +63,12 @@ def test_looks_that_come_later_are_found_as_if_they_had_been_there(monkeypatch: 
         table[looks] = descriptors[looks]
         growing.add(looks)
     whole.add(np.arange(len(table)))
-    everything = np.ones(2000, bool)
-    for a, b in zip(*(index.nearest(descriptors[::40], everything, 8) for index in (growing, whole)), strict=True):
+    for a, b in zip(*(index.nearest(descriptors[::40], 8) for index in (growing, whole)), strict=True):
         np.testing.assert_array_equal(a, b)
     # A slot whose look is replaced is found by its new look.
     table[30:33] = some_looks(1, 7)[0]
     growing.add(np.arange(30, 33))
-    rows, best, _ = growing.nearest(table[30:33], everything, 8)
+    rows, best, _ = growing.nearest(table[30:33], 8)
     assert rows.tolist() == [10, 10, 10] and best.max() == 0.0
 
 
@@ -77,7 +76,21 @@ def test_nobody_is_found_where_nobody_is_wanted() -> None:
     descriptors, landmark = some_looks(100)
     index = LandmarkIndex(VisualWords.learn(descriptors), descriptors, landmark)
     for _ in range(2):
-        rows, best, rival = index.nearest(descriptors[:5], np.zeros(100, bool), EVERY)
+        rows, best, rival = index.nearest(descriptors[:5], EVERY, np.zeros(0, np.int64))
         assert (rows == -1).all() and best.min() > 1e4 and rival.min() > 1e4
         index.add(np.arange(300))
-    assert len(index.nearest(descriptors[:0], np.ones(100, bool), EVERY)[0]) == 0
+    assert len(index.nearest(descriptors[:0], EVERY)[0]) == 0
+
+
+def test_looks_that_are_replaced_over_and_over_take_no_more_room() -> None:
+    """As of landmarks that are refined for an hour."""
+    descriptors, landmark = some_looks(2000)
+    index = LandmarkIndex(VisualWords.learn(descriptors), descriptors, landmark)
+    index.add(np.arange(len(descriptors)))
+    looks = np.arange(90, 390)
+    before = index.nearest(descriptors[::50], 8)
+    for _ in range(100):
+        index.add(looks)
+    for a, b in zip(before, index.nearest(descriptors[::50], 8), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert sum(len(part.looks) for part in index._all()) == len(descriptors) + len(looks)

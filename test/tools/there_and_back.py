@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.kernels.preparation import prepare_kernels
-from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
+from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.growth_epochs import Growth, GrowthOfAll, GrowthOfOne

@@ -1,0 +1,68 @@
+"""One camera from images to registrations, offline; the live graph runs the two halves of it in different nodes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
+from bodycam_ros.growth.growing_map import GrowingMap
+from bodycam_ros.growth.keyframe_choice import KeyframeChoice
+from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
+from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.solving.expected_cameras import ExpectedCamera
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+
+class CameraPipeline:
+    """One camera from images to registrations.
+
+    Args:
+        camera: its model.
+        reference_map: what its tracker finds landmarks by.
+        settings: of all stages.
+        readout: as of ``registrar``.
+        growing_map: what it is registered in, if not that map; the same with room for more landmarks.
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        reference_map: ReferenceMap,
+        settings: PipelineSettings,
+        readout: Readout | None = None,
+        growing_map: GrowingMap | None = None,
+    ) -> None:
+        self._camera = camera
+        self._tracker = landmark_tracker(camera, reference_map, settings, readout)
+        self._registrar = registrar(camera, growing_map or reference_map, settings, readout)
+        self._keyframes = None if growing_map is None else KeyframeChoice(camera, settings.growth)
+
+    def process(
+        self, image: NDArray[np.uint8], stamp_ns: int
+    ) -> tuple[TrackFrame, LandmarkMatches, WornKeyframe | None]:
+        """Track and register the next image (H, W); what the map may grow by, if it is a keyframe.
+
+        Raises:
+            RecordingError: as ``FeatureTracker.track``.
+        """
+        tracks = self._tracker.track(image, stamp_ns)
+        matches = self._registrar.register(tracks)
+        self._tracker.hear(matches)
+        if self._keyframes is None:
+            return tracks, matches, None
+        keyframe = worn_keyframe(self._camera, tracks, matches) if tracks.keyframe else None
+        if keyframe is not None:
+            self._keyframes.taken(matches)
+        elif self._keyframes.is_due(matches):
+            self._tracker.want_keyframe()
+        return tracks, matches, keyframe
+
+    def expect(self, expected: ExpectedCamera) -> None:
+        """Where the body has the camera: see ``Registrar.expect``."""
+        self._registrar.expect(expected.stamp_ns, expected.world_T_camera, expected.covariance)
+
+    def doubt(self, stamp_ns: int) -> None:
+        """The body contradicts the pose of an image [ns]: see ``Registrar.doubt``."""
+        self._registrar.doubt(stamp_ns)

@@ -1,0 +1,104 @@
+"""What ``bodycam map --from-bag`` takes from the worn cameras of a recording."""
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.known_distance import KnownDistance
+from bodycam_ros.mapping.photographs import BOARD_FILE
+from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, WornPhotographs, keep_worn_keyframes
+from bodycam_ros.whole_file import scratch_folder
+
+
+def add_worn_flags(parser: argparse.ArgumentParser) -> None:
+    """Add --from-bag and what goes with it."""
+    parser.add_argument(
+        "--from-bag",
+        type=Path,
+        metavar="BAG",
+        help="make the map of what the worn cameras of this recording see, as of a range of motion, instead of SOURCE",
+    )
+    parser.add_argument("--rig", type=Path, help="with --from-bag: which cameras are worn (default: all in the bag)")
+    parser.add_argument(
+        "--known-distance",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("CAMERA", "CAMERA", "METRES"),
+        help="with --from-bag: distance between the lenses of two cameras on one segment, by a tape; it scales the map "
+        "where no board is seen. The farther apart the better; may be given several times",
+    )
+
+
+def check_worn(arguments: argparse.Namespace) -> None:
+    """Refuse flags that do not go together, before the work.
+
+    Raises:
+        MapError: so they do.
+    """
+    if arguments.from_bag is None:
+        given = ["--rig"] * (arguments.rig is not None) + ["--known-distance"] * bool(arguments.known_distance)
+        if given:
+            raise MapError(f"{given[0]} is for the worn cameras of a recording; give that with --from-bag")
+        if arguments.source is None:
+            raise MapError("nothing to make a map of; give REFERENCE_DIR, VIDEO or BAG, or --from-bag BAG")
+        return
+    if arguments.source is not None:
+        raise MapError(
+            f"give either {arguments.source} or --from-bag {arguments.from_bag}: a map is made of one of them"
+        )
+    known_distances(arguments)
+
+
+def known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
+    """Those that the user has measured.
+
+    Raises:
+        MapError: one of them is none, or between cameras on different segments.
+    """
+    rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
+    distances = []
+    for first, second, text in arguments.known_distance:
+        try:
+            metres = float(text)
+        except ValueError as error:
+            raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
+        segments = {rig.cameras.get(camera, camera) for camera in (first, second)} if rig else {""}
+        if len(segments) > 1:
+            raise MapError(
+                f"--known-distance {first} {second}: they are on different segments by {arguments.rig}, so their "
+                "distance is not the same all the time; measure one between cameras on the same segment"
+            )
+        distances.append(KnownDistance(first, second, metres))
+    return tuple(distances)
+
+
+@contextmanager
+def worn_photographs_of(
+    arguments: argparse.Namespace, settings: WornKeyframeSettings, progress: Progress
+) -> Iterator[WornPhotographs]:
+    """The keyframes of the worn cameras; they are gone when the block ends.
+
+    Raises:
+        BodycamError: the recording cannot be read, or makes no photographs.
+    """
+    bag: Path = arguments.from_bag
+    cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
+    at_once = [(known.first, known.second) for known in known_distances(arguments)]
+    board = bag.parent / BOARD_FILE
+    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+        yield keep_worn_keyframes(
+            bag,
+            cameras,
+            at_once,
+            scratch / "keyframes",
+            board if board.is_file() else None,
+            settings,
+            max(1, arguments.jobs),
+            progress,
+        )

@@ -1,0 +1,123 @@
+"""A map that grows while cameras are registered in it: by keyframes that are asked for and wait for their turn."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_keyframes import LANDMARKS, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.live_growth import LiveGrowth
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+CAMERA = worn_camera()
+UNKNOWN = unknown_points(100)
+
+
+class Live:
+    """A growth, its executor's tasks, what it asked for, and a camera that is registered in its map."""
+
+    def __init__(self, **settings: object) -> None:
+        self.tasks: list[Callable[[], None]] = []
+        self.asked: list[str] = []
+        given = replace(GrowthSettings(capacity=200), **settings)
+        self.growth = LiveGrowth(small_map(), given, self.asked.append, self.tasks.append)
+        self.begin()
+
+    def begin(self) -> None:
+        self.registrar = Registrar(CAMERA, self.growth.map)
+        self.growth.begin(CAMERA.name, CAMERA)
+
+    def see(self, frame: TrackFrame) -> LandmarkMatches:
+        matches = self.registrar.register(frame)
+        self.growth.hear(frame, matches)
+        return matches
+
+    def work(self) -> None:
+        while self.tasks:
+            self.tasks.pop(0)()
+
+
+def all_tracks(number: int) -> TrackFrame:
+    """The map's landmarks and the unknown points."""
+    points = np.concatenate([small_map().points_world, UNKNOWN])
+    return tracks(CAMERA, number, points, np.concatenate([small_map().descriptors, descriptors_of(len(UNKNOWN), 7)]))
+
+
+def unknown_tracks(number: int, first: int) -> TrackFrame:
+    return tracks(CAMERA, number, UNKNOWN, descriptors_of(len(UNKNOWN), 7), first, 10_000)
+
+
+def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
+    live = Live()
+    assert Registrar(CAMERA, small_map()).register(unknown_tracks(0, 0)).world_T_camera is None
+    for number in range(5):
+        assert live.see(all_tracks(number)).world_T_camera is not None
+        live.work()
+    assert live.growth.landmarks > 90 and live.growth.keyframes == 5
+    live.begin()
+    matches = live.see(unknown_tracks(6, first=6))
+    assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 50
+    assert np.linalg.norm(log_se3(inverse(place(6)) @ matches.world_T_camera)[3:]) < 5e-3
+
+    assert live.growth.forget() > 90
+    live.begin()
+    assert live.see(unknown_tracks(7, first=7)).world_T_camera is None, "what is forgotten registers nobody"
+    assert (live.growth.landmarks, live.growth.keyframes) == (0, 0)
+
+
+def test_keyframes_wait_for_their_turn_and_the_newest_of_a_camera_counts() -> None:
+    live = Live()
+    for number in range(3):
+        live.see(all_tracks(number))
+    assert live.growth.keyframes == 0, "nothing grows before who waits has been registered"
+    assert live.growth.left_out == 2
+    live.work()
+    assert live.growth.keyframes == 1
+    live.see(all_tracks(3))
+    live.growth.forget()
+    live.work()
+    assert live.growth.keyframes == 0, "what waited was of the time before"
+
+
+def test_a_camera_that_sees_unknown_things_is_asked_for_keyframes_once() -> None:
+    live = Live(covered=1.0)
+
+    def plain(number: int, late_ns: int = 0) -> TrackFrame:
+        frame = replace(all_tracks(number), keyframe=False)
+        return replace(frame, stamp_ns=frame.stamp_ns + late_ns)
+
+    live.see(plain(0))
+    assert live.asked == [CAMERA.name]
+    live.see(plain(0, late_ns=33_000_000))
+    assert live.asked == [CAMERA.name], "the tracker takes some images to answer"
+    live.see(plain(1))
+    assert live.asked == [CAMERA.name] * 2, "a request may get lost"
+    live.see(all_tracks(2))
+    live.see(plain(2, late_ns=33_000_000))
+    assert len(live.asked) == 2, "it has not moved since its keyframe"
+    live.see(plain(3))
+    assert len(live.asked) == 3
+    live.begin()
+    live.see(plain(3))
+    assert len(live.asked) == 4, "a tracker that begins anew was not asked yet"
+
+
+@pytest.mark.parametrize("starts_on", [True, False])
+def test_growth_that_is_off_asks_nothing_and_changes_nothing(starts_on: bool) -> None:
+    live = Live(enabled=starts_on)
+    live.growth.is_on = False
+    for number in range(4):
+        live.see(all_tracks(number))
+        live.work()
+    assert (live.growth.landmarks, live.growth.changes, live.asked, live.tasks) == (0, 0, [], [])
+    live.growth.is_on = True
+    for number in range(4, 8):
+        live.see(all_tracks(number))
+        live.work()
+    assert live.growth.landmarks > 50 and live.growth.changes > 0
+    assert len(live.growth.map.settled().landmark_ids) == LANDMARKS + live.growth.landmarks

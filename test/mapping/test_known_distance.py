@@ -1,0 +1,96 @@
+"""A structure is scaled by what a tape said, and refused where that cannot be."""
+
+import numpy as np
+import pytest
+from small_structure import small_structure
+
+from bodycam_ros.errors import MapError
+from bodycam_ros.mapping.known_distance import KnownDistance, KnownDistanceSettings, measure_scale
+from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.mapping.worn_keyframes import Moment
+
+INSTANTS = 25
+METRES_PER_UNIT = 0.4
+APART_M = {"left": np.array([0.15, 0.0, 0.0]), "right": np.array([-0.15, 0.02, 0.0]), "back": np.array([0.0, 0.2, 0.1])}
+TRUE = float(np.linalg.norm(APART_M["left"] - APART_M["right"]))
+SETTINGS = KnownDistanceSettings()
+
+
+def worn(noise_m: float = 0.0, late_s: float = 0.0) -> tuple[Structure, dict[str, Moment]]:
+    """Three cameras on a waist that turns and sways, in a structure of another scale; one clock may lag."""
+    random = np.random.default_rng(3)
+    names, centres, moments = [], [], {}
+    for instant in range(INSTANTS):
+        turn = 0.2 * instant
+        R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+        sway = np.array([0.1 * np.sin(turn), 0.0, 1.0])
+        for camera, place in APART_M.items():
+            names.append(f"{camera}_{instant}.jpg")
+            centres.append((sway + R @ place + noise_m * random.normal(size=3)) / METRES_PER_UNIT)
+            moments[names[-1]] = Moment(camera, 1000.0 + 0.5 * instant + (late_s if camera == "right" else 0.0))
+    order = np.argsort(names)
+    poses = np.tile(np.eye(4), (len(names), 1, 1))
+    poses[:, :3, 3] = np.array(centres)[order]
+    structure = small_structure()
+    names = [names[row] for row in order]
+    return Structure(
+        names,
+        structure.cameras[:1],
+        np.zeros(len(names), np.int64),
+        poses,
+        structure.points_world,
+        structure.colours,
+        structure.observation_views,
+        structure.observation_points,
+        structure.observation_pixels,
+        structure.observation_features,
+    ), moments
+
+
+def test_the_scale_is_what_the_tape_said_over_what_the_map_says() -> None:
+    found = measure_scale(*worn(), [KnownDistance("left", "right", TRUE)], SETTINGS)
+    assert found.scale == pytest.approx(METRES_PER_UNIT, rel=1e-9)
+    assert found.sigma == pytest.approx(SETTINGS.tape / TRUE, rel=1e-6)
+    assert found.distances[0].instants == INSTANTS
+    assert found.as_mapping()["distances"][0]["metres"] == TRUE
+
+
+def test_scatter_of_the_map_makes_the_scale_less_sure() -> None:
+    noise_m = 0.01
+    known = KnownDistance("left", "right", TRUE)
+    found = measure_scale(*worn(noise_m), [known], SETTINGS)
+    assert found.distances[0].scatter == pytest.approx(np.sqrt(2.0) * noise_m / TRUE, rel=0.4)
+    assert found.sigma > 1.05 * SETTINGS.tape / TRUE
+    assert abs(np.log(found.scale / METRES_PER_UNIT)) < 4.0 * found.sigma
+
+
+def test_two_distances_are_better_than_one() -> None:
+    other = KnownDistance("left", "back", float(np.linalg.norm(APART_M["left"] - APART_M["back"])) * 1.01)
+    known = KnownDistance("left", "right", TRUE)
+    both = measure_scale(*worn(), [known, other], SETTINGS)
+    assert both.sigma < measure_scale(*worn(), [known], SETTINGS).sigma
+    assert METRES_PER_UNIT < both.scale < 1.01 * METRES_PER_UNIT
+
+
+def test_distances_that_contradict_each_other_are_refused() -> None:
+    wrong = KnownDistance("left", "back", 2.0 * float(np.linalg.norm(APART_M["left"] - APART_M["back"])))
+    with pytest.raises(MapError, match="contradict each other.*left to right.*left to back"):
+        measure_scale(*worn(), [KnownDistance("left", "right", TRUE), wrong], SETTINGS)
+
+
+def test_a_distance_that_changes_is_refused() -> None:
+    with pytest.raises(MapError, match="left and right: changes by .* same segment"):
+        measure_scale(*worn(0.06), [KnownDistance("left", "right", TRUE)], SETTINGS)
+
+
+def test_keyframes_of_other_instants_do_not_tell() -> None:
+    with pytest.raises(MapError, match="0 instants have a keyframe of both"):
+        measure_scale(*worn(late_s=0.05), [KnownDistance("left", "right", TRUE)], SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("second", "metres"), [("left", 0.3), ("right", 0.0), ("right", -1.0), ("right", float("nan"))]
+)
+def test_what_is_no_distance_is_refused(second: str, metres: float) -> None:
+    with pytest.raises(MapError, match="known distance between left and"):
+        KnownDistance("left", second, metres)

@@ -1,0 +1,174 @@
+"""A registration whose map grows: after a crash it goes on from what was saved, and its services do as they say.
+
+Beside it one that keeps nothing, and finds a lost camera where the body has it.
+"""
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from known_keyframes import FRAME_NS, K, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.messages.pose import stamped_pose_message
+from bodycam_ros.messages.tracks import landmark_matches, tracks_message
+from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+CAMERA, OTHER = worn_camera(), worn_camera("foot")
+UNKNOWN = unknown_points(100)
+_START_S, _SOON_S = 60.0, 20.0
+_PART = "registration: grown map"
+
+
+class Tracker:
+    """Says what one camera sees, and hears what the registration makes of it."""
+
+    def __init__(self, graph: Any, camera: CameraModel = CAMERA) -> None:
+        from bodycam_ros.nodes.message_classes import node_messages
+
+        self._graph, self._make, self._camera = graph, node_messages(), camera
+        self._expectations = graph.publisher(
+            f"/{camera.name}/expected_pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
+        )
+        graph.listen({f"/{camera.name}/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
+        graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
+        self._tracks = graph.publisher(f"/{camera.name}/tracks", "bodycam_msgs/msg/FeatureTracks")
+        self._infos = graph.publisher(f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo")
+        self._number = 0
+
+    def readers(self) -> int:
+        """Of what it says; who was killed counts for some seconds more."""
+        return min(each.get_subscription_count() for each in (self._tracks, self._infos, self._expectations))
+
+    def inform(self, readers_before: int = 0) -> None:
+        self._graph.until(lambda: self.readers() > readers_before, _START_S, "the registration listens")
+        info = self._make("sensor_msgs/msg/CameraInfo", width=CAMERA.width, height=CAMERA.height)
+        info.distortion_model, info.d, info.k = "equidistant", [0.0] * 4, [float(value) for value in K]
+        self._infos.publish(info)
+
+    def say(self, *points: np.ndarray, descriptors: np.ndarray, anew: bool = False) -> LandmarkMatches:
+        """The next image; anew: of a tracker that has just started."""
+        frame = tracks(
+            self._camera,
+            self._number,
+            np.concatenate(points),
+            descriptors,
+            self._number if anew else 0,
+            1000 * self._number,
+        )
+        self._number += 1
+        return self._answer(frame)
+
+    def _answer(self, frame: TrackFrame) -> LandmarkMatches:
+        heard = self._graph.heard[f"/{self._camera.name}/landmarks"]
+        before = len(heard)
+        self._tracks.publish(tracks_message(self._make, frame))
+        self._graph.until(lambda: len(heard) > before, _SOON_S, "the image is registered")
+        return landmark_matches(self._graph.messages(f"/{self._camera.name}/landmarks", -1)[0], self._camera.name)
+
+    def expect(self) -> None:
+        """Say where the camera is as the next image is taken."""
+        covariance = np.diag(np.repeat([0.01, 0.01], 3) ** 2)
+        stamp_ns = (self._number + 1) * FRAME_NS
+        self._expectations.publish(stamped_pose_message(self._make, stamp_ns, place(self._number), covariance))
+
+    def see_all(self) -> LandmarkMatches:
+        reference_map = small_map()
+        both = np.concatenate([reference_map.descriptors, descriptors_of(len(UNKNOWN), 7)])
+        return self.say(reference_map.points_world, UNKNOWN, descriptors=both)
+
+    def see_unknown(self) -> LandmarkMatches:
+        """Nothing that the photographs show."""
+        return self.say(UNKNOWN, descriptors=descriptors_of(len(UNKNOWN), 7), anew=True)
+
+    def is_where_it_is(self, matches: LandmarkMatches) -> bool:
+        if matches.world_T_camera is None:
+            return False
+        away = log_se3(inverse(place(self._number - 1)) @ matches.world_T_camera)
+        return bool(np.linalg.norm(away[3:]) < 5e-3)
+
+
+def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
+    from std_srvs.srv import SetBool, Trigger
+
+    small_map().save(tmp_path / "map")
+    given = {"map": str(tmp_path / "map"), "cameras": [CAMERA.name], "grown_map": str(tmp_path / "grown")}
+    kept = tmp_path / "grown/registration"
+    tracker = Tracker(graph)
+    twins = small_map(twins=True)
+    twins.save(tmp_path / "twins")
+    nowhere = {"map": str(tmp_path / "twins"), "cameras": [OTHER.name]}
+    first, _ = graph.start(
+        NodeProcess("registration", "registration", {**given, "save_interval": 1.0}),
+        NodeProcess("registration", "keeps_nothing", nowhere),
+    )
+    tracker.inform()
+
+    def says(name: str) -> str:
+        return str(graph.diagnostics(_PART).get(name, ""))
+
+    for _ in range(6):
+        assert tracker.is_where_it_is(tracker.see_all())
+    graph.until(lambda: says("landmarks grown") == "100", _SOON_S, "the map grows")
+    graph.until(lambda: says("changes not saved") == "0", _SOON_S, "it is saved without being asked")
+    readers = tracker.readers()
+    first.process.send_signal(signal.SIGKILL)
+    first.process.wait()
+    assert ReferenceMap.load(kept).grown == 100
+
+    graph.heard["/diagnostics"].clear()
+    (second,) = graph.start(NodeProcess("registration", "registration", {**given, "save_interval": 600.0}))
+    graph.until(lambda: says("landmarks grown") == "100", _START_S, "what had grown is there")
+    assert f"goes on from 100 landmarks that have grown, of {kept}" in second.printed
+    tracker.inform(readers)
+    assert tracker.is_where_it_is(tracker.see_unknown()), "registered by what had grown before the crash"
+
+    def call(service: str, kind: Any = Trigger, **fields: Any) -> tuple[bool, str]:
+        answer = graph.call(f"/registration/{service}", kind, **fields)
+        return answer.success, answer.message
+
+    assert call("grow", SetBool, data=False) == (True, "the map stays as it is")
+    assert call("save_map") == (True, f"100 landmarks that have grown saved in {kept}")
+    # A copy, to come back to.
+    ReferenceMap.load(kept).save(tmp_path / "copy")
+    assert call("reset_map") == (True, "100 landmarks dropped")
+    assert tracker.see_unknown().world_T_camera is None, "nothing but photographs is left"
+    empty = ("0", "0")
+    graph.until(lambda: (says("landmarks grown"), says("changes not saved")) == empty, _SOON_S, "that is saved at once")
+    assert ReferenceMap.load(kept).grown == 0, "what was dropped does not come back"
+    ReferenceMap.load(tmp_path / "copy").save(kept, force=True)
+    assert call("load_map") == (True, f"100 landmarks loaded from {kept}")
+    assert tracker.is_where_it_is(tracker.see_unknown())
+    small_map(seed=2).save(kept, force=True)
+    refused, text = call("load_map")
+    assert not refused and "has grown from another one than" in text
+    graph.until(lambda: graph.diagnostics(_PART)["text"] == text, _SOON_S, "it is told")
+    assert call("save_map")[0]
+    assert call("grow", SetBool, data=True) == (True, "the map grows")
+
+    other_half = unknown_points(30, seed=9)
+    descriptors = np.concatenate([small_map().descriptors, descriptors_of(len(other_half), 9)])
+    for _ in range(5):
+        tracker.say(small_map().points_world, other_half, descriptors=descriptors)
+    graph.until(lambda: int(says("landmarks grown")) > 120, _SOON_S, "the map grows on")
+
+    # Where everything is there twice, looks tell a lost camera nothing, but the body does.
+    other = Tracker(graph, OTHER)
+    other.inform()
+    assert other.say(twins.points_world, descriptors=twins.descriptors).world_T_camera is None
+    found = []
+    while not any(found) and len(found) < 10:  # two topics need not be heard in order
+        other.expect()
+        found.append(other.is_where_it_is(other.say(twins.points_world, descriptors=twins.descriptors)))
+    assert any(found)
+    for service in ("save_map", "load_map"):
+        answer = graph.call(f"/keeps_nothing/{service}", Trigger)
+        assert (answer.success, "'grown_map' names no folder" in answer.message) == (False, True)
+    assert second.end() == 0, second.printed
+    assert ReferenceMap.load(kept).grown > 120, "it is saved before the node goes"
+    assert "Traceback" not in graph.report()
