@@ -7,6 +7,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
 from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
+from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.replay.extend import MapExtension
@@ -29,6 +32,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.growth.rounds_picture import draw_rounds
+    from bodycam_ros.mapping.coverage_picture import draw_coverage
 
     settings = pipeline_settings(arguments)
     check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))
@@ -40,14 +44,19 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.recording, arguments.map, settings, arguments.jobs, on_progress=shown_steps(bars)
         )
         extended = extension.run()
+    with shown_progress() as progress:
+        coverage = measure_coverage(extended, CoverageSettings(), progress)
+    extended = with_coverage(extended, coverage)
     recorded = "/".join(arguments.recording.resolve().parts[-2:])
     title = f"{printable(arguments.map.resolve().name)}, extended by {printable(recorded)}"
 
     def draw(folder: Path) -> None:
         draw_rounds(extension.rounds, extended, settled, folder / _PICTURE, title)
+        draw_coverage(coverage, extended, folder / COVERAGE_FILE, f"Coverage of {printable(arguments.output.name)}")
 
     extended.save(arguments.output, force=arguments.force, also=draw)
     print_rounds(extension.rounds)
+    Terminal().print("\n".join(coverage_lines(coverage, extended)), soft_wrap=True)
     Terminal().print(
         f"{extended.grown} landmarks by worn cameras and {settled} as before, {len(extended.image_names)} pictures; "
         f"written to {arguments.output}, drawn in {arguments.output / _PICTURE}",
