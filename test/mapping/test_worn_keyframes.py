@@ -29,7 +29,7 @@ def moving(path_deg: float, still: int = 0) -> FrameMotion:
     """Frames of a camera that stands still first, and then moves evenly; every fourth is sharp."""
     path = np.concatenate([np.zeros(still), np.linspace(0.0, path_deg, FRAMES - still)])
     sharpness = np.where(np.arange(FRAMES) % 4 == 0, 10.0, 4.0)
-    return FrameMotion(np.arange(FRAMES) / 30.0, sharpness, path)
+    return FrameMotion(np.arange(FRAMES) / 30.0, sharpness, path, np.zeros((FRAMES, 3)))
 
 
 def test_who_moves_more_gives_more_and_only_sharp_frames() -> None:
