@@ -1,5 +1,7 @@
 """How finely a lens shows what lies at an angle to its axis: a table that kernels look up, since a root costs more."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,3 +23,13 @@ def local_scales(camera: CameraModel) -> NDArray[np.float64]:
     across = np.stack([np.column_stack([cos, zero, -sin]), np.column_stack([zero, one, zero])], axis=-1)
     scales: NDArray[np.float64] = np.sqrt(np.abs(np.linalg.det(jacobian @ across)))
     return scales
+
+
+def scales_at(camera: CameraModel, cosines: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N,) pixels per radian at the cosines (N,) of angles to the axis."""
+    return np.asarray(np.interp(cosines, *_table(camera)), np.float64)
+
+
+@lru_cache(maxsize=64)
+def _table(camera: CameraModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.linspace(-1.0, 1.0, _SAMPLES), local_scales(camera)

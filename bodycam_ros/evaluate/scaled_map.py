@@ -30,7 +30,7 @@ def scaled_map(reference_map: ReferenceMap, landmarks: int) -> ReferenceMap:
     for number, share in enumerate(shares.tolist()):
         part = reference_map if whole else _thinned(reference_map, share)
         parts.append(_moved(part, number, _APART * number * width) if number else part)
-    return _joined(parts)
+    return replace(_joined(parts), grown=0)
 
 
 def _thinned(reference_map: ReferenceMap, landmarks: int) -> ReferenceMap:
@@ -91,6 +91,7 @@ def _joined(parts: list[ReferenceMap]) -> ReferenceMap:
         joined = replace(
             photographs[0],
             jpegs=tuple(jpeg for part in photographs for jpeg in part.jpegs),
+            camera_of_view=np.concatenate([part.camera_of_view for part in photographs]),
             world_T_camera=world_T_camera,
             observation_landmark=_numbered([part.observation_landmark for part in photographs], first_landmark),
             observation_view=_numbered([part.observation_view for part in photographs], first_view),

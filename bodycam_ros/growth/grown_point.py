@@ -11,7 +11,7 @@ from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 
 _MOST_SIGHTINGS = 10
-"""Rays that a point keeps; by then it moves no more."""
+"""Rays that a point keeps: those farthest from each other, which say most of where it is."""
 
 NO_SLOT = -1
 
@@ -69,12 +69,25 @@ class GrownPoint:
     kept_looks: Looks | None = None
 
     def see(self, one: Sighting, stamp_ns: int) -> bool:
-        """Somebody saw it; whether that is kept."""
+        """Somebody saw it; whether that is kept.
+
+        An image is one witness, however many of its features show the point.
+        """
         self.seen_ns = stamp_ns
-        if self.kept_looks is not None or len(self.sightings) >= _MOST_SIGHTINGS:
+        if self.kept_looks is not None or self.is_seen_in(one):
             return False
+        if len(self.sightings) >= _MOST_SIGHTINGS:
+            directions = np.array([own.direction for own in self.sightings])
+            cosines = np.tril(directions @ directions.T, -1)
+            if (directions @ one.direction).max() >= cosines.max():
+                return False
+            del self.sightings[int(cosines.argmax()) // len(cosines)]
         self.sightings.append(one)
         return True
+
+    def is_seen_in(self, one: Sighting) -> bool:
+        """Whether it has a sighting in the same image."""
+        return any(own.stamp_ns == one.stamp_ns and own.camera == one.camera for own in self.sightings)
 
     def looks(self, count: int) -> Looks:
         """What it looks like from the sides farthest from each other, the nearest sighting first.

@@ -62,6 +62,12 @@ class GrowthSettings:
     min_views: int = setting(
         3, unit="keyframes", limits=(2, 20), reason="two rays always nearly meet; the third tells a wrong match"
     )
+    min_lasting: float = setting(
+        0.3,
+        unit="s",
+        limits=(0.0, 60.0),
+        reason="from the first of those to the last; what several cameras see at one instant may be on its way",
+    )
     max_strikes: int = setting(
         3, limits=(1, 100), reason="images more in which a landmark was wrong than right; then it goes"
     )

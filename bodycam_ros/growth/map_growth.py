@@ -4,7 +4,7 @@ The paper matches every newly registered image with the others, triangulates, an
 fixed. Here it is done for keyframes, as they come, of all cameras in order of time.
 """
 
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -60,7 +60,7 @@ class MapGrowth:
         self._kept: deque[_Kept] = deque(maxlen=self.settings.keyframes)
         self._points: dict[int, GrownPoint] = {}
         self._next_point = 0
-        self._point_in_slot: dict[int, int] = {}
+        self._point_in_slot: OrderedDict[int, int] = OrderedDict()  # the longest unseen first
         self._next_id = [growing_map.first_id + slot for slot in range(growing_map.capacity)]
         self._never_used = 0
         self._free: list[int] = []
@@ -132,6 +132,7 @@ class MapGrowth:
             if number == NO_POINT:
                 continue
             point = self._points[number]
+            self._point_in_slot.move_to_end(point.slot)
             point.seen_ns = matches.stamp_ns
             point.strikes = point.strikes + 1 if wrong else max(-self.settings.max_strikes, point.strikes - 1)
             if point.strikes >= self.settings.max_strikes:
@@ -162,8 +163,7 @@ class MapGrowth:
             number = self._number_of(int(keyframe.landmark_ids[feature]))
             if number != NO_POINT:
                 points[feature] = number
-                if self._points[number].see(sighting(keyframe, feature), keyframe.stamp_ns):
-                    touched[number] = None
+                self._see(number, keyframe, feature, keyframe.stamp_ns, touched)
 
     def _number_of(self, landmark_id: int) -> int:
         """The point that is a landmark; ``NO_POINT`` if it has gone."""
@@ -201,14 +201,22 @@ class MapGrowth:
                 mine = its = self._next_point
                 self._points[mine] = GrownPoint(both, keyframe.stamp_ns)
                 self._next_point += 1
+                touched[mine] = None
             elif mine == NO_POINT:
                 mine = its
-                self._points[mine].see(sighting(keyframe, feature), keyframe.stamp_ns)
+                self._see(mine, keyframe, feature, keyframe.stamp_ns, touched)
             elif its == NO_POINT:
-                self._points[mine].see(sighting(partner.keyframe, other), keyframe.stamp_ns)
                 its = mine
+                self._see(its, partner.keyframe, other, keyframe.stamp_ns, touched)
             points[feature], partner.points[other] = mine, its
-            touched[mine] = None
+
+    def _see(self, number: int, keyframe: WornKeyframe, feature: int, stamp_ns: int, touched: dict[int, None]) -> None:
+        """A point is seen by a feature; whether that is news is known by then."""
+        point = self._points[number]
+        if point.slot != NO_SLOT:
+            self._point_in_slot.move_to_end(point.slot)
+        if point.see(sighting(keyframe, feature), stamp_ns):
+            touched[number] = None
 
     def _triangulate(self, numbers: list[int]) -> None:
         """Place the points that were seen anew; those that their rays contradict are none."""
@@ -223,16 +231,27 @@ class MapGrowth:
                 self._drop(number)
                 continue
             point.position = position
-            if point.slot == NO_SLOT and is_wide and len(point.sightings) >= self.settings.min_views:
+            if point.slot == NO_SLOT and is_wide and self._is_witnessed(point):
                 self._settle(number, point)
             elif point.slot != NO_SLOT:
                 self._changed[point.slot] = None
 
+    def _is_witnessed(self, point: GrownPoint) -> bool:
+        """Whether enough images saw the point, and not all of them at once."""
+        stamps_ns = [one.stamp_ns for one in point.sightings]
+        lasting_s = 1e-9 * (max(stamps_ns) - min(stamps_ns))
+        return len(stamps_ns) >= self.settings.min_views and lasting_s >= self.settings.min_lasting
+
     def _settle(self, number: int, point: GrownPoint) -> None:
-        """The point becomes a landmark of the map; where there is no room, the one that was longest unseen goes."""
-        capacity = self.map.capacity
-        if not self._free and self._never_used == capacity:
-            self._drop(min(self._point_in_slot.values(), key=lambda other: self._points[other].seen_ns))
+        """The point becomes a landmark of the map; where there is no room, the one that was longest unseen goes.
+
+        If all have been seen since, the point has to wait.
+        """
+        if not self._free and self._never_used == self.map.capacity:
+            longest_unseen = next(iter(self._point_in_slot.values()))
+            if self._points[longest_unseen].seen_ns >= point.seen_ns:
+                return
+            self._drop(longest_unseen)
         if self._free:
             point.slot = self._free.pop()
         else:

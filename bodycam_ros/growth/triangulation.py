@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 3  # the weights, which are distances, settle in two
 _LEAST_DISTANCE_M = 0.05
-_NEARLY_PARALLEL = 1e-9
+_NEARLY_PARALLEL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,15 @@ def triangulate(rays: Rays) -> Triangulated:
     """
     across = np.eye(3) - rays.directions[..., :, None] * rays.directions[..., None, :]
     weights = rays.there * rays.focal_lengths**2
+    # From the middle of the cameras, or digits would be lost far from the origin.
+    middle = np.einsum("pv,pvi->pi", rays.there, rays.centres) / rays.there.sum(axis=1)[:, None]
+    centres = rays.centres - middle[:, None]
     for _ in range(_ROUNDS):
         normal = np.einsum("pv,pvij->pij", weights, across)
-        right = np.einsum("pv,pvij,pvj->pi", weights, across, rays.centres)
+        right = np.einsum("pv,pvij,pvj->pi", weights, across, centres)
         scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
         points = np.linalg.solve(normal + _NEARLY_PARALLEL * scale * np.eye(3), right[:, :, None])[:, :, 0]
-        offsets = points[:, None] - rays.centres
+        offsets = points[:, None] - centres
         distances = np.maximum(np.linalg.norm(offsets, axis=2), _LEAST_DISTANCE_M)
         weights = rays.there * (rays.focal_lengths / distances) ** 2
     towards = offsets / distances[:, :, None]
@@ -67,4 +70,4 @@ def triangulate(rays: Rays) -> Triangulated:
     cosines = np.einsum("pvi,pwi->pvw", towards, towards)
     both = rays.there[:, :, None] & rays.there[:, None, :]
     narrowest = np.where(both, cosines, 1.0).min(axis=(1, 2))
-    return Triangulated(points, np.where(rays.there, errors, 0.0), np.arccos(np.clip(narrowest, -1.0, 1.0)))
+    return Triangulated(points + middle, np.where(rays.there, errors, 0.0), np.arccos(np.clip(narrowest, -1.0, 1.0)))

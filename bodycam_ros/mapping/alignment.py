@@ -13,6 +13,7 @@ from bodycam_ros.geometry import exp_so3, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, CornerViews, collect_corners, triangulate_corners
 from bodycam_ros.mapping.photographs import wrong_camera
+from bodycam_ros.mapping.structure import distinct
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ def align_to_board(
         raise MapError(
             f"board: only {len(seen)} of its corners can be placed from {len(tag_views)} registered photographs; "
             "take more photographs of it from different sides, near enough that a tag is 30 px or broader. If there "
-            f"are enough: {wrong_camera(taken_by[0])}"
+            f"are enough: {wrong_camera(*distinct(taken_by)[0])}"
         )
     world_points = np.array([triangulated[row] for row in seen])
     board_points = np.concatenate(list(board.corners_board.values()))[seen]
@@ -127,7 +128,7 @@ def align_to_board(
         raise MapError(
             f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
             f"photographs should show them, expected {settings.max_misfit:g} mrad at most (alignment.max_misfit). "
-            f"{wrong_camera(taken_by[0])} If it does, board.yaml may describe another board"
+            f"{wrong_camera(*distinct(taken_by)[0])} If it does, board.yaml may describe another board"
         )
     map_R_world = R.T if board.map_R_board is None else board.map_R_board @ R.T
     return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, residual)

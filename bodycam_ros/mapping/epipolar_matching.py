@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.mapping.epipolar_kernels import match_along_epipolars
 from bodycam_ros.mapping.features import ImageFeatures
@@ -87,7 +88,7 @@ def _looks(image: ImageFeatures, camera: CameraModel, pose: NDArray[np.float64])
     rows = np.flatnonzero(valid)
     return _Looks(
         rays_world=rays[rows] @ pose[:3, :3].T,
-        sizes=image.sigmas[rows].astype(np.float64) / camera.fx,
+        sizes=image.sigmas[rows] / scales_at(camera, rays[rows, 2]),
         descriptors=np.require(image.descriptors[rows], np.uint8, ("C", "W")),
         rows=rows,
         centre=pose[:3, 3],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.local_scale import local_scales
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure
 from bodycam_ros.settings import setting
@@ -86,8 +86,7 @@ def _local_scales(structure: Structure, points_camera: NDArray[np.float64]) -> N
     cosines = points_camera[:, 2] / np.linalg.norm(points_camera, axis=1)
     scales = np.empty(len(points_camera))
     for camera, seen in structure.observations_by_camera():
-        table = local_scales(camera)
-        scales[seen] = np.interp(cosines[seen], np.linspace(-1.0, 1.0, len(table)), table)
+        scales[seen] = scales_at(camera, cosines[seen])
     return scales
 
 

@@ -31,13 +31,14 @@ class LandmarkSettings:
     min_fitting: float = setting(
         0.22,
         limits=(0.0, 1.0),
-        reason="least share of matched observations that become landmarks, or there is no map; 0.7 and more with the "
-        "right camera.yaml, 0.21 and less with a focal length 20 % off",
+        reason="least share of what the largest features match that must fit, or there is no map; 0.78 and more with "
+        "the right camera.yaml, 0.19 to 0.30 with a focal length 20 % off",
     )
     doubtful_fitting: float = setting(
         0.45,
         limits=(0.0, 1.0),
-        reason="a smaller share is warned of; 0.15 to 0.33 with another lens model, 0.3 to 0.5 with fx, fy 5 % off",
+        reason="a smaller share is warned of; 0.13 to 0.32 with another lens model, with fx, fy 5 % off 0.38 in a "
+        "hundred photographs, 0.7 in thirty",
     )
     max_model_error: float = setting(
         2.0,

@@ -41,8 +41,15 @@ class Photographs:
         return str(self.folder) if self.name == self.folder.resolve().name else self.name
 
 
-def wrong_camera(camera: CameraModel) -> str:
-    """What to tell a user whose photographs contradict the intrinsics."""
+def wrong_camera(*cameras: CameraModel) -> str:
+    """What to tell a user whose photographs contradict the intrinsics of the cameras that took them."""
+    if len(cameras) > 1:
+        said = ", ".join(f"{camera.name} {camera.distortion_model} {camera.fx:.0f} px" for camera in cameras)
+        return (
+            f"Do the intrinsics belong to the cameras? They say: {said}. Another lens model, zoom or image size makes "
+            "another camera."
+        )
+    (camera,) = cameras
     return (
         f"Does {CAMERA_FILE} belong to the camera that took the photographs? It says {camera.distortion_model}, focal "
         f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."

@@ -24,7 +24,7 @@ from bodycam_ros.mapping.mutual_matches import mutual_matches
 from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
 from bodycam_ros.mapping.photographs import in_parallel, wrong_camera
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.mapping.structure import NO_FEATURE, Structure
+from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ def reconstruct(
                 "textured things from different places. Take more of them with at least half of the view in common "
                 "with the next, sharp and well lit, and check that camera.yaml belongs to the camera"
             )
-        _check_fits(coarse, camera_of_name[features[0].name], landmark_settings, workers)
+        _check_fits(coarse, distinct(list(camera_of_name.values()))[0], landmark_settings, workers)
         database = _matched_in_full(
             features, camera_of_name, coarse, pairs, epipolar_settings, scratch, workers, progress
         )
@@ -197,7 +197,9 @@ def adopt_model(
     return _coloured(_keep_seen(structure, settings), features)
 
 
-def _check_fits(model: pycolmap.Reconstruction, camera: CameraModel, settings: LandmarkSettings, workers: int) -> None:
+def _check_fits(
+    model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], settings: LandmarkSettings, workers: int
+) -> None:
     """Adjust a model, and refuse it if little of what was matched fits: with wrong intrinsics only scraps do.
 
     Errors alone do not tell, because what errs by more than ``max_error`` is left out.
@@ -215,11 +217,11 @@ def _check_fits(model: pycolmap.Reconstruction, camera: CameraModel, settings: L
         f"{settings.max_error:g} px"
     )
     if share >= settings.min_fitting:
-        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(camera))
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(*cameras))
         return
     raise MapError(
         f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
-        f"(landmarks.min_fitting). {wrong_camera(camera)}"
+        f"(landmarks.min_fitting). {wrong_camera(*cameras)}"
     )
 
 

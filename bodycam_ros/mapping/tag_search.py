@@ -5,7 +5,7 @@ of the picture as well.
 """
 
 from collections.abc import Iterator
-from functools import cache
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -50,7 +50,7 @@ def _detected(gray: Grey, dictionary: cv2.aruco.Dictionary) -> Iterator[tuple[in
         yield int(tag), np.asarray(corners, np.float64).reshape(4, 2)
 
 
-@cache
+@lru_cache(maxsize=4)  # 15 MB each; photographs come camera by camera
 def _views(camera: CameraModel) -> tuple[tuple[Array, float, NDArray[np.float32], NDArray[np.float32]], ...]:
     """Views that cover what the camera sees: camera_R_view (3, 3), focal length [px], and the maps of ``cv2.remap``."""
     border = np.array([[0, 0], [0.5, 0], [1, 0], [0, 0.5], [1, 0.5], [0, 1], [0.5, 1], [1, 1]])

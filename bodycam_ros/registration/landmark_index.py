@@ -48,10 +48,10 @@ class LandmarkIndex:
         self._words = words
         self._descriptors = as_bytes(descriptors)
         self._landmark_of_look = np.require(landmark_of_look, np.uint32, ("C", "A", "W", "E"))
-        nothing = np.zeros(0, np.int64)
-        self._looks = self._lists = nothing
         self._list_of_look = np.zeros(len(descriptors), np.int32)
-        self._sorted = self._later = _Lists.of(nothing, nothing, words.lists)
+        self._is_sorted, self._is_later = np.zeros((2, len(descriptors)), bool)
+        self._sorted = self._later = self._lists_of(self._is_sorted)
+        self._changed = False
 
     def add(self, looks: NDArray[np.int64], words: NDArray[np.int64] | None = None) -> None:
         """List looks of the table, those that it has gained or whose descriptors are others by now.
@@ -61,16 +61,10 @@ class LandmarkIndex:
             words: (N,) of their descriptors, where they are known.
         """
         descriptors = self._descriptors[looks]
-        lists = self._words.list_of(descriptors, self._words.words_of(descriptors) if words is None else words)
-        self._list_of_look[looks] = lists
-        self._looks, self._lists = np.concatenate([self._looks, looks]), np.concatenate([self._lists, lists])
-        settled = len(self._sorted.looks)
-        if len(self._looks) - settled > max(_SORTED_IN_ABOVE, settled // _SORTED_IN_SHARE) or not settled:
-            # A look that has been listed again is what it was listed as last.
-            latest = len(self._looks) - 1 - np.unique(self._looks[::-1], return_index=True)[1]
-            self._looks, self._lists = self._looks[latest], self._lists[latest]
-            self._sorted, settled = _Lists.of(self._looks, self._lists, self._words.lists), len(self._looks)
-        self._later = _Lists.of(self._looks[settled:], self._lists[settled:], self._words.lists)
+        words = self._words.words_of(descriptors) if words is None else words
+        self._list_of_look[looks] = self._words.list_of(descriptors, words)
+        self._is_later[looks] = True
+        self._changed = True
 
     def nearest(
         self, descriptors: NDArray[np.uint8], lists: int, among: NDArray[np.int64] | None = None
@@ -86,9 +80,7 @@ class LandmarkIndex:
             Rows (M,) of landmarks, -1 where there is none, and the distances (M,) to each and to the next one; those
             of nobody are beyond all others.
         """
-        parts: tuple[_Lists, ...] = (self._sorted, self._later)
-        if among is not None:
-            parts = (_Lists.of(among, self._list_of_look[among], self._words.lists),)
+        parts = self._all() if among is None else (_Lists.of(among, self._list_of_look[among], self._words.lists),)
         count = len(descriptors)
         landmarks, best, rival = np.full(count, -1), np.full(count, FARTHEST), np.full(count, FARTHEST)
         probed = self._words.lists_near(descriptors, lists)
@@ -105,3 +97,18 @@ class LandmarkIndex:
                 rival,
             )
         return landmarks, np.sqrt(best), np.sqrt(rival)
+
+    def _all(self) -> "tuple[_Lists, ...]":
+        """All looks: those that were there when they were sorted last, and those that came later, or came anew."""
+        if self._changed:
+            self._changed = False
+            self._later = self._lists_of(self._is_later)
+            if len(self._later.looks) > max(_SORTED_IN_ABOVE, len(self._sorted.looks) // _SORTED_IN_SHARE):
+                self._is_sorted |= self._is_later
+                self._is_later[:] = False
+                self._sorted, self._later = self._lists_of(self._is_sorted), self._lists_of(self._is_later)
+        return self._sorted, self._later
+
+    def _lists_of(self, listed: NDArray[np.bool_]) -> _Lists:
+        looks = np.flatnonzero(listed)
+        return _Lists.of(looks, self._list_of_look[looks], self._words.lists)

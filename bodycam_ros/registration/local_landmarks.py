@@ -13,7 +13,7 @@ from bodycam_ros.registration.local_landmark_kernels import CELL_SIZES, cells_of
 _MARGIN = 0.05  # of how far a landmark of usual size is seen: so far a camera moves before it looks around again
 _WIDER = 1.001  # of that margin, for rounding
 _MANY_LOOSE = 4096
-_LOOSE_SHARE = 8
+_LOOSE_SHARE = 32
 
 
 class LandmarkGrid:
@@ -33,20 +33,19 @@ class LandmarkGrid:
         self._is_loose = np.zeros(len(sizes), bool)
         self._loose = self._rows = self._cells = self._first_of_octave = np.zeros(0, np.int64)
         self._largest = np.zeros(0)
-        self.changes = 0
+        self.changes = self._found_loose = 0
         self._sort()
         self.usual_size = float(np.median(sizes[self._rows])) if len(self._rows) else 0.0
 
     def put(self, rows: NDArray[np.int64]) -> None:
         """Landmarks (N,) of the arrays that the grid was made with have moved, come or gone (with no size)."""
         self._is_loose[rows] = True
-        self._loose = np.unique(np.concatenate([self._loose, rows]))
         self.changes += 1
-        if len(self._loose) > max(_MANY_LOOSE, len(self._rows) // _LOOSE_SHARE):
-            self._sort()
 
     def around(self, centre: NDArray[np.float64], reach: float, margin: float) -> NDArray[np.int64]:
         """Rows (N,), ascending, of the landmarks no farther than ``reach * size + margin`` [m] from a place (3,)."""
+        if self._found_loose != self.changes:
+            self._find_loose()
         found = landmarks_around(
             as_rows(centre),
             reach,
@@ -65,6 +64,13 @@ class LandmarkGrid:
             near = (np.einsum("ij,ij->i", offsets, offsets) <= far**2) & (self._sizes[self._loose] > 0.0)
             found = np.concatenate([found, self._loose[near]])
         return np.sort(found)
+
+    def _find_loose(self) -> None:
+        """Who is not in a cell, and into cells with them where there are many."""
+        self._found_loose = self.changes
+        self._loose = np.flatnonzero(self._is_loose)
+        if len(self._loose) > max(_MANY_LOOSE, len(self._rows) // _LOOSE_SHARE):
+            self._sort()
 
     def _sort(self) -> None:
         """All landmarks into their cells."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels.kernel import as_bytes
 from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -120,7 +121,8 @@ def match_near_prediction(
     offsets = reference_map.points_world[landmark] - centre
     distances = np.sqrt(np.einsum("ij,ij->i", offsets, offsets))
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view[look], offsets) / distances
-    expected_scale = camera.fx * reference_map.descriptor_size[look] / distances
+    shown = scales_at(camera, offsets @ world_T_camera[:3, 2] / distances)
+    expected_scale = shown * reference_map.descriptor_size[look] / distances
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
     alike = (size_ratio < settings.max_size_ratio) & (size_ratio > 1 / settings.max_size_ratio)
     alike &= cosines > np.cos(np.radians(settings.max_view_angle_deg))

@@ -107,8 +107,11 @@ class Registrar:
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
-        if fit and self._doubted and self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
-            rows, fit, predicted = rows[self._carried.forget(np.ones(len(rows), bool))], None, None
+        if fit and self._doubted:
+            if self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
+                rows, fit, predicted = rows[self._carried.forget(np.ones(len(rows), bool))], None, None
+            else:
+                self._doubted = None
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(fit, predicted)
         if fit is not None:
@@ -147,7 +150,10 @@ class Registrar:
             return None
         fit = fit_pose(self.camera, self._carried.points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
         agree = fit.inliers.sum() >= self.settings.min_inliers
-        return fit if agree and np.linalg.cond(fit.information) < _DEGENERATE else None
+        if not agree or np.linalg.cond(fit.information) >= _DEGENERATE:
+            return None
+        variance = np.trace(np.linalg.inv(fit.information)[3:, 3:])
+        return fit if variance < self.settings.max_sigma**2 else None
 
     def _name_tracks(
         self, frame: TrackFrame, rows: NDArray[np.int64], pose: NDArray[np.float64], radius_px: float

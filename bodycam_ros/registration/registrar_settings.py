@@ -14,6 +14,13 @@ class RegistrarSettings:
         limits=(4, 500),
         reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
     )
+    max_sigma: float = setting(
+        0.1,
+        unit="m",
+        limits=(0.001, 10.0),
+        reason="of a pose's position, by its landmarks: a dozen in a corner of the picture let it drift by metres, and "
+        "it takes their successors along",
+    )
     max_strikes: int = setting(
         2,
         unit="frames",

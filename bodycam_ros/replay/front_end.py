@@ -62,7 +62,8 @@ def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel
     warm_up()
     shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
     with _workers(task, shares) as workers:
-        growth = _growth(task, cameras, workers)
+        listening = dict(enumerate(workers))
+        growth = _growth(task, cameras, listening)
         pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
         while pending:
             earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
@@ -75,17 +76,19 @@ def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel
                 yield item
             if following := workers[earliest].next_result():
                 pending[earliest] = following
+            else:
+                del listening[earliest]  # or what it is told would heap up until the others are done
 
 
 def _growth(
-    task: RegistrationTask, cameras: Mapping[str, CameraModel], workers: Sequence["_Worker"]
+    task: RegistrationTask, cameras: Mapping[str, CameraModel], listening: Mapping[int, "_Worker"]
 ) -> GrowthOfAll | None:
-    """The map that grows by what all workers' cameras see; None where it should not."""
+    """The map that grows by what all workers' cameras see, told to those that listen; None where it should not."""
     if not task.settings.growth.enabled:
         return None
 
     def tell(growth: Growth) -> None:
-        for worker in workers:
+        for worker in listening.values():
             worker.inbox.put(growth)
 
     return GrowthOfAll(ReferenceMap.load(task.map_path), cameras, task.settings.growth, tell)

@@ -41,7 +41,8 @@ class _Held:
 class BlindStretches:
     """Holds states back while a limb is blind, and mends them when it is seen again.
 
-    Only a limb that nothing below tells of is mended: of a thigh above a shin that is seen the joints know more.
+    Only a limb that nothing below tells of is mended: of a thigh above a shin that is seen the joints know more, and of
+    a leg whose foot a loop holds on a pedal.
 
     Args:
         body: segments and joints.
@@ -53,7 +54,7 @@ class BlindStretches:
         self._body = body
         self._longest_ns = 1e9 * longest_s
         self._turn_variance, self._guess_variance = turn_sigma**2, _GUESSED_RAD**2
-        self._below = _subtrees(body)
+        self._below = _free_limbs(body)
         self._held: list[_Held] = []
         self._seen: set[int] = set()
 
@@ -130,10 +131,11 @@ class BlindStretches:
         )
 
 
-def _subtrees(body: BodyModel) -> dict[int, list[int]]:
-    """Row of every segment but the root -> rows of it and of all below it."""
+def _free_limbs(body: BodyModel) -> dict[int, list[int]]:
+    """Row of a segment -> rows of it and of all below it; without the root, and what a loop holds."""
     below = {body.segment_index[joint.child]: [body.segment_index[joint.child]] for joint in body.tree_joints}
     for joint in reversed(body.tree_joints):
         if joint.parent != body.root:
             below[body.segment_index[joint.parent]] += below[body.segment_index[joint.child]]
-    return below
+    held = {body.segment_index[name] for joint in body.loop_joints for name in (joint.parent, joint.child)}
+    return {row: rows for row, rows in below.items() if not held.intersection(rows)}

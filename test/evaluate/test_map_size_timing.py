@@ -35,7 +35,7 @@ def test_a_scaled_map_is_a_map(reference_map: ReferenceMap, tmp_path: Path, land
     for look in range(0, len(of_look), 997):
         row = of_look[look]
         first, last = photographs.first_observation[row : row + 2]
-        towards = photographs.centres[photographs.observation_view[first:last]] - read.points_world[row]
+        towards = read.world_T_camera[photographs.observation_view[first:last], :3, 3] - read.points_world[row]
         cosines = towards @ read.descriptor_view[look] / np.linalg.norm(towards, axis=1)
         assert cosines.max() > 0.999999
 

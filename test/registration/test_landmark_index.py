@@ -80,3 +80,17 @@ def test_nobody_is_found_where_nobody_is_wanted() -> None:
         assert (rows == -1).all() and best.min() > 1e4 and rival.min() > 1e4
         index.add(np.arange(300))
     assert len(index.nearest(descriptors[:0], EVERY)[0]) == 0
+
+
+def test_looks_that_are_replaced_over_and_over_take_no_more_room() -> None:
+    """As of landmarks that are refined for an hour."""
+    descriptors, landmark = some_looks(2000)
+    index = LandmarkIndex(VisualWords.learn(descriptors), descriptors, landmark)
+    index.add(np.arange(len(descriptors)))
+    looks = np.arange(90, 390)
+    before = index.nearest(descriptors[::50], 8)
+    for _ in range(100):
+        index.add(looks)
+    for a, b in zip(before, index.nearest(descriptors[::50], 8), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert sum(len(part.looks) for part in index._all()) == len(descriptors) + len(looks)

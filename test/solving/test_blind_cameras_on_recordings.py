@@ -70,7 +70,7 @@ def walk(shared: Path) -> Walk:
     with open_recording(recorded / "bag") as recording:
         cameras = {camera: recording.camera_model(camera) for camera in recording.cameras}
     task = RegistrationTask(recorded / "bag", ROOT / "bags" / "map", PipelineSettings())
-    images = register_recording(task, list(cameras), jobs=2)
+    images = register_recording(task, cameras, jobs=2)
     truth = {}
     for path in (recorded / "truth" / "segments").glob("*.tum"):
         rows = np.loadtxt(path, comments="#")

@@ -97,6 +97,14 @@ def test_what_a_seen_limb_below_tells_is_left_alone(body) -> None:
         np.testing.assert_array_equal(a.world_T_segment, b.world_T_segment)
 
 
+def test_what_a_loop_holds_is_left_alone(body) -> None:
+    bar = Joint("bar", "trunk", "forearm", "ball", rigid(np.eye(3), np.array([0.3, 0.2, 0.1])))
+    on_bar = BodyModel("test", "trunk", body.segments, (*body.joints, bar), body.mounts)
+    forwards, both = (run(held(on_bar, s), states(body, {FOREARM}, range(BEGIN, END))) for s in (0.0, 9.0))
+    for a, b in zip(forwards, both, strict=True):
+        np.testing.assert_array_equal(a.world_T_segment, b.world_T_segment)
+
+
 def test_after_a_black_picture_only_the_way_back_is_known(body) -> None:
     black = 30
     forwards, both = (run(held(body, s), states(body, {FOREARM}, range(BEGIN, END), (black,))) for s in (0.0, 9.0))

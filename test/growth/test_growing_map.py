@@ -1,0 +1,200 @@
+"""Room behind the landmarks of a map: unseen while it is empty, and nobody takes one landmark for the one before it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from grown_room import CAMERA, keyframe, unlike
+from rolling_camera import START_NS, landmarks_ahead, map_of, track_frames, wide_camera
+
+from bodycam_ros.geometry import rigid
+from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, GrownLandmarks, growing
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.map_growth import MapGrowth
+from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
+from bodycam_ros.registration.local_landmarks import LocalLandmarks
+from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.tracking.track_frame import NO_LANDMARK
+
+CAPACITY = 6
+SETTINGS = MatchingSettings()
+
+
+@pytest.fixture
+def reference_map() -> ReferenceMap:
+    random = np.random.default_rng(3)
+    return replace(map_of(landmarks_ahead(260, random), random), descriptors=unlike(260, random))
+
+
+def grown(
+    grown_map: GrowingMap, slots: list[int], points: np.ndarray, looks: np.ndarray, turn: int = 0
+) -> GrownLandmarks:
+    """Landmarks that a camera in the origin sees; the so-manieth of their slots."""
+    count = len(slots)
+    views = np.repeat((-points / np.linalg.norm(points, axis=1)[:, None])[:, None], LOOKS, axis=1)
+    return GrownLandmarks(
+        slots=np.array(slots),
+        landmark_ids=np.array([grown_map.first_id + slot + turn * grown_map.capacity for slot in slots], np.uint32),
+        points_world=points,
+        descriptors=np.repeat(looks[:, None], LOOKS, axis=1),
+        views=views.astype(np.float32),
+        sizes=np.full((count, LOOKS), 0.1, np.float32),
+    )
+
+
+def gone(grown_map: GrowingMap, slots: list[int]) -> GrownLandmarks:
+    taken = grown(grown_map, slots, np.ones((len(slots), 3)), np.zeros((len(slots), 128), np.uint8))
+    return replace(taken, landmark_ids=np.full(len(slots), NO_LANDMARK, np.uint32))
+
+
+def all_features(points: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels, descriptors and scales with which a camera in the origin sees points (N, 3)."""
+    pixels, valid = CAMERA.project(points)
+    distances = np.linalg.norm(points, axis=1)
+    assert valid.all()
+    return pixels, looks, 0.1 * CAMERA.fx / distances
+
+
+def test_empty_slots_are_seen_by_nobody(reference_map: ReferenceMap) -> None:
+    """A camera that looks straight at where all of them are, in the origin."""
+    grown_map = growing(reference_map, CAPACITY)
+    camera = wide_camera()
+    pose = rigid(np.eye(3), np.array([0.0, 0.0, -0.5]))
+    one = keyframe("chest", 0, pose, np.zeros((1, 3)), np.zeros((1, 128), np.uint8), np.random.default_rng(0), 0.0)
+    pixels, _ = camera.project(one.bearings)
+    asked = (camera, pose, pixels, np.zeros((1, 128), np.uint8), np.ones(1), 50.0)
+    for radius_settings in (SETTINGS, replace(SETTINGS, min_visible_scale_px=0.0, max_size_ratio=10.0)):
+        assert len(match_near_prediction(grown_map, *asked, radius_settings)[0]) == 0
+    features, _ = match_by_looks(grown_map, np.zeros((3, 128), np.uint8), None, SETTINGS)
+    assert len(features) == 0
+    local = LocalLandmarks(grown_map.grid, camera.fx, 0.0)
+    assert local.around(np.zeros(3)).max() < grown_map.slots_from
+
+
+def test_what_is_found_in_the_map_is_what_was_found_before_it_had_room(reference_map: ReferenceMap) -> None:
+    grown_map = growing(reference_map, CAPACITY)
+    frames = list(track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 12))
+    settled, roomy = (Registrar(wide_camera(), of) for of in (reference_map, grown_map))
+    for frame in frames:
+        one, other = settled.register(frame), roomy.register(frame)
+        np.testing.assert_array_equal(one.landmark_ids, other.landmark_ids)
+        np.testing.assert_array_equal(one.world_T_camera, other.world_T_camera)
+        assert other.grown == 0
+    assert len(one.landmark_ids) > 50
+
+
+def test_the_given_map_stays_as_it_is(reference_map: ReferenceMap) -> None:
+    before = {name: np.copy(getattr(reference_map, name)) for name in ("landmark_ids", "points_world", "descriptors")}
+    sizes = reference_map.landmark_sizes.copy()
+    grown_map = growing(reference_map, CAPACITY)
+    points = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]])
+    grown_map.take(grown(grown_map, [0, 5], points, unlike(2, np.random.default_rng(1))))
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(reference_map, name), values)
+        np.testing.assert_array_equal(getattr(grown_map, name)[: len(values)], values)
+    np.testing.assert_array_equal(reference_map.landmark_sizes, sizes)
+    assert grown_map.first_grown == grown_map.slots_from == len(reference_map.landmark_ids)
+
+
+@pytest.mark.parametrize("asked_before", [False, True])
+def test_what_has_grown_is_found_like_any_landmark_and_not_when_it_has_gone(
+    reference_map: ReferenceMap, asked_before: bool
+) -> None:
+    """Near its place and by its looks alone, whether a camera was lost before it came or after."""
+    grown_map = growing(reference_map, CAPACITY)
+    random = np.random.default_rng(5)
+    points, looks = landmarks_ahead(40, random), unlike(40, random)
+    points = points[CAMERA.in_image(CAMERA.project(points)[0]) & (points[:, 2] > 1.0)][:4]
+    looks, slots = looks[:4], [1, 2, 4, 5]
+    if asked_before:
+        match_by_looks(grown_map, looks, None, SETTINGS)
+    grown_map.take(grown(grown_map, slots, points, looks))
+    pixels, descriptors, scales = all_features(points, looks)
+    expected = grown_map.slots_from + np.array(slots)
+    near = match_near_prediction(grown_map, CAMERA, np.eye(4), pixels, descriptors, scales, 2.0, SETTINGS)
+    np.testing.assert_array_equal(near, [np.arange(4), expected])
+    np.testing.assert_array_equal(match_by_looks(grown_map, looks, None, SETTINGS), [np.arange(4), expected])
+    assert set(expected.tolist()) <= set(LocalLandmarks(grown_map.grid, CAMERA.fx, 1.0).around(np.zeros(3)).tolist())
+    grown_map.take(gone(grown_map, [2, 5]))
+    near = match_near_prediction(grown_map, CAMERA, np.eye(4), pixels, descriptors, scales, 2.0, SETTINGS)
+    np.testing.assert_array_equal(near, [[0, 2], expected[[0, 2]]])
+    np.testing.assert_array_equal(match_by_looks(grown_map, looks, None, SETTINGS), [[0, 2], expected[[0, 2]]])
+
+
+def test_a_slot_that_is_taken_again_holds_another_landmark(reference_map: ReferenceMap) -> None:
+    grown_map = growing(reference_map, CAPACITY)
+    random = np.random.default_rng(6)
+    points, looks = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]]), unlike(2, random)
+    match_by_looks(grown_map, looks, None, SETTINGS)
+    grown_map.take(grown(grown_map, [3], points[:1], looks[:1]))
+    first_id = grown_map.landmark_ids[grown_map.slots_from + 3]
+    grown_map.take(grown(grown_map, [3], points[1:], looks[1:], turn=1))
+    second_id = grown_map.landmark_ids[grown_map.slots_from + 3]
+    assert first_id != second_id
+    rows, known = grown_map.rows_of(np.array([first_id, second_id, NO_LANDMARK, 0], np.uint32))
+    assert known.tolist() == [False, True, False, True] and rows[1] == grown_map.slots_from + 3
+    features, landmarks = match_by_looks(grown_map, looks, None, SETTINGS)
+    assert (features.tolist(), landmarks.tolist()) == ([1], [grown_map.slots_from + 3])
+
+
+def test_who_carries_a_landmark_lets_go_of_it_when_its_slot_holds_another(reference_map: ReferenceMap) -> None:
+    grown_map = growing(reference_map, CAPACITY)
+    points, looks = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]]), unlike(2, np.random.default_rng(6))
+    grown_map.take(grown(grown_map, [0, 3], points, looks))
+    (frame,) = track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 1)
+    carried = CarriedLandmarks(grown_map)
+    rows = grown_map.slots_from + np.array([0, 3])
+    carried.add(frame, np.array([2, 7]), rows, strikes=0)
+    assert carried.into(frame).tolist() == [2, 7]
+    grown_map.take(grown(grown_map, [3], points[:1], looks[:1], turn=1))
+    assert carried.into(frame).tolist() == [2] and carried.rows.tolist() == rows[:1].tolist()
+    grown_map.take(gone(grown_map, [0]))
+    assert carried.into(frame).tolist() == []
+
+
+def test_a_landmark_that_is_refined_takes_its_carriers_along(reference_map: ReferenceMap) -> None:
+    grown_map = growing(reference_map, CAPACITY)
+    points, looks = np.array([[0.0, 0.5, 3.0]]), unlike(1, np.random.default_rng(6))
+    grown_map.take(grown(grown_map, [0], points, looks))
+    (frame,) = track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 1)
+    carried = CarriedLandmarks(grown_map)
+    carried.add(frame, np.array([2]), np.array([grown_map.slots_from]), strikes=0)
+    grown_map.take(grown(grown_map, [0], points + 0.01, looks))
+    assert carried.into(frame).tolist() == [2]
+    np.testing.assert_array_equal(carried.points_world, points + 0.01)
+
+
+def test_a_registrar_goes_by_what_has_grown_alone(reference_map: ReferenceMap) -> None:
+    """All that is before the camera has grown; then half of it goes, and other things take its place."""
+    random = np.random.default_rng(7)
+    far = map_of(landmarks_ahead(20, random) + np.array([500.0, 0.0, 0.0]), random)
+    grown_map = growing(replace(far, descriptors=unlike(20, random)), len(reference_map.landmark_ids))
+    everything = list(range(len(reference_map.landmark_ids)))
+    now = grown(grown_map, everything, reference_map.points_world, reference_map.descriptors)
+    sizes = np.repeat(reference_map.descriptor_size[:, None], LOOKS, axis=1)
+    grown_map.take(replace(now, sizes=sizes))
+    registrar = Registrar(wide_camera(), grown_map)
+    frames = list(track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 20))
+    for number, frame in enumerate(frames):
+        if number == 5:
+            half = everything[::2]
+            others = grown(grown_map, half, reference_map.points_world[half] + 40.0, unlike(len(half), random), turn=1)
+            grown_map.take(others)
+        matches = registrar.register(frame)
+        assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 20
+        rows, known = grown_map.rows_of(matches.landmark_ids)
+        assert known.all()
+        if number >= 5:
+            assert set((rows - grown_map.slots_from) % 2) == {1}
+    assert frames[0].stamp_ns == START_NS
+
+
+def test_there_is_no_room_for_a_map_without_growth(reference_map: ReferenceMap, tmp_path: Path) -> None:
+    none = growing(reference_map, 0)
+    rows, known = none.rows_of(np.array([5, NO_LANDMARK, 10_000], np.uint32))
+    assert known.tolist() == [True, False, False] and rows[0] == 5
+    growth = MapGrowth(growing(reference_map, 1), {"chest": CAMERA}, GrowthSettings())
+    assert growth.landmarks == 0 and growth.take_changes() is None

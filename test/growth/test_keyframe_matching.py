@@ -1,0 +1,122 @@
+"""Which features of two keyframes are said to show one point, held to the same in NumPy and to geometry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from grown_room import CAMERA, FOCAL_PX, elsewhere, keyframe, unlike, walked, walls
+from numpy_keyframe_matching import match_keyframes_in_numpy
+
+from bodycam_ros.geometry import rigid
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.keyframe_matching import match_keyframes
+from bodycam_ros.growth.worn_keyframe import WornKeyframe
+
+SETTINGS = GrowthSettings()
+
+
+def everything(one: WornKeyframe) -> np.ndarray:
+    return np.arange(len(one.bearings))
+
+
+def pair(
+    seed: int, noise_px: float = 0.3, repeated: float = 0.0
+) -> tuple[WornKeyframe, WornKeyframe, np.ndarray, np.ndarray]:
+    """Two keyframes, and the point that each feature shows; some points may look like others."""
+    random = np.random.default_rng(seed)
+    points, looks = walls(400, random), unlike(400, random)
+    alike = np.flatnonzero(random.random(400) < repeated)
+    looks[alike] = looks[random.integers(0, 400, len(alike))]
+    shown = []
+    for number in (3 * seed, 3 * seed + 2):
+        one = keyframe("chest", number, walked(0, number), points, looks, random, noise_px)
+        shown.append(one)
+    return shown[0], shown[1], points, looks
+
+
+@pytest.mark.parametrize("repeated", [0.0, 0.6])
+@pytest.mark.parametrize("seed", range(4))
+def test_agrees_with_numpy(seed: int, repeated: float) -> None:
+    first, second, _, _ = pair(seed, noise_px=1.0, repeated=repeated)
+    some, others = everything(first)[::2], everything(second)[1::3]
+    for mine, its in ((everything(first), everything(second)), (some, everything(second)), (some, others)):
+        got = match_keyframes(first, second, mine, its, SETTINGS)
+        np.testing.assert_array_equal(got, match_keyframes_in_numpy(first, second, mine, its, SETTINGS))
+        assert len(set(got[0].tolist())) == len(set(got[1].tolist())) == len(got[0])
+    assert len(match_keyframes(first, second, everything(first), everything(second), SETTINGS)[0]) > 20
+
+
+def test_nothing_to_match() -> None:
+    first, second, _, _ = pair(0)
+    nothing = np.zeros(0, np.int64)
+    for mine, its in ((nothing, everything(second)), (everything(first), nothing), (nothing, nothing)):
+        assert [len(rows) for rows in match_keyframes(first, second, mine, its, SETTINGS)] == [0, 0]
+
+
+def single(place: tuple[float, float, float], ray: np.ndarray, look: np.ndarray) -> WornKeyframe:
+    """A keyframe with one feature, of a camera that is not turned."""
+    one = keyframe("chest", 0, np.eye(4), np.array([[0.0, 0.0, 2.0]]), look[None], np.random.default_rng(0))
+    pose = rigid(np.eye(3), np.array(place))
+    return replace(one, world_T_camera=pose, bearings=(ray / np.linalg.norm(ray))[None], descriptors=look[None])
+
+
+@pytest.mark.parametrize(
+    ("point", "meets"),
+    [
+        ((0.2, 0.1, 3.0), True),
+        ((0.2, 0.1, 1e4), True),
+        ((4.0, 0.1, 0.5), True),
+    ],
+)
+def test_a_true_pair_is_kept(point: tuple[float, float, float], meets: bool) -> None:
+    look = unlike(1, np.random.default_rng(1))[0]
+    first, second = single((0, 0, 0), np.array(point), look), single((0.5, 0, 0), np.array(point) - [0.5, 0, 0], look)
+    rows = np.zeros(1, np.int64)
+    assert len(match_keyframes(first, second, rows, rows, SETTINGS)[0]) == 1
+    assert len(match_keyframes(second, first, rows, rows, SETTINGS)[0]) == 1
+
+
+@pytest.mark.parametrize(
+    "ray",
+    [
+        np.array([-0.3, 0.1 + 3.0 * 2.5 / FOCAL_PX, 3.0]),  # beside the epipolar line by 2.5 px
+        np.array([0.3, 0.1, 3.0]),  # they part: the point would be behind both cameras
+        np.array([-0.3, -0.1, -3.0]),  # in the plane, but to its other side
+    ],
+)
+def test_a_pair_whose_rays_do_not_meet_is_none_however_alike(ray: np.ndarray) -> None:
+    look = unlike(1, np.random.default_rng(1))[0]
+    first, second = single((0, 0, 0), np.array([0.2, 0.1, 3.0]), look), single((0.5, 0, 0), ray, look)
+    rows = np.zeros(1, np.int64)
+    assert len(match_keyframes(first, second, rows, rows, SETTINGS)[0]) == 0
+    assert len(match_keyframes(second, first, rows, rows, SETTINGS)[0]) == 0
+
+
+def test_a_ray_along_the_baseline_meets_nothing() -> None:
+    look = unlike(1, np.random.default_rng(1))[0]
+    ahead = np.array([0.0, 0.0, 1.0])
+    first, second = single((0, 0, 0), ahead, look), single((0, 0, 1.0), ahead, look)
+    rows = np.zeros(1, np.int64)
+    assert len(match_keyframes(first, second, rows, rows, SETTINGS)[0]) == 0
+
+
+def test_matches_are_right_where_many_things_look_alike() -> None:
+    """Geometry tells apart what descriptors do not: half of the points share their look with another."""
+    first, second, points, _ = pair(1, repeated=0.5)
+    here, there = match_keyframes(first, second, everything(first), everything(second), SETTINGS)
+    directions = []
+    for one, rows in ((first, here), (second, there)):
+        towards = points[None] - one.world_T_camera[:3, 3]
+        towards /= np.linalg.norm(towards, axis=2, keepdims=True)
+        rays = one.bearings[rows] @ one.world_T_camera[:3, :3].T
+        directions.append(np.einsum("npi,ni->np", np.broadcast_to(towards, (len(rows), *points.shape)), rays).argmax(1))
+    assert len(here) > 40
+    assert (directions[0] == directions[1]).mean() > 0.95
+
+
+def test_the_room_is_unlike_itself() -> None:
+    """What the other tests stand on: the camera, and descriptors that are far from each other."""
+    looks = unlike(200, np.random.default_rng(0)).astype(float)
+    distances = np.linalg.norm(looks[:, None] - looks[None], axis=2) + 1e3 * np.eye(200)
+    assert distances.min() > SETTINGS.max_distance
+    assert CAMERA.width == 640 and len(elsewhere(np.random.default_rng(0)).landmark_ids) == 20

@@ -1,0 +1,288 @@
+"""What becomes a landmark, and what does not, in a room that is known."""
+
+from collections.abc import Iterable
+from copy import deepcopy
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+import pytest
+from grown_room import CAMERAS, FRAME_NS, cameras, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import inverse, rigid, transform_points
+from bodycam_ros.growth.growing_map import growing
+from bodycam_ros.growth.grown_point import GrownPoint
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.map_growth import MapGrowth
+from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.tracking.track_frame import NO_LANDMARK
+
+POINTS = 500
+SETTINGS = GrowthSettings(capacity=1000)
+
+
+def growth_by(
+    keyframes: Iterable[WornKeyframe], settings: GrowthSettings = SETTINGS, capacity: int = 1000
+) -> MapGrowth:
+    growth = MapGrowth(growing(elsewhere(np.random.default_rng(9)), capacity), cameras(), settings)
+    grow(growth, keyframes)
+    return growth
+
+
+def grow(growth: MapGrowth, keyframes: Iterable[WornKeyframe]) -> None:
+    """As the cameras of a recording make it grow: with what has grown before an instant they are registered in it."""
+    for _, instant in groupby(keyframes, key=lambda one: one.stamp_ns):
+        for one in [named(one, growth.map) for one in instant]:
+            growth.hear(matches_of(one, growth.map))
+            growth.add(one)
+        growth.take_changes()
+
+
+def room(seed: int = 0, count: int = POINTS) -> tuple[NDArray[np.float64], NDArray[np.uint8], np.random.Generator]:
+    random = np.random.default_rng(seed)
+    return walls(count, random), unlike(count, random), random
+
+
+def distances(growth: MapGrowth, truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of every landmark to the true point that is nearest [m]."""
+    found = np.array([point.position for point in growth.grown_points()])
+    return np.linalg.norm(found[:, None] - truth[None], axis=2).min(axis=1)
+
+
+@pytest.fixture(scope="module")
+def grown() -> tuple[MapGrowth, NDArray[np.float64], NDArray[np.uint8]]:
+    """The map after a walk of 20 instants."""
+    points, looks, random = room()
+    return growth_by(walk(points, looks, 20, random)), points, looks
+
+
+def test_landmarks_come_out_where_the_truth_is(grown) -> None:
+    growth, points, looks = grown
+    assert growth.landmarks > 0.6 * POINTS
+    errors = distances(growth, points)
+    assert np.median(errors) < 0.015 and np.percentile(errors, 95) < 0.07 and errors.max() < 0.2
+    # What they look like is what those points look like.
+    for point in growth.grown_points()[:50]:
+        true = looks[np.linalg.norm(points - point.position, axis=1).argmin()].astype(float)
+        assert np.linalg.norm(point.sightings[0].descriptor.astype(float) - true) < 60.0
+
+
+def test_no_landmark_is_there_twice(grown) -> None:
+    growth, points, _ = grown
+    found = np.array([point.position for point in growth.grown_points()])
+    nearest = np.linalg.norm(found[:, None] - points[None], axis=2).argmin(axis=1)
+    assert len(set(nearest.tolist())) > 0.98 * len(nearest)
+
+
+def test_a_landmark_has_the_views_the_error_and_the_angle_that_are_asked(grown) -> None:
+    growth, _, _ = grown
+    for point in growth.grown_points():
+        assert len({(s.camera, s.stamp_ns) for s in point.sightings}) == len(point.sightings) >= SETTINGS.min_views
+        towards = np.array([point.position - s.centre for s in point.sightings])
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        directions = np.array([s.direction for s in point.sightings])
+        errors_px = [
+            s.focal_length * np.linalg.norm(np.cross(d, t))
+            for s, d, t in zip(point.sightings, directions, towards, strict=True)
+        ]
+        assert max(errors_px) <= SETTINGS.max_error + 1e-9
+        assert np.degrees(np.arccos(np.clip(towards @ towards.T, -1, 1))).max() >= SETTINGS.min_angle - 1e-6
+
+
+def test_the_map_is_told_what_has_grown(grown) -> None:
+    growth, _, _ = grown
+    grown_map = growth.map
+    for point in growth.grown_points():
+        rows, known = grown_map.rows_of(np.array([point.landmark_id], np.uint32))
+        assert known[0] and rows[0] == grown_map.slots_from + point.slot
+        np.testing.assert_array_equal(grown_map.points_world[rows[0]], point.position)
+    assert (grown_map.landmark_ids[grown_map.slots_from :] != NO_LANDMARK).sum() == growth.landmarks
+    assert growth.take_changes() is None
+
+
+def test_what_moves_becomes_no_landmark() -> None:
+    """A third of the points walk along, each its own way, as fast as people do."""
+    points, looks, random = room(1)
+    ways = random.normal(size=(POINTS // 3, 3))
+    ways *= 0.3 / np.linalg.norm(ways, axis=1, keepdims=True)
+    keyframes = []
+    for number in range(20):
+        now = points.copy()
+        now[: len(ways)] += number * ways
+        for row, camera in enumerate(CAMERAS):
+            stamp_ns = 1_000_000_000 + number * FRAME_NS
+            keyframes.append(keyframe(camera, stamp_ns, walked(row, number), now, looks, random))
+    growth = growth_by(keyframes)
+    moving = [point for point in growth.grown_points() if shows(point, looks) < len(ways)]
+    # What moves along with the cameras looks like something that stands farther away.
+    assert len(moving) < 0.15 * len(ways)
+    assert np.median(distances(growth, points[len(ways) :])) < 0.02
+
+
+def shows(point: GrownPoint, looks: NDArray[np.uint8]) -> int:
+    """Which of the things a landmark looks like."""
+    descriptor = point.sightings[0].descriptor.astype(float)
+    return int(np.linalg.norm(looks.astype(float) - descriptor, axis=1).argmin())
+
+
+def test_wrong_matches_become_no_landmarks() -> None:
+    """Every point looks like two others: whatever is matched, what comes out is where something is."""
+    points, looks, random = room(2)
+    looks = looks[np.arange(POINTS) // 3]
+    growth = growth_by(walk(points, looks, 20, random))
+    assert growth.landmarks > 0.3 * POINTS
+    assert (distances(growth, points) < 0.1).mean() > 0.97
+
+
+def test_two_images_are_not_enough_and_an_image_counts_once() -> None:
+    """One image may find a thing twice, as SIFT does where its direction is not clear: that is no third witness."""
+    points, looks, random = room(3)
+    first, second = (keyframe("chest", n * FRAME_NS, walked(0, 2 * n), points, looks, random, 0.0) for n in (0, 1))
+    assert growth_by([first, second]).landmarks == 0
+    twice = {
+        name: np.repeat(getattr(second, name), 2, axis=0)
+        for name in ("bearings", "descriptors", "scales", "landmark_ids")
+    }
+    third = keyframe("hip", 2 * FRAME_NS, walked(0, 1), points, looks, random, 0.0)
+    growth = growth_by([first, replace(second, **twice)])
+    assert growth.landmarks == 0
+    growth.add(third)
+    assert growth.landmarks > 0
+
+
+def test_who_does_not_know_where_it_is_adds_nothing() -> None:
+    points, looks, random = room(4)
+    unsure = [replace(one, position_sigma=2.0 * SETTINGS.max_sigma) for one in walk(points, looks, 6, random)]
+    assert growth_by(unsure).landmarks == 0
+
+
+def seen_by(
+    growth: MapGrowth, camera: str, stamp_ns: int, world_T_camera: NDArray[np.float64], off_px: float
+) -> LandmarkMatches:
+    """What a registrar says of the landmarks before a camera, all of them seen beside where they are."""
+    points = growth.grown_points()
+    model = cameras()[camera]
+    positions = np.array([point.position for point in points]).reshape(-1, 3)
+    pixels, valid = model.project(transform_points(inverse(world_T_camera), positions))
+    seen = np.flatnonzero(valid & model.in_image(np.nan_to_num(pixels, nan=-1.0)))
+    ids = np.array([point.landmark_id for point in points], np.uint32)[seen]
+    return LandmarkMatches(
+        camera=camera,
+        stamp_ns=stamp_ns,
+        previous_stamp_ns=0,
+        track_ids=np.arange(len(seen), dtype=np.uint32),
+        landmark_ids=ids,
+        pixels=(pixels[seen] + [off_px, 0.0]).astype(np.float32),
+        points_world=positions[seen].astype(np.float32),
+        world_T_camera=world_T_camera,
+        pose_covariance=np.eye(6),
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+        grown=len(seen),
+    )
+
+
+def test_strikes_take_a_landmark_away_and_being_right_forgives_them() -> None:
+    points, looks, random = room(5)
+    growth = growth_by([])
+    for one in walk(points, looks, 8, random):
+        growth.add(one)
+    growth.take_changes()
+    pose = walked(0, 3)
+    asked = set(seen_by(growth, "chest", 0, pose, 0.0).landmark_ids.tolist())
+    others = growth.landmarks - len(asked)
+    assert len(asked) > 20 and others > 20
+    for number in range(SETTINGS.max_strikes - 1):
+        growth.hear(seen_by(growth, "chest", number, pose, 5.0))
+    growth.hear(seen_by(growth, "chest", 5, pose, 0.0))
+    growth.hear(seen_by(growth, "chest", 6, pose, 5.0))
+    assert asked <= {point.landmark_id for point in growth.grown_points()}
+    growth.hear(seen_by(growth, "chest", 7, pose, 5.0))
+    assert growth.landmarks == others
+    changes = growth.take_changes()
+    assert changes is not None and (changes.landmark_ids == NO_LANDMARK).sum() == len(asked)
+    rows, known = growth.map.rows_of(np.array(sorted(asked), np.uint32))
+    assert not known.any()
+
+
+def test_what_is_said_of_landmarks_that_have_gone_is_nothing() -> None:
+    points, looks, random = room(5)
+    growth = growth_by(walk(points, looks, 8, random))
+    before = seen_by(growth, "chest", 0, walked(0, 3), 5.0)
+    for number in range(3 * SETTINGS.max_strikes):
+        growth.hear(replace(before, stamp_ns=number))
+    reference = replace(before, landmark_ids=np.arange(len(before.landmark_ids), dtype=np.uint32) % 20)
+    growth.hear(reference)
+    growth.hear(replace(before, world_T_camera=None))
+    assert not {*before.landmark_ids.tolist()} & {point.landmark_id for point in growth.grown_points()}
+
+
+@pytest.mark.parametrize("capacity", [1, 7, 60])
+def test_there_are_never_more_than_there_is_room_for(capacity: int) -> None:
+    """Also where one image sees more than that."""
+    points, looks, random = room(6, 200)
+    growth = growth_by([], capacity=capacity)
+    for one in walk(points, looks, 25, random):
+        growth.add(one)
+        assert growth.landmarks <= capacity
+        growth.take_changes()
+    assert growth.landmarks == capacity
+    assert (distances(growth, points) < 0.2).all()
+    ids = growth.map.landmark_ids[growth.map.slots_from :]
+    assert len(set(ids.tolist())) == capacity and (ids != NO_LANDMARK).all()
+
+
+def test_the_longest_unseen_goes_first() -> None:
+    """Two rooms, one after the other: what is left is of the second."""
+    points, looks, random = room(7, 200)
+    there, other_looks = walls(200, random) + np.array([50.0, 0.0, 0.0]), unlike(200, random)
+    growth = growth_by(walk(points, looks, 12, random), capacity=80)
+    assert growth.landmarks == 80
+    later = walk(there - np.array([50.0, 0.0, 0.0]), other_looks, 12, random)
+    away = rigid(np.eye(3), np.array([50.0, 0.0, 0.0]))
+    grow(growth, [replace(o, world_T_camera=away @ o.world_T_camera, stamp_ns=o.stamp_ns + 10**11) for o in later])
+    assert growth.landmarks == 80
+    assert (distances(growth, there) < 0.2).all()
+
+
+def test_thousands_of_keyframes_take_no_more_room_than_some() -> None:
+    """A corridor without end: every room is new, and nobody comes back."""
+    random = np.random.default_rng(8)
+    settings = GrowthSettings(capacity=150, keyframes=12, partners=2)
+    growth = growth_by([], settings, capacity=150)
+    most: list[int] = []
+    points, looks = walls(40, random), unlike(40, random)
+    for place in range(250):
+        for number in range(4):
+            one = keyframe("chest", (4 * place + number) * FRAME_NS, walked(0, number % 2), points, looks, random)
+            pose = one.world_T_camera.copy()
+            pose[0, 3] += 20.0 * place + 0.2 * number
+            growth.add(replace(one, world_T_camera=pose))
+        looks = unlike(40, random)
+        most.append(len(growth._points))
+        growth.take_changes()
+    assert growth.landmarks <= 150
+    assert max(most[100:]) <= max(most[20:100]) * 1.2 + 5
+    assert max(most) < 150 + 12 * 40
+
+
+def test_grown_landmarks_that_are_recognised_are_refined(grown) -> None:
+    """From where nobody stood before; what carries the name of a landmark is a sighting of it, and no new point."""
+    growth, points, looks = deepcopy(grown)
+    random = np.random.default_rng(11)
+    before = {point.landmark_id: point.position for point in growth.grown_points()}
+    for height in (-0.9, -0.6, 0.6, 0.9):
+        pose = walked(0, 3)
+        pose[2, 3] = height
+        one = named(keyframe("chest", 10**12 + round(1e9 * height), pose, points, looks, random, 0.05), growth.map)
+        assert (one.landmark_ids != NO_LANDMARK).sum() > 50
+        growth.add(one)
+    after = {point.landmark_id: point.position for point in growth.grown_points()}
+    moved = [i for i in after if i in before and not np.array_equal(after[i], before[i])]
+    errors = [
+        np.linalg.norm(np.array([of[i] for i in moved])[:, None] - points, axis=2).min(1) for of in (before, after)
+    ]
+    assert len(moved) > 50 and np.median(errors[1]) < 0.7 * np.median(errors[0])
+    assert len(after) < 1.1 * len(before)

@@ -1,0 +1,110 @@
+"""Points from rays: where they meet, how far they miss, and how far apart they are."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bodycam_ros.growth.triangulation import Rays, triangulate
+
+FOCAL = 240.0
+Array = NDArray[np.float64]
+
+
+def rays(centres: Array, directions: Array, there: NDArray[np.bool_] | None = None) -> Rays:
+    shape = centres.shape[:2]
+    unit = directions / np.linalg.norm(directions, axis=2, keepdims=True)
+    return Rays(centres, unit, np.full(shape, FOCAL), np.ones(shape, bool) if there is None else there)
+
+
+def scene(count: int, views: int, seed: int = 0) -> tuple[Array, Array]:
+    """Points (P, 3), and for each the places (P, V, 3) that it is seen from."""
+    random = np.random.default_rng(seed)
+    return random.uniform(-2.0, 2.0, (count, 3)) + [0.0, 0.0, 5.0], random.uniform(-1.0, 1.0, (count, views, 3))
+
+
+@pytest.mark.parametrize("views", [2, 3, 8])
+def test_exact_rays_give_the_point(views: int) -> None:
+    points, centres = scene(50, views)
+    found = triangulate(rays(centres, points[:, None] - centres))
+    np.testing.assert_allclose(found.points, points, atol=1e-5)
+    assert found.errors_px.max() < 1e-3
+    towards = points[:, None] - centres
+    towards /= np.linalg.norm(towards, axis=2, keepdims=True)
+    widest = np.arccos(np.clip(np.einsum("pvi,pwi->pvw", towards, towards), -1, 1)).max(axis=(1, 2))
+    np.testing.assert_allclose(found.angles, widest, atol=1e-5)
+
+
+def test_padding_counts_for_nothing() -> None:
+    points, centres = scene(20, 5)
+    whole = triangulate(rays(centres[:, :3], points[:, None] - centres[:, :3]))
+    there = np.zeros((20, 5), bool)
+    there[:, :3] = True
+    padded_centres, padded_directions = centres.copy(), points[:, None] - centres
+    padded_centres[:, 3:], padded_directions[:, 3:] = 0.0, [0.0, 0.0, 1.0]
+    padded = triangulate(rays(padded_centres, padded_directions, there))
+    np.testing.assert_allclose(padded.points, whole.points, atol=1e-9)
+    np.testing.assert_allclose(padded.angles, whole.angles, atol=1e-9)
+    assert (padded.errors_px[:, 3:] == 0.0).all()
+
+
+def test_the_error_is_the_angle_in_pixels() -> None:
+    """Two rays pin the point, a third misses it by a known angle; it is light, so the point stays."""
+    point = np.array([0.0, 0.0, 4.0])
+    centres = np.array([[[-1.0, 0, 0], [1.0, 0, 0], [0.0, 0.0, 0.0]]])
+    directions = point - centres
+    directions[0, 2] = [0.0, 4.0 * np.tan(3.0 / FOCAL), 4.0]
+    light = rays(centres, directions)
+    weights = np.array([[1e3 * FOCAL, 1e3 * FOCAL, FOCAL]])
+    found = triangulate(Rays(light.centres, light.directions, weights, light.there))
+    np.testing.assert_allclose(found.points[0], point, atol=1e-4)
+    assert found.errors_px[0, 2] == pytest.approx(3.0, abs=0.01)
+
+
+def test_a_point_behind_a_camera_is_infinitely_wrong() -> None:
+    """The lines meet, behind the second camera."""
+    point = np.array([0.0, 0.0, 4.0])
+    centres = np.array([[[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+    directions = point - centres
+    directions[0, 1] *= -1.0
+    found = triangulate(rays(centres, directions))
+    np.testing.assert_allclose(found.points[0], point, atol=1e-6)
+    assert np.isinf(found.errors_px[0, 1]) and found.errors_px[0, 0] < 1e-3
+
+
+def test_parallel_rays_and_one_ray_twice_give_no_angle() -> None:
+    """Nothing to divide by, and nothing that would pass for a point."""
+    centres = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]])
+    directions = np.tile([0.0, 0.0, 1.0], (2, 2, 1))
+    found = triangulate(rays(centres, directions))
+    assert np.isfinite(found.points).all() and np.isfinite(found.angles).all()
+    passes = (found.errors_px.max(axis=1) <= 1.0) & (found.angles >= np.radians(2.0))
+    assert not passes.any()
+
+
+def test_agrees_with_opencv_where_pixels_err() -> None:
+    """Narrow perspective cameras, whose pixels are angles: linear triangulation is as near to the truth, not nearer."""
+    random = np.random.default_rng(2)
+    points = random.uniform(-0.5, 0.5, (300, 3)) + [0.0, 0.0, 6.0]
+    places = np.array([[-0.8, 0.0, 0.0], [0.8, 0.1, 0.0]])
+    k = np.diag([2000.0, 2000.0, 1.0])
+    pixels, directions = [], []
+    for place in places:
+        seen = points - place
+        xy = 2000.0 * seen[:, :2] / seen[:, 2:] + 0.5 * random.normal(size=(300, 2))
+        pixels.append(xy)
+        directions.append(np.column_stack([xy / 2000.0, np.ones(300)]))
+    matrices = [k @ np.column_stack([np.eye(3), -place]) for place in places]
+    homogeneous = cv2.triangulatePoints(matrices[0], matrices[1], pixels[0].T, pixels[1].T)
+    independent = (homogeneous[:3] / homogeneous[3]).T
+    found = triangulate(rays(np.tile(places, (300, 1, 1)), np.stack(directions, axis=1)))
+    errors = [np.linalg.norm(ours - points, axis=1).mean() for ours in (found.points, independent)]
+    np.testing.assert_allclose(found.points, independent, atol=0.01 * 0.05)
+    assert errors[0] < 1.01 * errors[1]
+
+
+def test_far_from_the_origin_it_is_as_exact() -> None:
+    points, centres = scene(30, 3)
+    away = np.array([2000.0, -1000.0, 50.0])
+    found = triangulate(rays(centres + away, points[:, None] - centres))
+    np.testing.assert_allclose(found.points - away, points, atol=2e-3)
