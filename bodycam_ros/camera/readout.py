@@ -26,6 +26,11 @@ class Readout:
         return self.sigma == 0.0
 
     @property
+    def in_use(self) -> float:
+        """What pixels are corrected by [s]: zero as long as it cannot be told from zero."""
+        return self.seconds if abs(self.seconds) > 2.0 * self.sigma else 0.0
+
+    @property
     def milliseconds(self) -> str:
         """For a table in [ms]."""
         return f"{1e3 * self.seconds:.1f} " + ("given" if self.is_given else f"+- {1e3 * self.sigma:.1f}")

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import log_so3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.keyframe_choice import KeyframeChoice
@@ -23,7 +22,7 @@ class RegisteredImagePose:
         world_T_camera: (4, 4).
         position_sigma: [m].
         turning: (3,) angular velocity, in camera axes [rad/s].
-        readout_time: of the rows, as far as it was known; 0 where it was not [s].
+        readout_time: of the rows [s]; 0 where it was not known.
         coverage: share of the view in which landmarks were found.
         is_absolute: whether the landmarks that the map had before are enough to register it.
     """
@@ -65,13 +64,12 @@ class RegistrationRecord:
         if matches.world_T_camera is None:
             return
         direction = -1.0 if backwards else 1.0
-        readout = matches.readout_time if np.isfinite(matches.readout_sigma) else 0.0
         pose = RegisteredImagePose(
             stamp_ns=stamp_ns,
             world_T_camera=matches.world_T_camera,
             position_sigma=float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:]))),
-            turning=direction * _turning(matches),
-            readout_time=direction * readout,
+            turning=direction * matches.turning,
+            readout_time=direction * (matches.readout.in_use if matches.readout else 0.0),
             coverage=self._views[matches.camera].coverage(matches),
             is_absolute=len(matches.landmark_ids) - matches.grown >= self._min_landmarks,
         )
@@ -129,12 +127,6 @@ class RegistrationRecord:
                     continue
             chosen.append(pose)
         return chosen
-
-
-def _turning(matches: LandmarkMatches) -> NDArray[np.float64]:
-    if not matches.rotation_inliers:
-        return np.zeros(3)
-    return log_so3(matches.current_R_previous.T) / (1e-9 * (matches.stamp_ns - matches.previous_stamp_ns))
 
 
 def _evenly(count: int, wanted: int) -> list[int]:

@@ -1,6 +1,7 @@
 """The images of a recording from its end to its start, a stretch of it in memory at a time."""
 
 from collections.abc import Collection, Iterator
+from itertools import chain
 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.video_packet import VideoPacket
@@ -37,8 +38,11 @@ def _decoded_stretch(recording: Recording, cameras: Collection[str], start_ns: i
         encoded = recording.encoded_between(cameras, from_ns, stop_ns)
         look_back_ns *= 2
     decoders = {camera: VideoDecoder() for camera in cameras}
-    decoded = [ready for image in encoded for ready in decoders[image.camera].feed(image)]
-    decoded += [ready for decoder in decoders.values() for ready in decoder.flush()]
+    decoded = chain(
+        (ready for image in encoded for ready in decoders[image.camera].feed(image)),
+        (ready for decoder in decoders.values() for ready in decoder.flush()),
+    )
+    # Frames before the stretch go at once: between keyframes there may be many.
     here = [image for image in decoded if (image.camera, image.stamp_ns) in wanted]
     return sorted(here, key=lambda image: image.stamp_ns)
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout, readout_of
+from bodycam_ros.geometry import log_so3
 
 
 @dataclass(frozen=True)
@@ -56,3 +57,12 @@ class LandmarkMatches:
     def readout(self) -> Readout | None:
         """How long the camera's rows are read out, as far as it is known by now."""
         return readout_of(self.readout_time, self.readout_sigma)
+
+    @property
+    def turning(self) -> NDArray[np.float64]:
+        """(3,) angular velocity since the image before, in camera axes [rad/s]; zero where nobody knows it."""
+        if not self.rotation_inliers:
+            return np.zeros(3)
+        since_s = 1e-9 * (self.stamp_ns - self.previous_stamp_ns)
+        turning: NDArray[np.float64] = log_so3(self.current_R_previous.T) / since_s
+        return turning

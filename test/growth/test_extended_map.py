@@ -1,0 +1,123 @@
+"""A map with what has grown: as it was before, and more behind it, which direct registration finds."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from grown_room import CAMERA, CAMERAS, cameras, elsewhere, unlike, walk, walls
+from numpy.typing import NDArray
+
+from bodycam_ros.growth.extended_map import KeptImage, extended_map
+from bodycam_ros.growth.growing_map import growing
+from bodycam_ros.growth.grown_point import GrownPoint
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.map_growth import MapGrowth
+from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.registration.map_photographs import MapPhotographs
+from bodycam_ros.registration.reference_map import ReferenceMap
+
+LOOKS = 4
+
+
+def grey(seed: int) -> bytes:
+    noise = np.random.default_rng(seed).integers(0, 256, (CAMERA.height // 8, CAMERA.width // 8), np.uint8)
+    picture = cv2.resize(noise, (CAMERA.width, CAMERA.height))
+    return bytes(cv2.imencode(".jpg", picture)[1].tobytes())
+
+
+def with_photograph(reference_map: ReferenceMap) -> ReferenceMap:
+    """The map with one picture, that shows all of it."""
+    count = len(reference_map.landmark_ids)
+    photographs = MapPhotographs(
+        jpegs=(grey(0),),
+        cameras=(CAMERA,),
+        camera_of_view=np.zeros(1, np.uint16),
+        world_T_camera=reference_map.world_T_camera,
+        observation_landmark=np.arange(count, dtype=np.uint32),
+        observation_view=np.zeros(count, np.uint16),
+        normals=np.tile(np.array([0.0, 0.0, -1.0], np.float32), (count, 1)),
+    )
+    return replace(reference_map, photographs=photographs)
+
+
+@pytest.fixture(scope="module")
+def grown() -> tuple[list[GrownPoint], list[KeptImage]]:
+    random = np.random.default_rng(0)
+    keyframes = list(walk(walls(200, random), unlike(200, random), 10, random))
+    growth = MapGrowth(growing(elsewhere(random), 1000), cameras(), GrowthSettings(capacity=1000))
+    images = []
+    for number, one in enumerate(keyframes):
+        growth.add(one)
+        images.append(KeptImage(one.camera, one.stamp_ns, one.world_T_camera, grey(number)))
+    blind = KeptImage("chest", 5, np.eye(4), grey(99))
+    return growth.grown_points(), [*images, blind]
+
+
+def extended(reference_map: ReferenceMap, points: list[GrownPoint], images: list[KeptImage]) -> ReferenceMap:
+    return extended_map(reference_map, points, images, cameras(), LOOKS, SmallPhotographSettings())
+
+
+@pytest.mark.parametrize("pictures", [True, False])
+def test_it_is_saved_and_loaded(grown, tmp_path: Path, pictures: bool) -> None:
+    points, images = grown
+    reference_map = elsewhere(np.random.default_rng(1))
+    reference_map = with_photograph(reference_map) if pictures else reference_map
+    whole = extended(reference_map, points, images)
+    whole.save(tmp_path / "map")
+    loaded = ReferenceMap.load(tmp_path / "map")
+    settled = len(reference_map.landmark_ids)
+    assert loaded.grown == len(points) > 60 and loaded.first_grown == settled
+    np.testing.assert_array_equal(loaded.points_world[settled:], [point.position for point in points])
+    for name in ("landmark_ids", "points_world", "colours"):
+        np.testing.assert_array_equal(getattr(loaded, name)[:settled], getattr(reference_map, name))
+    assert len(set(loaded.landmark_ids.tolist())) == len(loaded.landmark_ids)
+    # An image that shows no landmark is not kept.
+    assert len(loaded.image_names) == 1 + len(images) - 1 and "chest/5" not in loaded.image_names
+    assert (loaded.photographs is not None) == pictures
+
+
+def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) -> None:
+    points, images = grown
+    reference_map = with_photograph(elsewhere(np.random.default_rng(1)))
+    whole = extended(reference_map, points, images)
+    photographs, settled = whole.photographs, len(reference_map.landmark_ids)
+    assert photographs is not None
+    assert np.all(np.diff(photographs.observation_landmark.astype(int)) >= 0)
+    np.testing.assert_allclose(np.linalg.norm(photographs.normals, axis=1), 1.0, atol=1e-5)
+    for number, point in enumerate(points):
+        row = settled + number
+        views = photographs.observation_view[photographs.observation_landmark == row]
+        assert {whole.image_names[view] for view in views} == {f"{s.camera}/{s.stamp_ns}" for s in point.sightings}
+        looks = whole.descriptors[whole.descriptor_landmark == row]
+        assert len(looks) == min(LOOKS, len(point.sightings))
+        assert {look.tobytes() for look in looks} <= {s.descriptor.tobytes() for s in point.sightings}
+        for view in views:
+            camera = photographs.cameras[photographs.camera_of_view[view]]
+            seen = whole.world_T_camera[view]
+            pixel, valid = camera.project(((point.position - seen[:3, 3]) @ seen[:3, :3])[None])
+            assert valid[0] and camera.in_image(pixel)[0]
+            towards = seen[:3, 3] - point.position
+            assert photographs.normals[row] @ towards > -0.5 * np.linalg.norm(towards)
+
+
+def test_it_can_be_extended_again(grown) -> None:
+    points, images = grown
+    once = extended(with_photograph(elsewhere(np.random.default_rng(1))), points[:50], images)
+    twice = extended(once, points[50:], images)
+    assert twice.grown == len(points) and twice.first_grown == 20
+    assert len(set(twice.landmark_ids.tolist())) == len(twice.landmark_ids)
+    assert twice.photographs is not None and len(twice.photographs.cameras) == 1 + 2 * len(CAMERAS)
+
+
+def test_nothing_that_has_grown_changes_nothing(grown, tmp_path: Path) -> None:
+    _, images = grown
+    reference_map = with_photograph(elsewhere(np.random.default_rng(1)))
+    same = extended(reference_map, [], images)
+    same.save(tmp_path / "map")
+    loaded = ReferenceMap.load(tmp_path / "map")
+    assert loaded.grown == 0 and loaded.image_names == reference_map.image_names
+    for name in ("landmark_ids", "points_world", "descriptors", "descriptor_landmark", "world_T_camera"):
+        ours: NDArray[np.generic] = getattr(loaded, name)
+        np.testing.assert_array_equal(ours, getattr(reference_map, name))

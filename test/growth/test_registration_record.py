@@ -1,0 +1,133 @@
+"""What became of the images of a recording: the best of all rounds, in the recording's own time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rolling_camera import START_NS, landmarks_ahead, map_of, rolling_pixels, swinging, track_frames, wide_camera
+
+from bodycam_ros.camera.readout import Readout
+from bodycam_ros.geometry import inverse, log_so3, transform_points
+from bodycam_ros.growth.extension_settings import ExtensionSettings
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.registration_record import RegistrationRecord
+from bodycam_ros.growth.worn_keyframe import worn_keyframe
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.registration.rolling_shutter import steady_pixels
+
+CAMERA = wide_camera()
+READOUT_S = 0.012
+LEAST = 12
+
+
+def record_of(cameras: tuple[str, ...] = ("wide",)) -> RegistrationRecord:
+    return RegistrationRecord(dict.fromkeys(cameras, CAMERA), GrowthSettings(), LEAST)
+
+
+def matches(
+    stamp_ns: int, camera: str = "wide", place: float = 0.0, sigma: float = 0.005, landmarks: int = 20, grown: int = 0
+) -> LandmarkMatches:
+    pose = np.eye(4)
+    pose[0, 3] = place
+    return LandmarkMatches(
+        camera=camera,
+        stamp_ns=stamp_ns,
+        previous_stamp_ns=0,
+        track_ids=np.arange(landmarks, dtype=np.uint32),
+        landmark_ids=np.arange(landmarks, dtype=np.uint32),
+        pixels=np.full((landmarks, 2), 300.0, np.float32),
+        points_world=np.zeros((landmarks, 3), np.float32),
+        world_T_camera=pose,
+        pose_covariance=np.eye(6) * sigma**2,
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+        grown=grown,
+    )
+
+
+def lost(stamp_ns: int, camera: str = "wide") -> LandmarkMatches:
+    return replace(matches(stamp_ns, camera, landmarks=0), world_T_camera=None)
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_camera_with_rolling_rows_that_is_registered_backwards(given: bool) -> None:
+    """Its rows are read from the bottom up then; the record says how they are read in the recording's time."""
+    random = np.random.default_rng(3)
+    around = map_of(landmarks_ahead(260, random), random)
+    # Mirrored time: the rows come the other way, as in an image of a camera that reads them from the bottom up.
+    known = Readout(-READOUT_S, 0.0) if given else None
+    registrar = Registrar(CAMERA, around, readout=known)
+    record, images = record_of(), 60 if given else 120
+    end_ns = START_NS + 10_000_000_000
+    for frame in track_frames(CAMERA, around, np.random.default_rng(4), -READOUT_S, images):
+        record.add(registrar.register(frame), end_ns - frame.stamp_ns, backwards=True)
+    # In order of the recording's time: the first poses are those that were registered last.
+    for pose in list(record.poses("wide"))[:10]:
+        mirrored_s = 1e-9 * (end_ns - pose.stamp_ns - START_NS)
+
+        def real(seconds: np.ndarray, mirrored_s: float = mirrored_s) -> np.ndarray:
+            return swinging(mirrored_s - seconds)
+
+        assert pose.readout_time == pytest.approx(READOUT_S, abs=1e-12 if given else 1.5e-3)
+        now, after = real(np.array([0.0, 1e-3]))
+        np.testing.assert_allclose(pose.turning, log_so3(now[:3, :3].T @ after[:3, :3]) / 1e-3, atol=0.35)
+        shown, visible = rolling_pixels(CAMERA, around.points_world, real, 0.0, READOUT_S)
+        at_once, _ = CAMERA.project(transform_points(inverse(now), around.points_world))
+        near = visible & (np.abs(shown - [320.0, 240.0]).max(axis=1) < 200.0)
+        steady = steady_pixels(CAMERA, shown[near], pose.turning, pose.readout_time)
+        rolled_px = np.median(np.linalg.norm(shown[near] - at_once[near], axis=1))
+        left_px = np.median(np.linalg.norm(steady - at_once[near], axis=1))
+        assert left_px < max(0.5 * rolled_px, 0.4)
+
+
+def test_a_readout_time_that_is_not_known_moves_no_rays() -> None:
+    random = np.random.default_rng(3)
+    around = map_of(landmarks_ahead(260, random), random)
+    frames = list(track_frames(CAMERA, around, np.random.default_rng(4), 0.0, 11))
+    registrar = Registrar(CAMERA, around)
+    said = [registrar.register(frame) for frame in frames]
+    now = replace(said[10], readout_time=0.004, readout_sigma=0.003)
+    keyframe = worn_keyframe(CAMERA, frames[10], now)
+    assert keyframe is not None
+    bearings, in_view = CAMERA.unproject(frames[10].pixels[frames[10].described.astype(int)])
+    np.testing.assert_array_equal(keyframe.bearings, bearings[in_view])
+    known = worn_keyframe(CAMERA, frames[10], replace(now, readout_sigma=0.0005))
+    assert known is not None and not np.allclose(known.bearings, bearings[in_view], atol=1e-4)
+
+
+def test_of_several_rounds_the_best_counts_and_nothing_is_forgotten() -> None:
+    record = record_of()
+    for stamp_ns in range(4):
+        record.add(matches(stamp_ns, place=1.0, sigma=0.01) if stamp_ns < 2 else lost(stamp_ns), stamp_ns, False)
+    assert record.share("wide") == record.share_of_all == 0.5
+    record.add(matches(0, place=2.0, sigma=0.02), 0, True)
+    record.add(matches(0, place=3.0, sigma=0.005), 1, True)
+    record.add(matches(0, place=4.0, landmarks=20, grown=15), 2, True)
+    record.add(lost(0), 3, True)
+    assert [pose.world_T_camera[0, 3] for pose in record.poses("wide")] == [1.0, 3.0, 4.0]
+    assert record.share_of_all == 0.75 and record.absolute_share == 0.5
+    assert record.places("wide").shape == (3, 3)
+
+
+def test_without_images_there_are_no_shares() -> None:
+    record = record_of(("left", "right"))
+    assert record.share("left") == record.share_of_all == record.absolute_share == 0.0
+    assert record.places("right").shape == (0, 3)
+    assert record.keyframes(ExtensionSettings()) == {"left": [], "right": []}
+
+
+def test_keyframes_are_apart_show_what_is_new_and_are_no_more_than_asked() -> None:
+    record, settings = record_of(("left", "right")), ExtensionSettings(keyframes=10)
+    for number in range(300):
+        record.add(matches(number, "left", place=0.05 * number), number, False)
+        record.add(matches(number, "right", place=0.0), number, False)
+    chosen = record.keyframes(replace(settings, keyframes=1000))
+    assert len(chosen["right"]) == 1
+    steps = np.diff([pose.world_T_camera[0, 3] for pose in chosen["left"]])
+    assert len(steps) > 80 and steps.min() > GrowthSettings().keyframe_step
+    few = record.keyframes(settings)
+    assert sum(map(len, few.values())) <= 10 and len(few["left"]) >= 9
+    unsure = record_of()
+    unsure.add(matches(0, sigma=0.1), 0, False)
+    assert unsure.keyframes(settings) == {"wide": []}
