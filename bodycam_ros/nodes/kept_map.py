@@ -54,6 +54,7 @@ class KeptMap:
         self._saved_s = time.monotonic()
         self._failure = ""
         self._is_urgent = self._is_answer = False
+        self._told = ""
         self._saving: _Beside[int] | None = None
         self._loading: _Beside[GrownLandmarks] | None = None
         self._save = LaterService(node, "~/save_map", lambda: self._start(self._save))
@@ -145,7 +146,7 @@ class KeptMap:
             self._loading = _Beside(lambda: load_growth(path, self._reference_map, self._map_path))
         elif self._save.is_asked or (due and self._is_changed):
             changes, settled = self._growth.changes, self._growth.map.settled()
-            self._is_urgent, self._is_answer = False, self._save.is_asked
+            self._is_urgent, self._is_answer, self._told = False, self._save.is_asked, self._saved
 
             def save() -> int:
                 settled.save(path, force=True)
@@ -162,7 +163,7 @@ class KeptMap:
             self._saved_changes = done.result
         # Who asked while it was being written wants what has grown since then as well.
         if self._is_answer:
-            self._save.answer(not done.failure, done.failure or self._saved)
+            self._save.answer(not done.failure, done.failure or self._told)
 
     def _finish_loading(self) -> None:
         if self._loading is None or self._loading.is_alive():

@@ -57,6 +57,7 @@ class Registration(StageNode[RegistrationParameters]):
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
+        self._searched_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
         self._waiting_since_s: dict[str, float] = {}
         self._read: set[str] = set()
@@ -97,6 +98,7 @@ class Registration(StageNode[RegistrationParameters]):
                 partial(self._on_expected, camera),
                 reliable(1),
             )
+            self.subscription("std_msgs/msg/Header", f"{camera}/doubt", partial(self._on_doubt, camera), reliable(1))
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
@@ -137,6 +139,7 @@ class Registration(StageNode[RegistrationParameters]):
         self._registrars[camera] = registrar(model, self._growth.map, self.settings, known)
         self._growth.begin(camera, model)
         self._described.discard(camera)
+        self._searched_ns.pop(camera, None)
 
     def _on_timing(self, camera: str, message: Message) -> None:
         """Camera and body may both say how long the rows are read out; the better known counts."""
@@ -155,6 +158,14 @@ class Registration(StageNode[RegistrationParameters]):
         """Where the body has a camera."""
         if camera in self._registrars:
             self._registrars[camera].expect(stamp_ns(message.header.stamp), *pose_and_covariance(message.pose))
+
+    def _on_doubt(self, camera: str, message: Message) -> None:
+        """The body contradicts the registration of an image, unless the camera has searched anew since then."""
+        doubted_ns, latest_ns = stamp_ns(message.stamp), self._latest_ns.get(camera, 0)
+        if camera in self._registrars and self._searched_ns.get(camera, 0) < doubted_ns <= latest_ns:
+            self._searched_ns[camera] = latest_ns
+            self._registrars[camera].doubt(doubted_ns)
+            self._want_keyframe(camera)
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:

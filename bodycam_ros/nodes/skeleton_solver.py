@@ -16,10 +16,10 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import verdict_health
-from bodycam_ros.messages.pose import stamped_pose_message
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
+from bodycam_ros.nodes.body_hints import BodyHints
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
@@ -33,8 +33,7 @@ from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.nodes.timing_topics import TimingTopics
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_state import BodyOutput, BodyState
-from bodycam_ros.solving.expected_cameras import ExpectedCameras
+from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.verdict.judge import LiveVerdict
 
 _LOOK_S = 0.5
@@ -44,7 +43,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
     """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first; later ones join.
 
     With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
-    Where most cameras go back in time, the body begins anew there. Cameras that are lost hear where the body has them.
+    Where most cameras go back in time, the body begins anew there. Registrations hear what it knows of their cameras.
     """
 
     def __init__(self) -> None:
@@ -56,7 +55,6 @@ class SkeletonSolver(StageNode[SolverParameters]):
         carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
         self._verdict: LiveVerdict | None = None
-        self._expected: ExpectedCameras | None = None
         self._started = False
         self._waiting: list[LandmarkMatches] = []
         self._most_waiting = STAGE_DEPTH * len(carried)
@@ -64,12 +62,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._first_info_s: float | None = None
         self._flushed = True
         self._timings = TimingTopics(self, carried)
-        self._expectations = {
-            camera: self.publisher(
-                "geometry_msgs/msg/PoseWithCovarianceStamped", f"{camera}/expected_pose", reliable(1)
-            )
-            for camera in carried
-        }
+        self._hints = BodyHints(self, carried)
         for camera in carried:
             on_landmarks = partial(self._on_landmarks, camera)
             self.subscription(
@@ -140,7 +133,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._pipeline = SkeletonPipeline(
                 self._body, self._cameras.models, self.settings, live=True, on_corrected=self._on_corrected
             )
-            self._expected = ExpectedCameras(self._body)
+            self._hints.begin(self._body)
             self._judge_anew()
 
     def _judge_anew(self) -> None:
@@ -160,8 +153,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._calibration.add(matches)
         if self._pipeline is not None:
             begun = self.moments.now()
-            if self._expected is not None:
-                self._expected.hear(matches)
+            self._hints.hear(matches)
             self._publish(self._pipeline.add(matches), begun)
 
     def _on_corrected(self, matches: LandmarkMatches) -> None:
@@ -220,18 +212,11 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 if begun is not None:
                     self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, begun)
                     self.moments.note(Moment.SOLVED, "", output.state.stamp_ns)
-            self._expect_cameras(output.state)
+            if self._pipeline is not None:
+                self._hints.tell(output.state, self._pipeline)
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)
-
-    def _expect_cameras(self, state: BodyState) -> None:
-        """Tell the registrations of lost cameras where the body has them."""
-        if self._expected is None or self._pipeline is None:
-            return
-        for expected in self._expected.of(state, self._pipeline.instants.watch.clocks):
-            message = stamped_pose_message(self.make, expected.stamp_ns, expected.world_T_camera, expected.covariance)
-            self._expectations[expected.camera].publish(message)
 
     def health(self) -> list[Health]:
         """How the body and its cameras fared in the last second."""

@@ -1,6 +1,6 @@
 """A registration whose map grows: after a crash it goes on from what was saved, and its services do as they say.
 
-Beside it one that keeps nothing, and finds a lost camera where the body has it.
+Beside it one that keeps nothing, and hears where the body has a lost camera, and that it contradicts one.
 """
 
 import signal
@@ -12,6 +12,7 @@ from known_keyframes import FRAME_NS, K, descriptors_of, place, small_map, track
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.messages.header import header_message
 from bodycam_ros.messages.pose import stamped_pose_message
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.nodes.graph import NodeProcess
@@ -32,6 +33,7 @@ class Tracker:
         from bodycam_ros.nodes.message_classes import node_messages
 
         self._graph, self._make, self._camera = graph, node_messages(), camera
+        self._doubts = graph.publisher(f"/{camera.name}/doubt", "std_msgs/msg/Header")
         self._expectations = graph.publisher(
             f"/{camera.name}/expected_pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
         )
@@ -39,11 +41,12 @@ class Tracker:
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
         self._tracks = graph.publisher(f"/{camera.name}/tracks", "bodycam_msgs/msg/FeatureTracks")
         self._infos = graph.publisher(f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo")
+        self._said = (self._tracks, self._infos, self._expectations, self._doubts)
         self._number = 0
 
     def readers(self) -> int:
         """Of what it says; who was killed counts for some seconds more."""
-        return min(each.get_subscription_count() for each in (self._tracks, self._infos, self._expectations))
+        return min(each.get_subscription_count() for each in self._said)
 
     def inform(self, readers_before: int = 0) -> None:
         self._graph.until(lambda: self.readers() > readers_before, _START_S, "the registration listens")
@@ -76,6 +79,10 @@ class Tracker:
         covariance = np.diag(np.repeat([0.01, 0.01], 3) ** 2)
         stamp_ns = (self._number + 1) * FRAME_NS
         self._expectations.publish(stamped_pose_message(self._make, stamp_ns, place(self._number), covariance))
+
+    def doubt(self) -> None:
+        """Say that the latest registration is wrong."""
+        self._doubts.publish(header_message(self._make, self._number * FRAME_NS, "map"))
 
     def see_all(self) -> LandmarkMatches:
         reference_map = small_map()
@@ -166,6 +173,12 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
         other.expect()
         found.append(other.is_where_it_is(other.say(twins.points_world, descriptors=twins.descriptors)))
     assert any(found)
+    # And whom the body contradicts searches anew, but not at the same place for a while.
+    lost = []
+    while not any(lost) and len(lost) < 10:
+        other.doubt()
+        lost.append(other.say(twins.points_world, descriptors=twins.descriptors).world_T_camera is None)
+    assert any(lost)
     for service in ("save_map", "load_map"):
         answer = graph.call(f"/keeps_nothing/{service}", Trigger)
         assert (answer.success, "'grown_map' names no folder" in answer.message) == (False, True)

@@ -14,13 +14,14 @@ from two_cameras import write_body
 from bodycam_ros.body import body_file
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import inverse, log_se3, rigid
+from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 FRAME_NS = 33_333_333
@@ -71,13 +72,21 @@ class Cameras:
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
 
     def publish(
-        self, frames: range, *cameras: str, off_ns: Mapping[str, int] = MappingProxyType({}), lost: str = ""
+        self,
+        frames: range,
+        *cameras: str,
+        off_ns: Mapping[str, int] = MappingProxyType({}),
+        lost: str = "",
+        wrong: str = "",
     ) -> None:
         for matches in _registrations(self.body, frames):
             if not cameras or matches.camera in cameras:
                 off = off_ns.get(matches.camera, 0)
                 previous = matches.previous_stamp_ns + off if matches.previous_stamp_ns else 0
                 stamped = replace(matches, stamp_ns=matches.stamp_ns + off, previous_stamp_ns=previous)
+                if matches.camera == wrong:
+                    away = np.array([0.2, 0.3, 0.0, 0.4, 0.2, 0.3])
+                    stamped = replace(stamped, world_T_camera=matches.world_T_camera @ exp_se3(away))
                 if matches.camera == lost:
                     stamped = replace(stamped, world_T_camera=None, pose_covariance=np.full((6, 6), np.nan))
                 self._registrations[matches.camera].publish(landmarks_message(self._make, stamped))
@@ -176,15 +185,23 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     assert "Traceback" not in cameras.solver.printed
 
 
-def test_a_clock_that_is_off_is_learned_and_told(graph: Any, tmp_path: Path) -> None:
-    cameras = Cameras(graph, write_body(tmp_path / "body.yaml"))
-    left, right = cameras.body.mounts
+def test_a_clock_that_is_off_is_learned_and_told_and_a_wrong_camera_is_doubted(graph: Any, tmp_path: Path) -> None:
+    cameras = Cameras(graph, write_body(tmp_path / "body.yaml", "odd", "spare"))
+    left, right, odd, spare = cameras.body.mounts
+    doubts = {camera: f"/{camera}/doubt" for camera in cameras.body.mounts}
+    graph.listen(dict.fromkeys(doubts.values(), "std_msgs/msg/Header"))
     topic = f"/{right}/timing"
     graph.listen({topic: "bodycam_msgs/msg/CameraTiming"})
-    cameras.inform(left, right)
+    cameras.inform(left, right, odd, spare)
     for frame in range(0, 420, 60):
-        cameras.publish(range(frame, frame + 60), off_ns={right: 12_000_000})
+        wrong = odd if frame == 360 else ""
+        cameras.publish(range(frame, frame + 60), off_ns={right: 12_000_000}, wrong=wrong)
         graph.until(lambda: cameras.solved()[-1:] > [frame + 40], _SOON_S, "the body keeps up")  # noqa: B023
+
+    graph.until(lambda: graph.heard[doubts[odd]], _SOON_S, "a camera that others contradict is doubted")
+    first = (stamp_ns(graph.messages(doubts[odd])[0].stamp) - START_NS) / FRAME_NS
+    assert 360 + TrustSettings().doubt_after / (1e-9 * FRAME_NS) <= first + 0.5 < 380
+    assert [camera for camera, topic in doubts.items() if graph.heard[topic]] == [odd]
 
     def ahead_ms() -> list[float]:
         return [float(r["clock ahead by [ms]"]) for r in cameras.reports(f"camera {right}") if "sigma" in str(r)]
