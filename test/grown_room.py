@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rolling_camera import map_of, wide_camera
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -23,6 +24,7 @@ FOCAL_PX = float(np.sqrt(CAMERA.fx * CAMERA.fy))
 CAMERAS = ("chest", "hip", "shin")
 FRAME_NS = 400_000_000
 _HALF_M = 3.0
+_SIZE_M = 0.03  # of features
 _LEAST_DEPTH_M = 0.3
 
 
@@ -88,7 +90,7 @@ def keyframe(
         focal_length=FOCAL_PX,
         bearings=bearings,
         descriptors=np.clip(looks, 0, 255).astype(np.uint8),
-        scales=np.full(len(seen), 3.0, np.float32),
+        sizes=_SIZE_M / np.linalg.norm(points_camera[seen], axis=1),
         landmark_ids=np.full(len(seen), NO_LANDMARK, np.uint32),
     )
 
@@ -107,8 +109,9 @@ def named(one: WornKeyframe, grown_map: ReferenceMap) -> WornKeyframe:
     """The keyframe with the landmarks that its features show, as a registrar names them."""
     pixels, _ = CAMERA.project(one.bearings)
     matching = MatchingSettings()
+    scales = one.sizes * scales_at(CAMERA, one.bearings[:, 2])
     features, landmarks = match_near_prediction(
-        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, one.scales, matching.radius_px, matching
+        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, scales, matching.radius_px, matching
     )
     ids = one.landmark_ids.copy()
     ids[features] = grown_map.landmark_ids[landmarks]

@@ -125,7 +125,7 @@ def keyframes(
                 focal_length=camera.fx,
                 bearings=seen / np.linalg.norm(seen, axis=1, keepdims=True),
                 descriptors=descriptors_of(len(points), seed),
-                scales=np.full(len(points), 2.0, np.float32),
+                sizes=np.full(len(points), 2.0 / camera.fx),
                 landmark_ids=np.full(len(points), NO_LANDMARK, np.uint32),
             )
         )

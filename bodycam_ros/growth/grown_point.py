@@ -29,7 +29,7 @@ class Sighting:
     direction: NDArray[np.float64]
     focal_length: float
     descriptor: NDArray[np.uint8]
-    scale: float
+    size: float
 
 
 def sighting(keyframe: WornKeyframe, feature: int) -> Sighting:
@@ -42,7 +42,7 @@ def sighting(keyframe: WornKeyframe, feature: int) -> Sighting:
         direction=world_T_camera[:3, :3] @ keyframe.bearings[feature],
         focal_length=keyframe.focal_length,
         descriptor=keyframe.descriptors[feature],
-        scale=float(keyframe.scales[feature]),
+        size=float(keyframe.sizes[feature]),
     )
 
 
@@ -111,7 +111,7 @@ class GrownPoint:
         for row in range(count):
             chosen = self.sightings[which]
             descriptors[row], views[row] = chosen.descriptor, towards[which]
-            sizes[row] = chosen.scale * distances[which] / chosen.focal_length
+            sizes[row] = chosen.size * distances[which]
             cosines = np.maximum(cosines, towards @ towards[which])
             which = int(cosines.argmin())
         return descriptors, views, sizes

@@ -42,5 +42,4 @@ def _looks(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
     """Rays (N, 3) in some axes, sizes (N,) [rad] and descriptors (N, 128) of features."""
     rays = keyframe.bearings[rows] @ keyframe.world_T_camera[:3, :3].T @ axes_world.T
-    sizes = keyframe.scales[rows].astype(np.float64) / keyframe.focal_length
-    return as_rows(rays), sizes, as_bytes(keyframe.descriptors[rows])
+    return as_rows(rays), keyframe.sizes[rows], as_bytes(keyframe.descriptors[rows])

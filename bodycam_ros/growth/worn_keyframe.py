@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.rolling_shutter import steady_pixels
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
@@ -23,7 +24,7 @@ class WornKeyframe:
         focal_length: pixels per radian on its axis [px].
         bearings: (N, 3) unit rays to the features, in the camera.
         descriptors: (N, 128) uint8 RootSIFT.
-        scales: (N,) sigma [px].
+        sizes: (N,) sigma, as the angle that it covers [rad].
         landmark_ids: (N,) uint32 landmarks that the features show; ``NO_LANDMARK``: none that is known.
     """
 
@@ -34,7 +35,7 @@ class WornKeyframe:
     focal_length: float
     bearings: NDArray[np.float64]
     descriptors: NDArray[np.uint8]
-    scales: NDArray[np.float32]
+    sizes: NDArray[np.float64]
     landmark_ids: NDArray[np.uint32]
 
 
@@ -63,6 +64,6 @@ def worn_keyframe(camera: CameraModel, frame: TrackFrame, matches: LandmarkMatch
         focal_length=float(np.sqrt(camera.fx * camera.fy)),
         bearings=bearings[in_view],
         descriptors=frame.descriptors[in_view],
-        scales=frame.scales[in_view],
+        sizes=frame.scales[in_view] / scales_at(camera, bearings[in_view, 2]),
         landmark_ids=ids[in_view],
     )

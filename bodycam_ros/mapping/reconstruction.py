@@ -58,12 +58,14 @@ def reconstruct(
                 advance()
         pairs = promising_pairs(np.array(counts), pair_settings)
 
-        coarse = None
-        for count in (pair_settings.registering_features, max(len(image.pixels) for image in features)):
-            coarse = _coarse_model(features, camera_of_name, pairs, count, pair_settings, scratch, workers, progress)
-            if coarse is not None and 2 * coarse.num_reg_images() > len(features):
+        coarse, registered = None, 0
+        most = max(len(image.pixels) for image in features)
+        for count in sorted({min(pair_settings.registering_features, most), most}):
+            model = _coarse_model(features, camera_of_name, pairs, count, pair_settings, scratch, workers, progress)
+            if model is not None and model.num_reg_images() > registered:
+                coarse, registered = model, model.num_reg_images()
+            if 2 * registered > len(features):
                 break
-        registered = 0 if coarse is None else coarse.num_reg_images()
         if coarse is None or registered < 2:
             raise MapError(
                 f"{registered} of {len(features)} photographs register; a map needs two or more that see the same "

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.extended_map import KeptImage, extended_map
@@ -221,6 +222,6 @@ class MapExtension:
             focal_length=float(np.sqrt(camera.fx * camera.fy)),
             bearings=bearings[in_view],
             descriptors=found.descriptors[in_view],
-            scales=found.scales[in_view],
+            sizes=found.scales[in_view] / scales_at(camera, bearings[in_view, 2]),
             landmark_ids=ids[in_view],
         )

@@ -143,8 +143,10 @@ def test_two_images_are_not_enough_and_an_image_counts_once() -> None:
     assert growth_by([first, second]).landmarks == 0
     twice = {
         name: np.repeat(getattr(second, name), 2, axis=0)
-        for name in ("bearings", "descriptors", "scales", "landmark_ids")
+        for name in ("bearings", "descriptors", "sizes", "landmark_ids")
     }
+    # As by another orientation.
+    twice["descriptors"][1::2] = np.roll(twice["descriptors"][1::2], 40, axis=1)
     third = keyframe("hip", 2 * FRAME_NS, walked(0, 1), points, looks, random, 0.0)
     growth = growth_by([first, replace(second, **twice)])
     assert growth.landmarks == 0
