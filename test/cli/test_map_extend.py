@@ -36,16 +36,14 @@ def stretch(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_altered_sample(sample, tmp_path_factory.mktemp("stretch") / "bag", cameras=CAMERAS, frames=45)
 
 
-def run(*arguments: object, **changes: object) -> "subprocess.CompletedProcess[str]":
+def run(*arguments: object) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-m", "bodycam_ros.cli.main", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
 def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: Path) -> None:
-    config = tmp_path / "config.yaml"
-    config.write_text("extend:\n  rounds: 2\n")
     out = tmp_path / "longer"
-    done = run("map", "extend", part, stretch, "-o", out, "--jobs", 2, "--config", config)
+    done = run("map", "extend", part, stretch, "-o", out, "--jobs", 2, "--extend.rounds", 2)
     assert done.returncode == 0, done.stderr
     assert "registered by then" in done.stdout and "thigh_left" in done.stdout
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
@@ -95,10 +93,8 @@ def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(part: P
 def test_a_map_without_photographs_grows_too(part: Path, stretch: Path, tmp_path: Path) -> None:
     bare = shutil.copytree(part, tmp_path / "bare")
     (bare / "photographs.npz").unlink()
-    config = tmp_path / "config.yaml"
-    config.write_text("extend:\n  rounds: 1\n")
     out = tmp_path / "out"
-    arguments = [str(bare), str(stretch), "-o", str(out), "--jobs", "2", "--config", str(config)]
+    arguments = [str(bare), str(stretch), "-o", str(out), "--jobs", "2", "--extend.rounds", "1"]
     assert main(["map", "extend", *arguments]) == 0
     after = ReferenceMap.load(out)
     assert after.photographs is None and after.grown > 20
