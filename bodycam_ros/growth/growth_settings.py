@@ -63,7 +63,7 @@ class GrowthSettings:
         3, unit="keyframes", limits=(2, 20), reason="two rays always nearly meet; the third tells a wrong match"
     )
     min_lasting: float = setting(
-        0.3,
+        0.2,
         unit="s",
         limits=(0.0, 60.0),
         reason="from the first of those to the last; what several cameras see at one instant may be on its way",
