@@ -153,14 +153,14 @@ def test_registrations_are_identical_whatever_the_number_of_processes(
     """Also where a camera begins late, one pauses, and one ends early: the others go on."""
 
     def gappy(topic: str, number: int, message: object) -> object:
-        there = {"waist_front": range(33), "torso_front": [*range(6), *range(24, 33)], "thigh_left": range(15, 33)}
+        there = {"waist_front": range(60), "torso_front": [*range(20), *range(45, 60)], "thigh_left": range(15, 60)}
         camera = topic.split("/")[1]
         return message if "camera_info" in topic or number in there.get(camera, range(10)) else None
 
     cameras_used = ("waist_front", "torso_front", "thigh_left", "shin_left")
-    bag = write_altered_sample(sample, tmp_path / "bag", gappy, cameras_used, frames=33)
+    bag = write_altered_sample(sample, tmp_path / "bag", gappy, cameras_used, frames=60)
     one, several = (by_image(registered(bag, part, number, backwards)) for number in (1, jobs))
-    assert len(one) == 33 + 15 + 18 + 10 and several.keys() == one.keys()
+    assert len(one) == 60 + 35 + 45 + 10 and several.keys() == one.keys()
     for image, matches in one.items():
         np.testing.assert_array_equal(matches.landmark_ids, several[image].landmark_ids)
         if matches.world_T_camera is not None:
