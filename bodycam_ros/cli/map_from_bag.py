@@ -52,6 +52,10 @@ def check_worn(arguments: argparse.Namespace) -> None:
         raise MapError(
             f"give either {arguments.source} or --from-bag {arguments.from_bag}: a map is made of one of them"
         )
+    for flag in ("topic", "camera", "keep_frames", "model"):
+        if getattr(arguments, flag) is not None:
+            name = f"--{flag.replace('_', '-')}"
+            raise MapError(f"{name} does not go with --from-bag, which takes all worn cameras as the bag has them")
     known_distances(arguments)
 
 
@@ -68,7 +72,12 @@ def known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
             metres = float(text)
         except ValueError as error:
             raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
-        segments = {rig.cameras.get(camera, camera) for camera in (first, second)} if rig else {""}
+        if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
+            raise MapError(
+                f"--known-distance {first} {second}: {arguments.rig} has no camera {unknown[0]}; it has "
+                f"{', '.join(sorted(rig.cameras))}"
+            )
+        segments = {rig.cameras[camera] for camera in (first, second)} if rig else {""}
         if len(segments) > 1:
             raise MapError(
                 f"--known-distance {first} {second}: they are on different segments by {arguments.rig}, so their "
@@ -90,7 +99,7 @@ def worn_photographs_of(
     bag: Path = arguments.from_bag
     cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
     at_once = [(known.first, known.second) for known in known_distances(arguments)]
-    board = bag.parent / BOARD_FILE
+    board = bag.resolve().parent / BOARD_FILE
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         yield keep_worn_keyframes(
             bag,

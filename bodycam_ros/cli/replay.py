@@ -45,9 +45,15 @@ def run(arguments: argparse.Namespace) -> int:
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
         duration_s = recording.duration_s
-    columns = (TextColumn("replay"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), _RecordedTime(), _RealTimeFactor(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("replay", total=duration_s)
+        task = progress.add_task("replay", total=duration_s, start=False, visible=False, recorded=True)
+
+        def on_progress(seconds: float) -> None:
+            if not progress.tasks[task].started:
+                progress.start_task(task)
+            progress.update(task, completed=seconds, visible=True)
+
         summary, rounds = replay_in_passes(
             arguments.recording,
             arguments.map,
@@ -58,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
             passes=arguments.passes,
             force=arguments.force,
             on_step=shown_steps(progress),
-            on_progress=lambda seconds: progress.update(task, completed=seconds),
+            on_progress=on_progress,
         )
     if rounds:
         print_rounds(rounds)
@@ -102,10 +108,12 @@ def _table(summary: ReplaySummary) -> Table:
 
 class _RecordedTime(ProgressColumn):
     def render(self, task: Task) -> Text:
+        if not task.fields.get("recorded"):
+            return Text(f"{task.percentage:.0f} %")
         return Text(f"{task.completed:.1f} of {task.total or 0:.1f} s recorded")
 
 
 class _RealTimeFactor(ProgressColumn):
     def render(self, task: Task) -> Text:
         factor = task.completed / task.elapsed if task.elapsed else 0.0
-        return Text(f"{factor:.2f} x real time")
+        return Text(f"{factor:.2f} x real time" if task.fields.get("recorded") else "")

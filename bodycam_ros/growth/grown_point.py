@@ -38,10 +38,10 @@ def sighting(keyframe: WornKeyframe, feature: int) -> Sighting:
     return Sighting(
         camera=keyframe.camera,
         stamp_ns=keyframe.stamp_ns,
-        centre=world_T_camera[:3, 3],
+        centre=world_T_camera[:3, 3].copy(),
         direction=world_T_camera[:3, :3] @ keyframe.bearings[feature],
         focal_length=keyframe.focal_length,
-        descriptor=keyframe.descriptors[feature],
+        descriptor=keyframe.descriptors[feature].copy(),  # or all of the keyframe would stay
         size=float(keyframe.sizes[feature]),
     )
 
@@ -57,6 +57,7 @@ class GrownPoint:
         slot: of the growing map; ``NO_SLOT`` until it is a landmark.
         landmark_id: its id in the map then.
         strikes: images in which it was wrong, less those in which it was right.
+        right: images in which a track of it was where it should be.
         kept_looks: of a landmark of an earlier run. Its sightings are gone, so it moves no more.
     """
 
@@ -66,6 +67,7 @@ class GrownPoint:
     slot: int = NO_SLOT
     landmark_id: int = 0
     strikes: int = 0
+    right: int = 0
     kept_looks: Looks | None = None
 
     def see(self, one: Sighting, stamp_ns: int) -> bool:

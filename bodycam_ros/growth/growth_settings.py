@@ -68,6 +68,12 @@ class GrowthSettings:
         limits=(0.0, 60.0),
         reason="from the first of those to the last; what several cameras see at one instant may be on its way",
     )
+    forget_after: float = setting(
+        20.0,
+        unit="s",
+        limits=(1.0, 100000.0),
+        reason="a landmark that nobody finds for so long goes, and one that was found before a second later per image",
+    )
     max_strikes: int = setting(
         3, limits=(1, 100), reason="images more in which a landmark was wrong than right; then it goes"
     )

@@ -69,6 +69,7 @@ class LiveGrowth:
             return
         camera = matches.camera
         self._growth.hear(matches)
+        self._growth.forget_unseen(matches.stamp_ns)
         self._take_changes()
         keyframe = worn_keyframe(self._cameras[camera], frame, matches) if frame.keyframe else None
         if keyframe is not None:

@@ -4,9 +4,8 @@ The paper matches every newly registered image with the others, triangulates, an
 fixed. Here it is done for keyframes, as they come, of all cameras in order of time.
 """
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, GrownLandmarks
 from bodycam_ros.growth.grown_point import NO_SLOT, GrownPoint, rays_of, sighting
 from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.growth.kept_keyframes import KeptKeyframe, KeptKeyframes
 from bodycam_ros.growth.keyframe_matching import match_keyframes
 from bodycam_ros.growth.triangulation import triangulate
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
@@ -26,20 +26,15 @@ from bodycam_ros.tracking.track_frame import NO_LANDMARK
 _WRONG_PX = 2.5
 """A landmark this far from where its track is was wrong in that image."""
 
+_SWEEP_NS = 1_000_000_000
+
+_WAIT_PER_IMAGE_S = 1.0
+"""So much longer a landmark stays unseen for every image that it was right in."""
+
+_RIGHT_BEFORE = 600
+"""Images that a landmark of an earlier run counts as having been right in: ten minutes to be found again."""
+
 NO_POINT = -1
-
-
-@dataclass(frozen=True)
-class _Kept:
-    """A keyframe that later ones are matched with.
-
-    Attributes:
-        keyframe: what it saw.
-        points: (N,) the point that each of its features shows; ``NO_POINT`` if none.
-    """
-
-    keyframe: WornKeyframe
-    points: NDArray[np.int64]
 
 
 class MapGrowth:
@@ -57,11 +52,12 @@ class MapGrowth:
         self.map = growing_map
         self.settings = settings or GrowthSettings()
         self._cameras = cameras
-        self._kept: deque[_Kept] = deque(maxlen=self.settings.keyframes)
+        self._kept = KeptKeyframes(self.settings)
         self._points: dict[int, GrownPoint] = {}
         self._next_point = 0
         self._point_in_slot: OrderedDict[int, int] = OrderedDict()  # the longest unseen first
         self._next_id = [growing_map.first_id + slot for slot in range(growing_map.capacity)]
+        self._swept_ns = 0
         self._never_used = 0
         self._free: list[int] = []
         self._changed: dict[int, None] = {}
@@ -95,7 +91,7 @@ class MapGrowth:
         count = min(len(grown.slots), self.map.capacity - self.landmarks)
         for row in range(count):
             looks = grown.descriptors[row], grown.views[row], grown.sizes[row]
-            point = GrownPoint([], 0, grown.points_world[row], kept_looks=looks)
+            point = GrownPoint([], 0, grown.points_world[row], right=_RIGHT_BEFORE, kept_looks=looks)
             self._points[self._next_point] = point
             self._settle(self._next_point, point)
             self._next_point += 1
@@ -111,7 +107,7 @@ class MapGrowth:
         self._see_known(keyframe, points, touched)
         # New points: 2D-2D matches with keyframes whose axes are within 90 degrees (A 4.1).
         unnamed = np.flatnonzero(keyframe.landmark_ids == NO_LANDMARK)
-        for partner in self._partners(keyframe):
+        for partner in self._kept.partners(keyframe):
             unnamed_there = np.flatnonzero(partner.keyframe.landmark_ids == NO_LANDMARK)
             here, there = match_keyframes(keyframe, partner.keyframe, unnamed, unnamed_there, self.settings)
             self._join(keyframe, points, partner, here, there, touched)
@@ -135,7 +131,25 @@ class MapGrowth:
             self._point_in_slot.move_to_end(point.slot)
             point.seen_ns = matches.stamp_ns
             point.strikes = point.strikes + 1 if wrong else max(-self.settings.max_strikes, point.strikes - 1)
+            point.right += not wrong
             if point.strikes >= self.settings.max_strikes:
+                self._drop(number)
+
+    def forget_unseen(self, stamp_ns: int) -> None:
+        """Take away what nobody has found for long; what was found often before is waited for the longer.
+
+        Most of what grows is never found again: without this the map would fill up with it, to the last slot.
+
+        Args:
+            stamp_ns: of now, by the clock of the cameras [ns].
+        """
+        if 0 <= stamp_ns - self._swept_ns < _SWEEP_NS:
+            return
+        self._swept_ns = stamp_ns
+        for number in list(self._point_in_slot.values()):
+            point = self._points[number]
+            point.seen_ns = point.seen_ns or stamp_ns  # of an earlier run: it begins to count now
+            if stamp_ns - point.seen_ns > 1e9 * (self.settings.forget_after + _WAIT_PER_IMAGE_S * point.right):
                 self._drop(number)
 
     def take_changes(self) -> GrownLandmarks | None:
@@ -170,23 +184,11 @@ class MapGrowth:
         number = self._point_in_slot.get((landmark_id - self.map.first_id) % self.map.capacity, NO_POINT)
         return number if number != NO_POINT and self._points[number].landmark_id == landmark_id else NO_POINT
 
-    def _partners(self, keyframe: WornKeyframe) -> list[_Kept]:
-        """The keyframes that most likely see the same, from another place."""
-        if not self._kept:
-            return []
-        poses = np.array([kept.keyframe.world_T_camera for kept in self._kept])
-        cosines = poses[:, :3, 2] @ keyframe.world_T_camera[:3, 2]
-        baselines = np.linalg.norm(poses[:, :3, 3] - keyframe.world_T_camera[:3, 3], axis=1)
-        fit = (cosines > np.cos(np.radians(self.settings.max_axis_angle))) & (baselines > self.settings.min_baseline)
-        likely = np.flatnonzero(fit)
-        order = np.argsort(baselines[likely] - cosines[likely], kind="stable")[: self.settings.partners]
-        return [self._kept[row] for row in likely[order].tolist()]
-
     def _join(
         self,
         keyframe: WornKeyframe,
         points: NDArray[np.int64],
-        partner: _Kept,
+        partner: KeptKeyframe,
         here: NDArray[np.int64],
         there: NDArray[np.int64],
         touched: dict[int, None],
@@ -271,9 +273,8 @@ class MapGrowth:
 
     def _keep(self, keyframe: WornKeyframe, points: NDArray[np.int64]) -> None:
         """Later keyframes are matched with this one, and no more with the oldest, whose guesses nobody can confirm."""
-        if len(self._kept) == self._kept.maxlen:
-            for number in self._kept[0].points.tolist():
-                point = self._points.get(number)
-                if point is not None and point.slot == NO_SLOT:
-                    del self._points[number]
-        self._kept.append(_Kept(keyframe, points))
+        gone = self._kept.add(KeptKeyframe(keyframe, points))
+        for number in [] if gone is None else gone.points.tolist():
+            point = self._points.get(number)
+            if point is not None and point.slot == NO_SLOT:
+                del self._points[number]

@@ -48,8 +48,11 @@ def reconstruct(
     where to look for the others.
 
     Raises:
-        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
+        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics; or
+            the name of one has a space in it.
     """
+    if spaced := next((image.name for image in features if any(map(str.isspace, image.name))), None):
+        raise MapError(f"{spaced}: COLMAP takes no pairs of photographs with spaces in their names; rename them")
     with scratch_folder(Path(tempfile.gettempdir())) as scratch, threadpool_limits(1, user_api="blas"):
         with progress.step("choosing pairs", len(features)) as advance:
             counts = []

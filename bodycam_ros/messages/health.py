@@ -92,6 +92,7 @@ def _health(camera: str, tally: _Tally, clock: ClockState | None) -> Health:
     share = tally.registered / tally.frames
     values: dict[str, object] = {
         "frames": tally.frames,
+        "registered": tally.registered,
         **{f"{sight.label} [%]": round(100 * tally.sights[sight] / tally.frames) for sight in CameraSight},
         "landmarks per frame": round(tally.landmarks / tally.frames, 1),
         "position sigma [mm]": round(tally.sigma_mm, 2),

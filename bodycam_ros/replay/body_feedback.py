@@ -25,7 +25,8 @@ class BodyHints:
 
     Attributes:
         expected: camera -> where the body has it while it is lost, in order of time.
-        doubted_ns: camera -> stamps from which the body contradicted it for a while, in order of time [ns].
+        doubted_ns: camera -> stamps, by its own clock, from which the body contradicted it for a while, in order of
+            time [ns].
     """
 
     expected: Mapping[str, tuple[ExpectedCamera, ...]] = field(default_factory=dict)
@@ -50,7 +51,8 @@ class HintsOfCamera:
         """Whatever counts at an image [ns], which comes next."""
         while self._expected and self._expected[-1].stamp_ns <= stamp_ns + _ALIKE_NS // 2:
             pipeline.expect(self._expected.pop())
-        while self._doubted_ns and self._doubted_ns[-1] <= stamp_ns:
+        # What is doubted is the pose of the image before: the first that the body refused has been registered by now.
+        while self._doubted_ns and self._doubted_ns[-1] < stamp_ns - _ALIKE_NS // 2:
             pipeline.doubt(self._doubted_ns.pop())
 
 
@@ -76,9 +78,12 @@ class BodyFeedback:
     def end(self) -> BodyHints:
         """The pass is over."""
         self._look(self._skeleton.flush())
+        clocks = self._skeleton.instants.watch.timings
         doubted: defaultdict[str, list[int]] = defaultdict(list)
         for refusal in sorted(self._skeleton.doubts, key=lambda refusal: refusal.since_ns):
-            doubted[refusal.camera].append(refusal.since_ns)
+            clock = clocks.get(refusal.camera)
+            offset_ns = 0 if clock is None else clock.latest.offset_ns(refusal.since_ns)
+            doubted[refusal.camera].append(refusal.since_ns + offset_ns)
         return BodyHints(
             {camera: tuple(expected) for camera, expected in self._expected.items()},
             {camera: tuple(stamps) for camera, stamps in doubted.items()},

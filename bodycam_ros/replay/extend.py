@@ -27,7 +27,7 @@ from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import match_near_prediction
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.registration.rolling_shutter import steady_pixels
 from bodycam_ros.replay.body_feedback import BodyFeedback, BodyHints
 from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
@@ -77,6 +77,7 @@ class MapExtension:
     ) -> None:
         self._recording_path, self._map_path = recording_path, map_path
         self._map = ReferenceMap.load(map_path)
+        check_metric(self._map, map_path)
         self._body = body
         self._pipeline, self._settings = settings, settings.extend
         self._jobs, self._readouts, self._on_progress = jobs, readouts or {}, on_progress

@@ -9,7 +9,6 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.replay.extend import MapExtension, OnProgress
 from bodycam_ros.replay.replay import ReplaySummary, replay
 from bodycam_ros.whole_file import scratch_folder
@@ -40,7 +39,6 @@ def replay_in_passes(
     if passes == 1:
         return replay(recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress), ()
     body = read_body(body_path)
-    check_metric(ReferenceMap.load(map_path), map_path)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))

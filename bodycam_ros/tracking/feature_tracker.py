@@ -20,7 +20,6 @@ class FeatureTracker:
     Args:
         camera: its model; the rotation is estimated on bearings.
         settings, keypoints, flow, rotation: settings of the tracker and of its steps.
-
     """
 
     def __init__(
