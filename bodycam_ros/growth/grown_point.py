@@ -25,6 +25,7 @@ class Sighting:
 
     camera: str
     stamp_ns: int
+    at_ns: int
     centre: NDArray[np.float64]
     direction: NDArray[np.float64]
     focal_length: float
@@ -32,12 +33,13 @@ class Sighting:
     size: float
 
 
-def sighting(keyframe: WornKeyframe, feature: int) -> Sighting:
-    """Feature number so-and-so of a keyframe."""
+def sighting(keyframe: WornKeyframe, feature: int, at_ns: int) -> Sighting:
+    """Feature number so-and-so of a keyframe, which was taken at a time that all cameras share [ns]."""
     world_T_camera = keyframe.world_T_camera
     return Sighting(
         camera=keyframe.camera,
         stamp_ns=keyframe.stamp_ns,
+        at_ns=at_ns,
         centre=world_T_camera[:3, 3].copy(),
         direction=world_T_camera[:3, :3] @ keyframe.bearings[feature],
         focal_length=keyframe.focal_length,
@@ -52,7 +54,7 @@ class GrownPoint:
 
     Attributes:
         sightings: up to some, in order of time.
-        seen_ns: when it was seen last [ns].
+        seen_ns: when it was seen last, by the time that all cameras share [ns].
         position: (3,) where it is [m].
         slot: of the growing map; ``NO_SLOT`` until it is a landmark.
         landmark_id: its id in the map then.
@@ -70,12 +72,12 @@ class GrownPoint:
     right: int = 0
     kept_looks: Looks | None = None
 
-    def see(self, one: Sighting, stamp_ns: int) -> bool:
+    def see(self, one: Sighting) -> bool:
         """Somebody saw it; whether that is kept.
 
         An image is one witness, however many of its features show the point.
         """
-        self.seen_ns = stamp_ns
+        self.seen_ns = max(self.seen_ns, one.at_ns)
         if self.kept_looks is not None or self.is_seen_in(one):
             return False
         if len(self.sightings) >= _MOST_SIGHTINGS:

@@ -16,10 +16,12 @@ class KeptKeyframe:
 
     Attributes:
         keyframe: what it saw.
+        at_ns: when, by the time that all cameras share [ns].
         points: (N,) number of the point that each of its features shows, negative if none.
     """
 
     keyframe: WornKeyframe
+    at_ns: int
     points: NDArray[np.int64]
 
 

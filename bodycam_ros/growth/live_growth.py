@@ -69,7 +69,7 @@ class LiveGrowth:
             return
         camera = matches.camera
         self._growth.hear(matches)
-        self._growth.forget_unseen(matches.stamp_ns)
+        self._growth.forget_unseen()
         self._take_changes()
         keyframe = worn_keyframe(self._cameras[camera], frame, matches) if frame.keyframe else None
         if keyframe is not None:
@@ -106,7 +106,7 @@ class LiveGrowth:
 
     def _grow(self) -> None:
         """By one keyframe, then the others have a turn."""
-        if self._waiting:
+        if self._waiting and self.is_on:
             self._growth.add(self._waiting.pop(next(iter(self._waiting))))
             self._take_changes()
 

@@ -16,6 +16,7 @@ from bodycam_ros.growth.grown_point import NO_SLOT, GrownPoint, rays_of, sightin
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.kept_keyframes import KeptKeyframe, KeptKeyframes
 from bodycam_ros.growth.keyframe_matching import match_keyframes
+from bodycam_ros.growth.steady_time import SteadyTime
 from bodycam_ros.growth.triangulation import triangulate
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -57,6 +58,7 @@ class MapGrowth:
         self._next_point = 0
         self._point_in_slot: OrderedDict[int, int] = OrderedDict()  # the longest unseen first
         self._next_id = [growing_map.first_id + slot for slot in range(growing_map.capacity)]
+        self._time = SteadyTime()
         self._swept_ns = 0
         self._never_used = 0
         self._free: list[int] = []
@@ -91,7 +93,7 @@ class MapGrowth:
         count = min(len(grown.slots), self.map.capacity - self.landmarks)
         for row in range(count):
             looks = grown.descriptors[row], grown.views[row], grown.sizes[row]
-            point = GrownPoint([], 0, grown.points_world[row], right=_RIGHT_BEFORE, kept_looks=looks)
+            point = GrownPoint([], self._time.now_ns, grown.points_world[row], right=_RIGHT_BEFORE, kept_looks=looks)
             self._points[self._next_point] = point
             self._settle(self._next_point, point)
             self._next_point += 1
@@ -101,22 +103,25 @@ class MapGrowth:
         """Grow by one more keyframe."""
         if keyframe.position_sigma > self.settings.max_sigma:
             return
-        points = np.full(len(keyframe.bearings), NO_POINT)
+        mine = KeptKeyframe(
+            keyframe, self._time.at(keyframe.camera, keyframe.stamp_ns), np.full(len(keyframe.bearings), NO_POINT)
+        )
         touched: dict[int, None] = {}
         # Landmarks that have grown before are seen again.
-        self._see_known(keyframe, points, touched)
+        self._see_known(mine, touched)
         # New points: 2D-2D matches with keyframes whose axes are within 90 degrees (A 4.1).
         unnamed = np.flatnonzero(keyframe.landmark_ids == NO_LANDMARK)
         for partner in self._kept.partners(keyframe):
             unnamed_there = np.flatnonzero(partner.keyframe.landmark_ids == NO_LANDMARK)
             here, there = match_keyframes(keyframe, partner.keyframe, unnamed, unnamed_there, self.settings)
-            self._join(keyframe, points, partner, here, there, touched)
+            self._join(mine, here, partner, there, touched)
         # Error below 1 px and rays 2 degrees apart, or it is no point (A 4.1).
         self._triangulate(list(touched))
-        self._keep(keyframe, points)
+        self._keep(mine)
 
     def hear(self, matches: LandmarkMatches) -> None:
         """What a camera made of landmarks that have grown: who is wrong too often goes."""
+        now_ns = self._time.at(matches.camera, matches.stamp_ns)
         pose = matches.world_T_camera
         grown = np.flatnonzero(matches.landmark_ids >= self.map.first_id)
         if pose is None or not len(grown):
@@ -129,27 +134,24 @@ class MapGrowth:
                 continue
             point = self._points[number]
             self._point_in_slot.move_to_end(point.slot)
-            point.seen_ns = matches.stamp_ns
+            point.seen_ns = now_ns
             point.strikes = point.strikes + 1 if wrong else max(-self.settings.max_strikes, point.strikes - 1)
             point.right += not wrong
             if point.strikes >= self.settings.max_strikes:
                 self._drop(number)
 
-    def forget_unseen(self, stamp_ns: int) -> None:
+    def forget_unseen(self) -> None:
         """Take away what nobody has found for long; what was found often before is waited for the longer.
 
         Most of what grows is never found again: without this the map would fill up with it, to the last slot.
-
-        Args:
-            stamp_ns: of now, by the clock of the cameras [ns].
         """
-        if 0 <= stamp_ns - self._swept_ns < _SWEEP_NS:
+        now_ns = self._time.now_ns
+        if now_ns - self._swept_ns < _SWEEP_NS:
             return
-        self._swept_ns = stamp_ns
+        self._swept_ns = now_ns
         for number in list(self._point_in_slot.values()):
             point = self._points[number]
-            point.seen_ns = point.seen_ns or stamp_ns  # of an earlier run: it begins to count now
-            if stamp_ns - point.seen_ns > 1e9 * (self.settings.forget_after + _WAIT_PER_IMAGE_S * point.right):
+            if now_ns - point.seen_ns > 1e9 * (self.settings.forget_after + _WAIT_PER_IMAGE_S * point.right):
                 self._drop(number)
 
     def take_changes(self) -> GrownLandmarks | None:
@@ -171,13 +173,12 @@ class MapGrowth:
         self.map.take(changes)
         return changes
 
-    def _see_known(self, keyframe: WornKeyframe, points: NDArray[np.int64], touched: dict[int, None]) -> None:
-        grown = np.flatnonzero((keyframe.landmark_ids >= self.map.first_id) & (keyframe.landmark_ids != NO_LANDMARK))
-        for feature in grown.tolist():
-            number = self._number_of(int(keyframe.landmark_ids[feature]))
+    def _see_known(self, mine: KeptKeyframe, touched: dict[int, None]) -> None:
+        ids = mine.keyframe.landmark_ids
+        for feature in np.flatnonzero((ids >= self.map.first_id) & (ids != NO_LANDMARK)).tolist():
+            number = self._number_of(int(ids[feature]))
             if number != NO_POINT:
-                points[feature] = number
-                self._see(number, keyframe, feature, keyframe.stamp_ns, touched)
+                self._see(number, mine, feature, touched)
 
     def _number_of(self, landmark_id: int) -> int:
         """The point that is a landmark; ``NO_POINT`` if it has gone."""
@@ -186,38 +187,34 @@ class MapGrowth:
 
     def _join(
         self,
-        keyframe: WornKeyframe,
-        points: NDArray[np.int64],
-        partner: KeptKeyframe,
+        mine: KeptKeyframe,
         here: NDArray[np.int64],
+        partner: KeptKeyframe,
         there: NDArray[np.int64],
         touched: dict[int, None],
     ) -> None:
         """Matched features see one point: that of either, or a new one."""
         for feature, other in zip(here.tolist(), there.tolist(), strict=True):
-            mine, its = int(points[feature]), int(partner.points[other])
+            own, its = int(mine.points[feature]), int(partner.points[other])
             if its not in self._points:
                 its = NO_POINT
-            if mine == NO_POINT and its == NO_POINT:
-                both = [sighting(partner.keyframe, other), sighting(keyframe, feature)]
-                mine = its = self._next_point
-                self._points[mine] = GrownPoint(both, keyframe.stamp_ns)
+            if own == NO_POINT and its == NO_POINT:
+                self._points[self._next_point] = GrownPoint([], mine.at_ns)
+                self._see(self._next_point, partner, other, touched)
+                self._see(self._next_point, mine, feature, touched)
                 self._next_point += 1
-                touched[mine] = None
-            elif mine == NO_POINT:
-                mine = its
-                self._see(mine, keyframe, feature, keyframe.stamp_ns, touched)
+            elif own == NO_POINT:
+                self._see(its, mine, feature, touched)
             elif its == NO_POINT:
-                its = mine
-                self._see(its, partner.keyframe, other, keyframe.stamp_ns, touched)
-            points[feature], partner.points[other] = mine, its
+                self._see(own, partner, other, touched)
 
-    def _see(self, number: int, keyframe: WornKeyframe, feature: int, stamp_ns: int, touched: dict[int, None]) -> None:
-        """A point is seen by a feature; whether that is news is known by then."""
+    def _see(self, number: int, kept: KeptKeyframe, feature: int, touched: dict[int, None]) -> None:
+        """A feature shows a point; whether that is news is known by then."""
         point = self._points[number]
+        kept.points[feature] = number
         if point.slot != NO_SLOT:
             self._point_in_slot.move_to_end(point.slot)
-        if point.see(sighting(keyframe, feature), stamp_ns):
+        if point.see(sighting(kept.keyframe, feature, kept.at_ns)):
             touched[number] = None
 
     def _triangulate(self, numbers: list[int]) -> None:
@@ -240,9 +237,9 @@ class MapGrowth:
 
     def _is_witnessed(self, point: GrownPoint) -> bool:
         """Whether enough images saw the point, and not all of them at once."""
-        stamps_ns = [one.stamp_ns for one in point.sightings]
-        lasting_s = 1e-9 * (max(stamps_ns) - min(stamps_ns))
-        return len(stamps_ns) >= self.settings.min_views and lasting_s >= self.settings.min_lasting
+        at_ns = [one.at_ns for one in point.sightings]
+        lasting_s = 1e-9 * (max(at_ns) - min(at_ns))
+        return len(at_ns) >= self.settings.min_views and lasting_s >= self.settings.min_lasting
 
     def _settle(self, number: int, point: GrownPoint) -> None:
         """The point becomes a landmark of the map; where there is no room, the one that was longest unseen goes.
@@ -271,9 +268,9 @@ class MapGrowth:
             self._free.append(point.slot)
             self._changed[point.slot] = None
 
-    def _keep(self, keyframe: WornKeyframe, points: NDArray[np.int64]) -> None:
-        """Later keyframes are matched with this one, and no more with the oldest, whose guesses nobody can confirm."""
-        gone = self._kept.add(KeptKeyframe(keyframe, points))
+    def _keep(self, mine: KeptKeyframe) -> None:
+        """Later keyframes are matched with this one, and no more with the oldest, nor with guesses that it showed."""
+        gone = self._kept.add(mine)
         for number in [] if gone is None else gone.points.tolist():
             point = self._points.get(number)
             if point is not None and point.slot == NO_SLOT:

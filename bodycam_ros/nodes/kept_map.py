@@ -112,8 +112,7 @@ class KeptMap:
             return
         check_replaceable(path, force=True)
         if any(path.iterdir()):
-            self._go_on_from(load_growth(path, self._reference_map, self._map_path))
-            self._node.get_logger().info(f"goes on from {self._growth.landmarks} landmarks that have grown, of {path}")
+            self._node.get_logger().info(self._go_on_from(load_growth(path, self._reference_map, self._map_path)))
 
     def _go_on_from(self, grown: GrownLandmarks) -> str:
         """Take what was saved; what that made."""

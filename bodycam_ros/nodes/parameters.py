@@ -23,7 +23,7 @@ _SOURCE = "parameters"
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter", "doubt")
 SOLVER_GROUPS: Final = (
-    *(group for group in PipelineSettings.groups() if group not in TRACKER_GROUPS + REGISTRATION_GROUPS),
+    *(group for group in PipelineSettings.groups() if group not in (*TRACKER_GROUPS, *REGISTRATION_GROUPS, "extend")),
     "pose_fit",
     *CalibrationSettings.groups(),
 )

@@ -25,23 +25,24 @@ class BodyHints:
 
     Attributes:
         expected: camera -> where the body has it while it is lost, in order of time.
-        doubted_ns: camera -> stamps, by its own clock, from which the body contradicted it for a while, in order of
-            time [ns].
+        doubted_ns: camera -> stamps, by its own clock, of the first and last image of each stretch in which the body
+            contradicted it, in order of time [ns].
     """
 
     expected: Mapping[str, tuple[ExpectedCamera, ...]] = field(default_factory=dict)
-    doubted_ns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    doubted_ns: Mapping[str, tuple[tuple[int, int], ...]] = field(default_factory=dict)
 
     def of(self, camera: str) -> "HintsOfCamera":
         """Those of one camera."""
-        return HintsOfCamera(self.expected.get(camera, ()), self.doubted_ns.get(camera, ()))
+        return HintsOfCamera(self.expected.get(camera, ()), [first for first, _ in self.doubted_ns.get(camera, ())])
 
 
 class HintsOfCamera:
     """Gives a registrar its hints in time.
 
     Args:
-        expected, doubted_ns: as of ``BodyHints``, of one camera.
+        expected: as of ``BodyHints``.
+        doubted_ns: stamps of the first images that the body contradicted, in order of time [ns].
     """
 
     def __init__(self, expected: Iterable[ExpectedCamera], doubted_ns: Iterable[int]) -> None:
@@ -71,7 +72,7 @@ class BodyFeedback:
 
     def hear(self, matches: LandmarkMatches) -> None:
         """One image of one camera, in order of time."""
-        if matches.world_T_camera is None:
+        if matches.world_T_camera is None and matches.camera in self._body.mounts:
             self._lost_ns[matches.camera].append(matches.stamp_ns)
         self._look(self._skeleton.add(matches))
 
@@ -79,11 +80,11 @@ class BodyFeedback:
         """The pass is over."""
         self._look(self._skeleton.flush())
         clocks = self._skeleton.instants.watch.timings
-        doubted: defaultdict[str, list[int]] = defaultdict(list)
+        doubted: defaultdict[str, list[tuple[int, int]]] = defaultdict(list)
         for refusal in sorted(self._skeleton.doubts, key=lambda refusal: refusal.since_ns):
             clock = clocks.get(refusal.camera)
             offset_ns = 0 if clock is None else clock.latest.offset_ns(refusal.since_ns)
-            doubted[refusal.camera].append(refusal.since_ns + offset_ns)
+            doubted[refusal.camera].append((refusal.since_ns + offset_ns, refusal.until_ns + offset_ns))
         return BodyHints(
             {camera: tuple(expected) for camera, expected in self._expected.items()},
             {camera: tuple(stamps) for camera, stamps in doubted.items()},

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import gettempdir
@@ -30,7 +31,7 @@ from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.registration.rolling_shutter import steady_pixels
 from bodycam_ros.replay.body_feedback import BodyFeedback, BodyHints
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.tracking.keypoints import KeypointDetector
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -127,6 +128,7 @@ class MapExtension:
         feedback = BodyFeedback(self._body, self._cameras, self._pipeline) if self._body and not backwards else None
         step = f"round {len(self.rounds) + 1}, {'backwards' if backwards else 'forwards'}"
         first_ns = None
+        unusable: Counter[str] = Counter()
         for item in register_recording(task, self._cameras, self._jobs):
             first_ns = item.stamp_ns if first_ns is None else first_ns
             if isinstance(item, RegisteredImage):
@@ -134,10 +136,19 @@ class MapExtension:
                 record.add(item.matches, stamp_ns, backwards)
                 if feedback is not None:
                     feedback.hear(item.matches)
+            elif isinstance(item, LostImages):
+                logger.warning("%s", item)
+            else:
+                unusable[item.camera] += item.count if isinstance(item, DroppedImages) else 1
             self._on_progress(step, 1e-9 * (item.stamp_ns - first_ns) / max(self._duration_s, 1e-9))
 
+        for camera, count in sorted(unusable.items()):
+            logger.warning("camera %s: %d images could not be used", camera, count)
         if feedback is not None:
             self.hints = feedback.end()
+            for camera, stretches in self.hints.doubted_ns.items():
+                for first_stamp_ns, last_stamp_ns in stretches:
+                    record.forget(camera, first_stamp_ns, last_stamp_ns)
 
     def _mirrored(self, stamp_ns: int) -> int:
         return 2 * self._start_ns + round(1e9 * self._duration_s) - stamp_ns

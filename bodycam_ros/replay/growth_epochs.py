@@ -67,7 +67,7 @@ class GrowthOfAll:
             if keyframe is not None:
                 self.growth.add(keyframe)
         self._heard.clear()
-        self.growth.forget_unseen(stamp_ns)
+        self.growth.forget_unseen()
         self._tell(Growth(epoch - 1, self.growth.take_changes()))
 
     def hear(self, matches: LandmarkMatches, keyframe: WornKeyframe | None) -> None:

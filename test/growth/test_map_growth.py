@@ -212,17 +212,22 @@ def test_strikes_take_a_landmark_away_and_being_right_forgives_them() -> None:
 def test_what_nobody_finds_goes_and_what_was_found_often_goes_later() -> None:
     points, looks, random = room(5)
     growth = growth_by(walk(points, looks, 8, random))
-    pose = walked(0, 3)
+    pose, nowhere = walked(0, 3), rigid(np.eye(3), np.array([0.0, 0.0, 1000.0]))
+    latest_ns = 8 * FRAME_NS
+
+    def left_after(seconds: float) -> set[int]:
+        """Landmarks that are there when the camera has looked elsewhere until then."""
+        growth.hear(seen_by(growth, "chest", latest_ns + round(1e9 * seconds), nowhere, 0.0))
+        growth.forget_unseen()
+        return {point.landmark_id for point in growth.grown_points()}
+
     found = set(seen_by(growth, "chest", 0, pose, 0.0).landmark_ids.tolist())
-    latest_ns = max(point.seen_ns for point in growth.grown_points())
-    for number in range(5):
-        growth.hear(seen_by(growth, "chest", latest_ns + number, pose, 0.0))
-    growth.forget_unseen(latest_ns + round(1e9 * (SETTINGS.forget_after - 1.0)))
-    assert found < {point.landmark_id for point in growth.grown_points()}
-    growth.forget_unseen(latest_ns + round(1e9 * (SETTINGS.forget_after + 3.0)))
-    assert found == {point.landmark_id for point in growth.grown_points()}
-    growth.forget_unseen(latest_ns + round(1e9 * (SETTINGS.forget_after + 10.0)))
-    assert growth.landmarks == 0
+    for _ in range(5):
+        growth.hear(seen_by(growth, "chest", latest_ns, pose, 0.0))
+    for seconds in (5.0, 10.0, SETTINGS.forget_after - 6.0):
+        assert found < left_after(seconds)
+    assert left_after(SETTINGS.forget_after + 3.0) == found
+    assert left_after(SETTINGS.forget_after + 6.0) == set()
 
 
 def test_what_is_said_of_landmarks_that_have_gone_is_nothing() -> None:

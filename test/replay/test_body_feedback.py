@@ -36,7 +36,7 @@ def test_hints_come_with_their_images(ahead_ns: int) -> None:
     """Where a camera is expected is said before its image; what is doubted is what it said of the image before."""
     hints = BodyHints(
         {"shin": tuple(replace(expected(n), stamp_ns=stamp(n) + ahead_ns) for n in (3, 4))},
-        {"shin": (stamp(6) + ahead_ns,)},
+        {"shin": ((stamp(6) + ahead_ns, stamp(8)),)},
     )
     told, heard = hints.of("shin"), Heard()
     for number in range(10):
@@ -50,5 +50,5 @@ def test_hints_come_with_their_images(ahead_ns: int) -> None:
 
 def test_a_camera_that_nobody_speaks_of_hears_nothing() -> None:
     heard = Heard()
-    BodyHints({"shin": (expected(1),)}, {"shin": (stamp(1),)}).of("waist").tell(heard, stamp(9))
+    BodyHints({"shin": (expected(1),)}, {"shin": ((stamp(1), stamp(2)),)}).of("waist").tell(heard, stamp(9))
     assert heard.events == []
