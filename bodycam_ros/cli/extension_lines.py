@@ -30,4 +30,4 @@ def print_rounds(rounds: Sequence[ExtensionRound]) -> None:
         table.add_row(camera, *[f"{100 * one.shares[camera]:.1f}" for one in rounds])
     table.add_row("all", *[f"{100 * one.share:.1f}" for one in rounds], style="bold")
     Terminal().print(table)
-    Terminal().print(f"{100 * rounds[0].absolute:.1f} % of all images show enough of the map as it was")
+    Terminal().print(f"{100 * rounds[0].absolute:.1f} % of all images are held by landmarks of the photographs")

@@ -15,8 +15,8 @@ class ExtensionRound:
         backwards: whether it went from the recording's end to its start.
         shares: camera -> share of its images that are registered, in this round or before.
         share: the same of all images.
-        absolute: share of all images for which the landmarks that the map had from the start are enough; what this
-            says of later rounds is less, because cameras then prefer landmarks that their own kind has seen.
+        absolute: share of all images that landmarks of the photographs were enough to hold, whatever helped to find
+            them; later rounds have fewer, because cameras then prefer landmarks that their own kind has seen.
         landmarks: that the map had grown by.
         places: camera -> (N, 3) where its registered images were taken [m].
     """

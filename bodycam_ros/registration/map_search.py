@@ -15,7 +15,7 @@ from bodycam_ros.registration.visual_words import VisualWords
 
 
 class MapSearch:
-    """Places and index of a map; both may be added to.
+    """Places and index of a map; the index may be added to.
 
     Args:
         points_world: (L, 3) its landmarks [m].
