@@ -73,8 +73,8 @@ def draw_rounds(
 def _caption(rounds: Sequence[ExtensionRound]) -> str:
     first, last = rounds[0], rounds[-1]
     return (
-        f"{100 * first.absolute:.1f} % of all images are held by landmarks of the photographs; {100 * first.share:.1f} % "
-        f"are registered with what grew on the way, {100 * last.share:.1f} % in {len(rounds)} rounds"
+        f"{100 * first.absolute:.1f} % of all images are held by landmarks of the photographs; "
+        f"{100 * first.share:.1f} % are registered with what grew on the way, {100 * last.share:.1f} % in {len(rounds)} rounds"
     )
 
 
