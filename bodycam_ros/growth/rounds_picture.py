@@ -74,7 +74,8 @@ def _caption(rounds: Sequence[ExtensionRound]) -> str:
     first, last = rounds[0], rounds[-1]
     return (
         f"{100 * first.absolute:.1f} % of all images are held by landmarks of the photographs; "
-        f"{100 * first.share:.1f} % are registered with what grew on the way, {100 * last.share:.1f} % in {len(rounds)} rounds"
+        f"{100 * first.share:.1f} % are registered with what grew on the way, {100 * last.share:.1f} % "
+        f"in {len(rounds)} rounds"
     )
 
 
