@@ -19,6 +19,9 @@ from bodycam_ros.verdict.joint_view import joint_view, joint_views
 from bodycam_ros.verdict.lens_evidence import LensDeviation
 from bodycam_ros.verdict.verdict import VerdictSettings
 
+_LONGEST_SEGMENT_M = 0.6
+"""No strap holds a camera farther from where it was."""
+
 _WELL = 0.6
 """Share of its images that a camera with the right lens is registered on, unless it is covered."""
 
@@ -84,8 +87,8 @@ def _cause(
             "use the recording up to then, or record again",
         )
     well_registered = agreement.counts[camera].share > _WELL
-    if well_registered and views and all(view.is_steady for view in views):
-        far_m = max(float(np.linalg.norm(view.offset)) for view in views)
+    far_m = max((float(np.linalg.norm(view.offset)) for view in views), default=np.inf)
+    if well_registered and far_m < _LONGEST_SEGMENT_M and all(view.is_steady for view in views):
         return Cause(
             f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "
             "another day or person",

@@ -78,7 +78,7 @@ def test_a_map_is_made_of_the_sharp_frames_of_a_video(
     photographs = find_photographs(kept)
     assert tuple(photograph.name for photograph in photographs.paths) == names
     lens = camera_from_yaml(video.with_suffix(".yaml"))
-    assert np.array_equal(photographs.camera.parameters, lens.parameters)
+    assert all(np.array_equal(camera.parameters, lens.parameters) for camera in photographs.camera_of_name.values())
 
     summary = yaml.safe_load((path / "map.yaml").read_text())
     assert summary["reference"] == "walk.mp4"

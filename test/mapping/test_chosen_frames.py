@@ -53,7 +53,7 @@ def test_sharp_frames_and_the_lens_are_written(bag: Path, tmp_path: Path) -> Non
     keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), force=False, progress=progress)
     photographs = find_photographs(folder)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
-    assert np.array_equal(photographs.camera.parameters, LENS.parameters)
+    assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())
     assert progress.done == progress.totals == {"looking at frames": 9, "keeping sharp frames": 3}
 
 

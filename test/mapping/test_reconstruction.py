@@ -27,9 +27,9 @@ def photographed(sample):
     """Features of seven photographs, their cameras by name, and the pairs of all with all."""
     photographs = find_photographs(sample / "reference")
     settings = FeatureSettings(max_features=1200, contrast=0.03)
-    features = list(extract_all(photographs.paths[:7], photographs.camera, settings, workers=2))
+    features = list(extract_all(photographs.paths[:7], photographs.camera_of_name, settings, workers=2))
     pairs = [(i, j) for j in range(len(features)) for i in range(j)]
-    return features, {image.name: photographs.camera for image in features}, pairs
+    return features, {image.name: photographs.camera_of_name[image.name] for image in features}, pairs
 
 
 def centres_agree(names, centres, sample):

@@ -194,7 +194,8 @@ def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: An
     assert keyframes()[1] < came + 20, (keyframes(), came)
     goes_on = len(graph.heard["/left/landmarks"]) + 30
     graph.until(lambda: count("landmarks") >= goes_on, _SOON_S, "it goes on")
-    assert len(keyframes()) <= 4, "it does not go on asking"
+    gaps = np.diff(keyframes()[2:])
+    assert np.all(gaps > 4), "it does not go on asking, but a lost camera is described again now and then"
     assert set(graph.end().values()) == {0} and "Traceback" not in registration.printed, graph.report()
 
 

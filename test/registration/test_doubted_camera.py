@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.pipeline import CameraPipeline, PipelineSettings
+from bodycam_ros.camera_pipeline import CameraPipeline
+from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.reference_map import ReferenceMap

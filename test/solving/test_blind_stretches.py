@@ -16,7 +16,7 @@ FRAME_NS = 33_333_333
 FRAMES, BEGIN, END = 60, 10, 50
 DRIFT = np.array([0.0, 0.0, 0.004])  # of a turn, each [rad]
 UPPER_ARM, FOREARM = 1, 2
-UNKNOWN = BodyUncertainty(np.eye(6), np.eye(6), np.tile(np.eye(3), (2, 1, 1)))
+UNKNOWN = BodyUncertainty(np.eye(6), np.eye(6), np.tile(np.eye(3), (2, 1, 1)), np.tile(np.eye(6), (3, 1, 1)))
 
 
 @pytest.fixture
