@@ -131,7 +131,7 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
     graph.heard["/diagnostics"].clear()
     (second,) = graph.start(NodeProcess("registration", "registration", {**given, "save_interval": 600.0}))
     graph.until(lambda: says("landmarks grown") == "100", _START_S, "what had grown is there")
-    assert f"goes on from 100 landmarks that have grown, of {kept}" in second.printed
+    assert f"100 landmarks loaded from {kept}" in second.printed
     tracker.inform(readers)
     assert tracker.is_where_it_is(tracker.see_unknown()), "registered by what had grown before the crash"
 
