@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.growth.growing_map import GREY
 from bodycam_ros.growth.grown_point import GrownPoint
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings, plane_normals
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
-
-_GREY = 128
-"""Of landmarks that grey images gave."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ def extended_map(
         reference_map,
         landmark_ids=np.concatenate([reference_map.landmark_ids, ids.astype(np.uint32)]),
         points_world=np.concatenate([reference_map.points_world, positions]),
-        colours=np.concatenate([reference_map.colours, np.full((count, 3), _GREY, np.uint8)]),
+        colours=np.concatenate([reference_map.colours, np.full((count, 3), GREY, np.uint8)]),
         descriptor_landmark=np.concatenate([reference_map.descriptor_landmark, rows.astype(np.uint32)]),
         descriptors=np.concatenate([reference_map.descriptors, *[look[0] for look in described]]),
         descriptor_view=np.concatenate([reference_map.descriptor_view, *[look[1] for look in described]]),

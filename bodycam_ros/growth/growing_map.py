@@ -18,7 +18,7 @@ from bodycam_ros.tracking.track_frame import NO_LANDMARK
 LOOKS = 2
 """Descriptors that a grown landmark keeps."""
 
-_GREY = 128
+GREY = 128
 """Colour of landmarks that grey images gave."""
 
 
@@ -142,7 +142,7 @@ def growing(reference_map: ReferenceMap, capacity: int) -> GrowingMap:
     spare = {
         "landmark_ids": np.full(capacity, NO_LANDMARK, np.uint32),
         "points_world": np.zeros((capacity, 3)),
-        "colours": np.full((capacity, 3), _GREY, np.uint8),
+        "colours": np.full((capacity, 3), GREY, np.uint8),
         "descriptor_landmark": np.repeat(rows, LOOKS),
         "descriptors": np.zeros((LOOKS * capacity, DESCRIPTOR_LENGTH), np.uint8),
         "descriptor_view": np.zeros((LOOKS * capacity, 3), np.float32),

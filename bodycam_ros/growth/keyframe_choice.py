@@ -23,7 +23,6 @@ class KeyframeChoice:
     def __init__(self, camera: CameraModel, settings: GrowthSettings) -> None:
         self._settings = settings
         self._size = np.array([camera.width, camera.height], np.float64)
-        self._least_cosine = np.cos(np.radians(settings.keyframe_turn))
         centres = (np.stack(np.meshgrid(*[np.arange(_CELLS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / _CELLS * self._size
         bearings, in_view = camera.unproject(centres)
         self._in_view: NDArray[np.bool_] = in_view & (bearings[:, 2] > np.cos(_WELL_WITHIN * camera.max_angle))
@@ -44,12 +43,19 @@ class KeyframeChoice:
             return True
         if 0 <= matches.stamp_ns - self._latest_ns < 1e9 * self._settings.keyframe_gap:
             return False
-        step = float(np.linalg.norm(pose[:3, 3] - self._world_T_latest[:3, 3]))
-        cosine = 0.5 * (float(np.trace(self._world_T_latest[:3, :3].T @ pose[:3, :3])) - 1.0)
-        return step > self._settings.keyframe_step or cosine < self._least_cosine
+        return has_moved(self._world_T_latest, pose, self._settings)
 
     def coverage(self, matches: LandmarkMatches) -> float:
         """Share of the view, 0 to 1, in which landmarks were found."""
         column, row = np.clip((_CELLS * matches.shown / self._size).astype(np.int64), 0, _CELLS - 1).T
         found = np.unique(_CELLS * row + column)
         return float(self._in_view[found].sum() / max(1, self._in_view.sum()))
+
+
+def has_moved(
+    world_T_before: NDArray[np.float64], world_T_camera: NDArray[np.float64], settings: GrowthSettings
+) -> bool:
+    """Whether a camera is far enough from where its last keyframe was taken, or turned far enough, for another."""
+    step = float(np.linalg.norm(world_T_camera[:3, 3] - world_T_before[:3, 3]))
+    cosine = 0.5 * (float(np.trace(world_T_before[:3, :3].T @ world_T_camera[:3, :3])) - 1.0)
+    return step > settings.keyframe_step or cosine < np.cos(np.radians(settings.keyframe_turn))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.keyframe_choice import KeyframeChoice
+from bodycam_ros.growth.keyframe_choice import KeyframeChoice, has_moved
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
@@ -121,16 +121,12 @@ class RegistrationRecord:
         }
 
     def _spread(self, camera: str, covered: float) -> list[RegisteredImagePose]:
-        least_cosine = np.cos(np.radians(self._settings.keyframe_turn))
         chosen: list[RegisteredImagePose] = []
         for pose in self.poses(camera):
             if pose.coverage >= covered or pose.position_sigma > self._settings.max_sigma:
                 continue
-            if chosen:
-                between = np.linalg.inv(chosen[-1].world_T_camera) @ pose.world_T_camera
-                turned = 0.5 * (float(np.trace(between[:3, :3])) - 1.0) < least_cosine
-                if not turned and np.linalg.norm(between[:3, 3]) <= self._settings.keyframe_step:
-                    continue
+            if chosen and not has_moved(chosen[-1].world_T_camera, pose.world_T_camera, self._settings):
+                continue
             chosen.append(pose)
         return chosen
 

@@ -52,18 +52,50 @@ def worn_keyframe(camera: CameraModel, frame: TrackFrame, matches: LandmarkMatch
     described = frame.described.astype(np.int64)
     readout_time = matches.readout.in_use if matches.readout else 0.0
     pixels = steady_pixels(camera, frame.pixels[described], matches.turning, readout_time)
-    bearings, in_view = camera.unproject(pixels)
     ids = np.full(len(described), NO_LANDMARK, np.uint32)
     _, at, of = np.intersect1d(frame.track_ids[described], matches.track_ids, return_indices=True)
     ids[at] = matches.landmark_ids[of]
+    position_sigma = float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
+    return keyframe_of_features(
+        camera,
+        frame.stamp_ns,
+        matches.world_T_camera,
+        position_sigma,
+        pixels,
+        frame.descriptors,
+        frame.scales,
+        ids,
+    )
+
+
+def keyframe_of_features(
+    camera: CameraModel,
+    stamp_ns: int,
+    world_T_camera: NDArray[np.float64],
+    position_sigma: float,
+    pixels: NDArray[np.float64],
+    descriptors: NDArray[np.uint8],
+    scales: NDArray[np.float32],
+    landmark_ids: NDArray[np.uint32],
+) -> WornKeyframe:
+    """The keyframe of an image with these features; those outside of the lens's cone are left out.
+
+    Args:
+        camera: its model.
+        stamp_ns, world_T_camera, position_sigma: of the image, as of ``WornKeyframe``.
+        pixels: (N, 2) where the features are, as if all rows were exposed together.
+        descriptors, landmark_ids: (N, 128), (N,) as of ``WornKeyframe``.
+        scales: (N,) sigma [px].
+    """
+    bearings, in_view = camera.unproject(pixels)
     return WornKeyframe(
-        camera=frame.camera,
-        stamp_ns=frame.stamp_ns,
-        world_T_camera=matches.world_T_camera,
-        position_sigma=float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:]))),
+        camera=camera.name,
+        stamp_ns=stamp_ns,
+        world_T_camera=world_T_camera,
+        position_sigma=position_sigma,
         focal_length=float(np.sqrt(camera.fx * camera.fy)),
         bearings=bearings[in_view],
-        descriptors=frame.descriptors[in_view],
-        sizes=frame.scales[in_view] / scales_at(camera, bearings[in_view, 2]),
-        landmark_ids=ids[in_view],
+        descriptors=descriptors[in_view],
+        sizes=scales[in_view] / scales_at(camera, bearings[in_view, 2]),
+        landmark_ids=landmark_ids[in_view],
     )

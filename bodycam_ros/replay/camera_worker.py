@@ -61,7 +61,6 @@ class RegisteredImage:
 class AwaitedGrowth:
     """The worker has nothing older to say, and goes on when it knows by what the map has grown."""
 
-    camera: str
     stamp_ns: int
 
 
@@ -207,12 +206,14 @@ def register_images(
         stamp_ns = 0
         images = images_backwards(recording, cameras) if task.backwards else recording.images(cameras)
         for image in images:
-            stamp_ns = mirrored_ns(recording, image.stamp_ns) if task.backwards else image.stamp_ns
+            stamp_ns = image.stamp_ns
+            if task.backwards:
+                stamp_ns = mirrored_ns(recording.start_ns, recording.duration_s, stamp_ns)
             if not beat.is_due(image.camera, stamp_ns):
                 continue
             if growth is not None:
                 if growth.is_behind(stamp_ns):
-                    yield AwaitedGrowth(image.camera, stamp_ns)
+                    yield AwaitedGrowth(stamp_ns)
                 growth.catch_up(stamp_ns)
             hints[image.camera].tell(pipelines[image.camera], stamp_ns)
             try:
@@ -230,9 +231,9 @@ def register_images(
                 yield LostImages(camera, stamp_ns, count)
 
 
-def mirrored_ns(recording: Recording, stamp_ns: int) -> int:
-    """A stamp as it is where the recording's time runs from its end to its start, or one of those as it was [ns]."""
-    return 2 * recording.start_ns + round(1e9 * recording.duration_s) - stamp_ns
+def mirrored_ns(start_ns: int, duration_s: float, stamp_ns: int) -> int:
+    """A stamp as it is where a recording's time runs from its end to its start, or one of those as it was [ns]."""
+    return 2 * start_ns + round(1e9 * duration_s) - stamp_ns
 
 
 def _readout(recording: Recording, camera: str, task: RegistrationTask) -> Readout | None:

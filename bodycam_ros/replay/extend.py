@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.extended_map import KeptImage, extended_map
@@ -22,7 +21,7 @@ from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.growth.growing_map import growing
 from bodycam_ros.growth.map_growth import MapGrowth
 from bodycam_ros.growth.registration_record import RegisteredImagePose, RegistrationRecord
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
 from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
 from bodycam_ros.pipeline import PipelineSettings
@@ -31,7 +30,7 @@ from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.registration.rolling_shutter import steady_pixels
 from bodycam_ros.replay.body_feedback import BodyFeedback, BodyHints
-from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
+from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.tracking.keypoints import KeypointDetector
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -132,7 +131,7 @@ class MapExtension:
         for item in register_recording(task, self._cameras, self._jobs):
             first_ns = item.stamp_ns if first_ns is None else first_ns
             if isinstance(item, RegisteredImage):
-                stamp_ns = self._mirrored(item.stamp_ns) if backwards else item.stamp_ns
+                stamp_ns = mirrored_ns(self._start_ns, self._duration_s, item.stamp_ns) if backwards else item.stamp_ns
                 record.add(item.matches, stamp_ns, backwards)
                 if feedback is not None:
                     feedback.hear(item.matches)
@@ -149,9 +148,6 @@ class MapExtension:
             for camera, stretches in self.hints.doubted_ns.items():
                 for first_stamp_ns, last_stamp_ns in stretches:
                     record.forget(camera, first_stamp_ns, last_stamp_ns)
-
-    def _mirrored(self, stamp_ns: int) -> int:
-        return 2 * self._start_ns + round(1e9 * self._duration_s) - stamp_ns
 
     def _note(self, record: RegistrationRecord, backwards: bool, extended: ReferenceMap) -> None:
         landmarks = extended.grown - self._map.grown
@@ -225,15 +221,13 @@ class MapExtension:
         )
         ids = np.full(len(pixels), NO_LANDMARK, np.uint32)
         ids[named] = self._map.landmark_ids[landmarks]
-        bearings, in_view = camera.unproject(pixels)
-        return WornKeyframe(
-            camera=camera.name,
-            stamp_ns=pose.stamp_ns,
-            world_T_camera=pose.world_T_camera,
-            position_sigma=pose.position_sigma,
-            focal_length=float(np.sqrt(camera.fx * camera.fy)),
-            bearings=bearings[in_view],
-            descriptors=found.descriptors[in_view],
-            sizes=found.scales[in_view] / scales_at(camera, bearings[in_view, 2]),
-            landmark_ids=ids[in_view],
+        return keyframe_of_features(
+            camera,
+            pose.stamp_ns,
+            pose.world_T_camera,
+            pose.position_sigma,
+            pixels,
+            found.descriptors,
+            found.scales,
+            ids,
         )
