@@ -14,7 +14,7 @@ import numpy as np
 from bodycam_ros.body.joint import Joint, check_within_reach
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,19 +97,21 @@ class BodyModel:
         """Names of the cameras on a segment."""
         return tuple(camera for camera, mount in self.mounts.items() if mount.segment == segment)
 
-    def forward_kinematics(self, world_T_root: Array, joint_rotations: Array) -> Array:
+    def forward_kinematics(self, world_T_root: Array, joint_motion: Array) -> Array:
         """Poses world_T_segment (..., S, 4, 4) of all segments, in the order of ``segments`` (A eq. 3-4).
 
         Args:
             world_T_root: (..., 4, 4) pose of the root segment [m].
-            joint_rotations: (..., J, 3, 3) parent_joint_R_child_joint, in the order of ``tree_joints``.
+            joint_motion: (..., J, 3, 3) parent_joint_R_child_joint, in the order of ``tree_joints``, or (..., J, 4, 4)
+                with places; without, the children of free joints sit where the joint is on the parent.
         """
-        world_T_segment = np.empty((*joint_rotations.shape[:-3], len(self.segments), 4, 4))
+        world_T_segment = np.empty((*joint_motion.shape[:-3], len(self.segments), 4, 4))
         world_T_segment[..., self.segment_index[self.root], :, :] = world_T_root
-        turn = np.zeros((*joint_rotations.shape[:-3], 4, 4))
+        size = joint_motion.shape[-1]
+        turn = np.zeros((*joint_motion.shape[:-3], 4, 4))
         turn[..., 3, 3] = 1.0
         for index, joint in enumerate(self.tree_joints):
-            turn[..., :3, :3] = joint_rotations[..., index, :, :]
+            turn[..., :size, :size] = joint_motion[..., index, :, :]
             world_T_parent = world_T_segment[..., self.segment_index[joint.parent], :, :]
             world_T_child = world_T_parent @ joint.parent_T_joint @ turn @ joint.joint_T_child
             world_T_segment[..., self.segment_index[joint.child], :, :] = world_T_child
@@ -127,6 +129,19 @@ class BodyModel:
         for row, joint in restricted:
             rotations[..., row, :, :] = joint.permitted_rotation(rotations[..., row, :, :])
         return rotations
+
+    def joint_poses(self, world_T_segment: Array) -> Array:
+        """``joint_rotations`` as poses (..., J, 4, 4), with the places of free joints' children in their parents."""
+        rotations = self.joint_rotations(world_T_segment)
+        poses = np.zeros((*rotations.shape[:-2], 4, 4))
+        poses[..., :3, :3], poses[..., 3, 3] = rotations, 1.0
+        for row, joint in enumerate(self.tree_joints):
+            if joint.type == "free":
+                parent, child = (self.segment_index[segment] for segment in (joint.parent, joint.child))
+                world_T_joint = world_T_segment[..., parent, :, :] @ joint.parent_T_joint
+                world_T_end = world_T_segment[..., child, :, :] @ joint.child_T_joint
+                poses[..., row, :3, 3] = (inverse(world_T_joint) @ world_T_end)[..., :3, 3]
+        return poses
 
     @cached_property
     def _tree_arrays(self) -> tuple[list[int], list[int], Array, Array, list[tuple[int, Joint]]]:

@@ -1,6 +1,6 @@
 """A joint: where it sits on two segments, and what it lets them do as one 6-vector of sigmas (DESIGN 4.2).
 
-A joint has a frame on each of its two segments. Ball, hinge and weld differ only in which of the six sigmas between
+A joint has a frame on each of its two segments. Ball, hinge, weld and free differ only in which of the six sigmas between
 those frames are loose, so the solver needs no code of its own for any of them: ``measured_relative_pose`` and
 ``information`` are the two arguments of a ``BetweenFactorPose3``.
 """
@@ -16,8 +16,9 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, adjoint, hat, inverse
 from bodycam_ros.shown import shown
 
-JointType = Literal["ball", "hinge", "weld"]
+JointType = Literal["ball", "hinge", "weld", "free"]
 
+LOOSE_M = 100.0  # [m] of a free joint: no opinion
 LOOSE_RAD = 10.0  # [rad] three turns: no opinion on a free rotation, yet the information matrix stays invertible
 TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, softer than rounding
 TIGHT_M = 1e-4  # [m] leaves gaps of some micrometres; a millionth of what is loose is too stiff for a Cholesky factor
@@ -25,13 +26,14 @@ FARTHEST_M = 100.0  # [m] of a place from its segment's origin; farther, a rotat
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
 _IDENTITY = np.eye(3)
-_LOOSE_ROTATIONS: dict[str, int] = {"ball": 3, "hinge": 1, "weld": 0}
+_LOOSE_ROTATIONS: dict[str, int] = {"ball": 3, "hinge": 1, "weld": 0, "free": 3}
 
 
 def default_sigmas(joint_type: JointType) -> tuple[float, ...]:
     """Sigmas (6) of a joint type: the rotations that it leaves free, the ones that it holds, the translation."""
     loose = _LOOSE_ROTATIONS[joint_type]
-    return (LOOSE_RAD,) * loose + (TIGHT_RAD,) * (3 - loose) + (TIGHT_M,) * 3
+    place_m = LOOSE_M if joint_type == "free" else TIGHT_M
+    return (LOOSE_RAD,) * loose + (TIGHT_RAD,) * (3 - loose) + (place_m,) * 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +41,14 @@ class Joint:
     """One joint between two segments.
 
     Its *joint rotation* is ``parent_joint_R_child_joint``, the rotation between its frames on the two segments:
-    anything for a ball, about the axis for a hinge, the identity for a weld.
+    anything for a ball, about the axis for a hinge, the identity for a weld. A free joint holds nothing: its child, a
+    machine that stands beside the body, has a place in its parent as well, ``parent_joint_T_child_joint``.
 
     Attributes:
         name: unique in a body.
         parent: the segment nearer to the root.
         child: the other segment.
-        type: "ball", "hinge" or "weld".
+        type: "ball", "hinge", "weld" or "free".
         parent_T_joint: (4, 4) the joint's frame on the parent segment [m].
         child_T_joint: (4, 4) the joint's frame on the child segment [m]. The identity where the child's origin is
             the joint to its parent, as DESIGN 3 wants it for every joint of the tree.
@@ -73,7 +76,7 @@ class Joint:
     def __post_init__(self) -> None:
         where = f"joint {self.name}"
         if self.type not in get_args(JointType):
-            raise BodyError(f"{where}: type must be ball, hinge or weld, not {shown(self.type)}")
+            raise BodyError(f"{where}: type must be ball, hinge, weld or free, not {shown(self.type)}")
         if self.parent == self.child:
             raise BodyError(f"{where}: joins segment {self.parent} to itself; parent and child must differ")
         if sorted(self.angle_axes) != ["x", "y", "z"]:
@@ -98,9 +101,10 @@ class Joint:
 
     @cached_property
     def angle_names(self) -> tuple[str, ...]:
-        """Names of its joint angles: three of a ball, one of a hinge, none of a weld."""
-        if self.type == "ball":
-            return tuple(f"{self.name}_{axis}" for axis in self.angle_axes)
+        """Names of its joint angles: three of a ball, one of a hinge, none of a weld; of a free joint x, y, z [m] first."""
+        if self.type in ("ball", "free"):
+            angles = tuple(f"{self.name}_{axis}" for axis in self.angle_axes)
+            return angles if self.type == "ball" else (*(f"{self.name}_at_{axis}" for axis in "xyz"), *angles)
         return (self.name,) if self.type == "hinge" else ()
 
     @cached_property
@@ -139,6 +143,8 @@ class Joint:
         Args:
             parent_T_child: (..., 4, 4) present estimate; its rotation must be orthonormal.
         """
+        if self.type == "free":
+            return parent_T_child.copy()
         if self.type == "weld":
             return np.broadcast_to(self._welded_pose, parent_T_child.shape).copy()
         measured = np.zeros_like(parent_T_child)
@@ -159,7 +165,7 @@ class Joint:
 
     def permitted_rotation(self, joint_rotation: Array) -> Array:
         """The part (..., 3, 3) of a joint rotation (..., 3, 3) that the type permits."""
-        if self.type == "ball":
+        if self.type in ("ball", "free"):
             return joint_rotation
         if self.type == "hinge":
             return self.hinge_rotation(hinge_angle(joint_rotation, self.axis))
