@@ -119,6 +119,7 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+        on_together: told the share that is done while all instants are solved together.
 
     Attributes:
         instants: brings the cameras to common instants.
@@ -126,6 +127,7 @@ class SkeletonPipeline:
 
     Raises:
         BodyError: the body carries none of the cameras.
+        SettingsError: live, nothing can be solved as a whole.
     """
 
     def __init__(
@@ -135,10 +137,13 @@ class SkeletonPipeline:
         settings: PipelineSettings,
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+        on_together: Callable[[float], None] = lambda share: None,
     ) -> None:
+        if live:
+            settings.smoother.check_live()
         self.body = body
         self._cameras = dict(cameras)
-        self._settings, self._live = settings, live
+        self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -163,6 +168,7 @@ class SkeletonPipeline:
             of.covariance,
             of.pose_fit,
             offline=not self._live,
+            on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

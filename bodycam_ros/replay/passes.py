@@ -31,13 +31,16 @@ def replay_in_passes(
     Args:
         recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress: as of ``replay``.
         passes: over the recording, the last one included.
-        on_step: called with each step before the last pass, and the share of it that is done.
+        on_step: called with each step before the last pass or beside it, and the share of it that is done.
 
     Raises:
         BodycamError: as ``replay``.
     """
     if passes == 1:
-        return replay(recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress), ()
+        summary = replay(
+            recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress, on_step
+        )
+        return summary, ()
     body = read_body(body_path)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
@@ -47,7 +50,16 @@ def replay_in_passes(
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")
         summary = replay(
-            recording_path, scratch / "map", body_path, output_path, settings, jobs, force, extension.hints, on_progress
+            recording_path,
+            scratch / "map",
+            body_path,
+            output_path,
+            settings,
+            jobs,
+            force,
+            extension.hints,
+            on_progress,
+            on_step,
         )
     summary.elapsed_s += extension.elapsed_s
     return summary, extension.rounds

@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
@@ -45,6 +46,7 @@ from bodycam_ros.verdict.verdict import Verdict
 
 logger = logging.getLogger(__name__)
 
+_TOGETHER = "all instants together"
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
@@ -110,6 +112,7 @@ def replay(
     force: bool = False,
     hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
+    on_step: Callable[[str, float], None] = lambda step, share: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -123,6 +126,7 @@ def replay(
         force: replace an output that is there already.
         hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
+        on_step: called with each step beside it, and the share of it that is done.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -138,7 +142,9 @@ def replay(
         cameras = _mounted_cameras(recording, body)
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
-    skeleton = SkeletonPipeline(body, cameras, settings, on_corrected=log.add_registration)
+    skeleton = SkeletonPipeline(
+        body, cameras, settings, on_corrected=log.add_registration, on_together=partial(on_step, _TOGETHER)
+    )
     with write_recording(output_path, force) as writer:
         watch = skeleton.instants.watch
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
