@@ -123,9 +123,9 @@ class BodySmoother:
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
         self._jumped: frozenset[int] = frozenset()
-        self._outgoing = self._outlet()
+        self._outgoing = self.outgoing()
 
-    def _outlet(self) -> ForwardStates | WholeRecording:
+    def outgoing(self) -> ForwardStates | WholeRecording:
         """Where instants wait, once the window is done with them, until their states are published."""
         density, turn_sigma = self._uncertainty.density, self._evidence.blind_rotation_sigma
         if not self.settings.whole_recording:
