@@ -13,6 +13,7 @@ from pathlib import Path
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
@@ -35,19 +36,27 @@ from bodycam_ros.solving.start_poses import first_poses
 from bodycam_ros.solving.whole_recording import WholeRecording
 from bodycam_ros.timing.body_instants import BodyInstants
 
+DARK_ONE_OF = 4
+"""So many cameras take turns in being dark."""
+
 _MOST_STEPS = 15
 _ALL_S = 600.0  # the longest block that there is
 _HANGS_RAD, _HANGS_M = 0.5, 0.5  # what no camera sees, and no past tells of, hangs as in the N-pose
 
 
 class Way(Enum):
-    """How instants are solved; the values are for people."""
+    """How instants are solved, for people to read. Ours are ``WINDOW`` and ``OFFLINE``; LM is Levenberg-Marquardt."""
 
-    ALONE = "each instant alone"
-    SLIDING = "sliding window, Levenberg-Marquardt"
-    WINDOW = "ours, sliding window by iSAM2"
-    OFFLINE = "ours, whole recording in blocks"
-    BATCH = "everything at once, Levenberg-Marquardt"
+    ALONE = "alone"
+    SLIDING = "window, LM"
+    WINDOW = "window, iSAM2"
+    OFFLINE = "offline, blocks"
+    BATCH = "full batch, LM"
+
+    @property
+    def at_once(self) -> bool:
+        """Whether many instants are solved together, so that none has a time of its own."""
+        return self in (Way.OFFLINE, Way.BATCH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +67,12 @@ class SolverRun:
         way: which.
         stamps_ns: (T,) instants.
         world_T_segment: (T, S, 4, 4) poses, in the order of the body's segments.
-        solve_ms: (T,) milliseconds of an instant; of ways that solve many at once each has its share.
+        solve_ms: (T,) milliseconds of CPU of an instant; of ways that solve many at once each has its share.
         memory_mb: by which the process grew at most.
     """
 
     way: Way
-    stamps_ns: Array
+    stamps_ns: NDArray[np.int64]
     world_T_segment: Array
     solve_ms: Array
     memory_mb: float
@@ -81,6 +90,32 @@ def body_frames(
     assembler = FrameAssembler(on_body, settings.assembler, False)
     said = [of_instant for matches in registered for of_instant in instants.add(matches)] + instants.flush()
     return [frame for matches in said for frame in assembler.add(matches)] + list(assembler.flush())
+
+
+def dark_in_turn(registered: Sequence[LandmarkMatches], each_s: float = 0.5) -> list[LandmarkMatches]:
+    """The same registrations, but every fourth camera at a time sees nothing, for so long each.
+
+    Its images are black: no landmark, and no rotation since the one before.
+    """
+    changed = []
+    names = sorted({matches.camera for matches in registered})
+    begin_ns = min(matches.stamp_ns for matches in registered)
+    nothing = np.zeros(0, np.uint32)
+    for matches in registered:
+        slot = int(1e-9 * (matches.stamp_ns - begin_ns) / each_s)
+        if names.index(matches.camera) % DARK_ONE_OF == slot % DARK_ONE_OF:
+            matches = replace(
+                matches,
+                track_ids=nothing,
+                landmark_ids=nothing,
+                pixels=np.zeros((0, 2), np.float32),
+                points_world=np.zeros((0, 3), np.float32),
+                world_T_camera=None,
+                current_R_previous=np.eye(3),
+                rotation_inliers=0,
+            )
+        changed.append(matches)
+    return changed
 
 
 def run_solver(
@@ -110,14 +145,14 @@ def run_solver(
     smoother = _smoother(way, body, cameras, settings)
     states, spent_s = [], []
     for frame in frames:
-        started_s = time.perf_counter()
+        started_s = time.process_time()
         states += smoother.update(frame)
-        spent_s.append(time.perf_counter() - started_s)
+        spent_s.append(time.process_time() - started_s)
         on_instant()
-    started_s = time.perf_counter()
+    started_s = time.process_time()
     states += smoother.flush()
-    last_s = time.perf_counter() - started_s
-    if way in (Way.OFFLINE, Way.BATCH):
+    last_s = time.process_time() - started_s
+    if way.at_once:
         spent_s = [(sum(spent_s) + last_s) / len(states)] * len(states)
     return SolverRun(
         way,
@@ -166,7 +201,7 @@ def _alone(
     body: BodyModel, frame: BodyFrame, settings: PipelineSettings, on_instant: Callable[[], None]
 ) -> tuple[int, Array, float] | None:
     """Stamp [ns], poses (S, 4, 4) and milliseconds of an instant that knows of no other; None if no camera speaks."""
-    started_s = time.perf_counter()
+    started_s = time.process_time()
     on_instant()
     evidence = MountedCameras(body, settings.evidence).absolute_evidence(frame.matches.values()).values()
     if not evidence:
@@ -182,7 +217,7 @@ def _alone(
 
     motion = SmoothMotion(SegmentMotion.of(settings.motion, len(body.segments)), np.array([frame.stamp_ns]))
     poses = solve_block(Block(0, graph, joints, motion), start[None], _MOST_STEPS)[0]
-    return frame.stamp_ns, poses, 1e3 * (time.perf_counter() - started_s)
+    return frame.stamp_ns, poses, 1e3 * (time.process_time() - started_s)
 
 
 def _forget_peak() -> None:
