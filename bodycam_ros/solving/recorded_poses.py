@@ -16,7 +16,8 @@ from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
 
 _TURN_S = 0.1  # [s] before and after, between which a turn is a velocity, and by which it counts like an angle
 _LASTS_S = 0.5  # for which a joint stays beside where it is told to be
-_LEAST_S = 0.5  # [s] seen together for less, the forward pass's memory knows better
+_LEAST_S = 0.5  # [s] of a joint that was seen for less the forward pass's memory knows more
+_MOSTLY = 0.5  # share of those instants at which what tells it must have been seen
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -61,7 +62,7 @@ class RecordedPoses:
 
         Args:
             stamps_ns: (T,) [ns].
-            rotations: (T, J, 3, 3) joint rotations; those of unseen joints do not matter.
+            rotations: (T, J, 3, 3) joint rotations; of unseen joints as far as they are known.
             seen: (T, J) whether both of a joint's segments were.
             expected: (T) by the forward pass's memory.
         """
@@ -128,12 +129,18 @@ class RecordedPoses:
         return self._fits[key]
 
     def _fitted(self, known: _Instants, told: Mask, row: int) -> "_Fit | None":
-        """What tells a joint, fitted to all instants at which both were seen; None if they seldom were."""
+        """What tells a joint, fitted to all instants at which it was seen; None if it seldom was.
+
+        What tells it was not seen at all of them; there it is where the forward pass has it.
+        """
         wanted = slice(3 * row, 3 * row + 3)
-        together = known.known[:, told].all(axis=1) & known.known[:, wanted].all(axis=1)
-        if not told.any() or together.sum() * np.median(np.diff(known.stamps_ns)) < 1e9 * _LEAST_S:
+        seen = known.known[:, wanted].all(axis=1)
+        if seen.sum() * np.median(np.diff(known.stamps_ns)) < 1e9 * _LEAST_S:
             return None
-        X, Y = known.features[together][:, told], known.features[together, wanted]
+        told = told & (known.known[seen].mean(axis=0) >= _MOSTLY)
+        if not told.any():
+            return None
+        X, Y = known.features[seen][:, told], known.features[seen, wanted]
         x_mean, y_mean = X.mean(axis=0), Y.mean(axis=0)
         A = X - x_mean
         noise = len(A) * self._memory.noise**2 * np.eye(A.shape[1])
