@@ -150,7 +150,7 @@ class RecordedPoses:
         A = X - x_mean
         noise = self._memory.noise**2 * np.eye(A.shape[1])
         weights = np.linalg.solve(A.T @ (share[:, None] * A) + noise, A.T @ (share[:, None] * (Y - y_mean)))
-        return _Fit(told, weights, y_mean - x_mean @ weights)
+        return _Fit(told, np.asarray(weights, np.float64), np.asarray(y_mean - x_mean @ weights, np.float64))
 
     def _within_limits(self, rotations: Array, expected: ExpectedJoints, told: Array) -> Array:
         """Rotations (U, 3, 3) of the unseen joints, as far as joints turn."""
