@@ -1,5 +1,6 @@
 """The whole recording solved from both sides: against the filter, against one block, and across borders of blocks."""
 
+import gtsam
 import numpy as np
 import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
@@ -7,6 +8,7 @@ from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, see
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import log_so3
+from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
@@ -77,6 +79,23 @@ def test_blocks_are_the_whole(body, cameras) -> None:
     frames = (BodyFrame((f + 1) * STEP_NS, {c: seen_by(body, c, f, rng) for c in body.mounts}) for f in range(FRAMES))
     waiting = np.cumsum([1 - len(smoother.update(frame)) for frame in frames])
     assert waiting.max() < 1.1 * 30 * (IN_BLOCKS.block + 2 * IN_BLOCKS.overlap) and waiting.min() < 40
+
+
+def test_what_ties_an_instant_to_one_long_ago_ends_at_the_border(body, cameras, monkeypatch) -> None:
+    """A factor of another kind, which holds a segment where it was a second before, by next to nothing."""
+    original = BodyFactors.cameras
+
+    def tied_back(self: BodyFactors, index: int, evidence: object) -> gtsam.NonlinearFactorGraph:
+        graph = original(self, index, evidence)
+        if index % 40 == 39:
+            vague = gtsam.noiseModel.Isotropic.Sigma(6, 1e3)
+            graph.add(gtsam.BetweenFactorPose3(self.key(index - 30, 0), self.key(index, 0), gtsam.Pose3(), vague))
+        return graph
+
+    plain = run(body, cameras, IN_BLOCKS)
+    monkeypatch.setattr(BodyFactors, "cameras", tied_back)
+    tied = run(body, cameras, SmootherSettings(output_delay="offline", block=1.0, overlap=0.5, window=3.0))
+    assert max(np.abs(plain[f].world_T_segment - tied[f].world_T_segment).max() for f in range(FRAMES)) < 1e-4
 
 
 def test_a_border_is_no_jump(body, cameras) -> None:
