@@ -120,7 +120,7 @@ class Joint:
         """
         joint_xi_child = adjoint(self.joint_T_child)
         along_axis = np.eye(6)
-        along_axis[:3, :3] = self._axes_across_the_hinge()
+        along_axis[:3, :3] = self.axes_of_rotation
         A: Array = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ joint_xi_child
         return A
 
@@ -189,7 +189,8 @@ class Joint:
         pose: Array = self.parent_T_joint @ self.joint_T_child
         return pose
 
-    def _axes_across_the_hinge(self) -> Array:
+    @property
+    def axes_of_rotation(self) -> Array:
         """(3, 3) rows: the hinge's axis and two directions across it; the joint's own axes for other types."""
         if self.type != "hinge":
             return np.eye(3)

@@ -58,7 +58,7 @@ class JointAngles:
 
     def angles(self, joint_rotations: Array, previous: Array) -> Array:
         """Angles (A) [rad] of joint rotations (J, 3, 3), nearest to the previous angles (A) [rad]."""
-        angles = np.empty(len(self.names))
+        angles = np.zeros(len(self.names))
         balls = self._order.decompose(joint_rotations[self._balls], previous[self._ball_columns])
         angles[self._ball_columns] = balls
         hinges = hinge_angle(joint_rotations[self._hinges], self._hinge_axes)
