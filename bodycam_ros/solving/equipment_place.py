@@ -73,7 +73,8 @@ class EquipmentPlace:
         """Poses (E, 4, 4) fitted from a prediction."""
         if not any(holds[0] for holds in held.holds.values()):
             return prior.poses.copy()
-        return self._fit.solve(prior.poses[None], lengths, held, prior, _STEPS_NEAR).poses[0]
+        near: Array = self._fit.solve(prior.poses[None], lengths, held, prior, _STEPS_NEAR).poses[0]
+        return near
 
     def around(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
         """Poses (E, 4, 4) near a prediction of which a hinge that turns for ever need not be anywhere near."""
@@ -92,7 +93,8 @@ class EquipmentPlace:
                 else:
                     start[child] = parent @ joint.measured_relative_pose(inverse(parent) @ start[child])
             fits.append(self._fit.solve(start[None], lengths, held, Prior(prior.poses, loose)))
-        return np.asarray(min(fits, key=_cost).poses[0])
+        best: Array = min(fits, key=_cost).poses[0]
+        return best
 
     def _angles(self) -> list[dict[str, float]]:
         if not self._endless:
