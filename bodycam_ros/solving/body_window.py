@@ -112,8 +112,7 @@ class BodyWindow:
             except BackEndError as error:
                 self._fail(error)
         # Without what ties it to a past that is lost; its turns speak of that past, too.
-        everything = range(len(instant.world_T_segment))
-        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART, everything)
+        anchor = self._factors.anchor(instant.index, dict(enumerate(instant.world_T_segment)), _RESTART)
         alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()

@@ -53,6 +53,21 @@ class HeldJoint:
     soft: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands still.
+
+    Attributes:
+        row: of its segment in the body.
+        pose: (4, 4) world_T_segment.
+        sigmas: (6) of it [rad], [m].
+    """
+
+    row: int
+    pose: Array
+    sigmas: Array
+
+
 class Coupling:
     """Follows the equipment of a body from instant to instant.
 
@@ -212,11 +227,11 @@ class Coupling:
         return own + [self._held_joint(a, path) for a in self.equipment.attachments if self.engaged[a.name]]
 
     @property
-    def standing(self) -> tuple[int, Array, Array] | None:
-        """Row in the body, pose (4, 4) and sigmas (6) of the root of what stands still; None of anything else."""
+    def standing(self) -> Standing | None:
+        """Where its root stands, if it stands still and is placed."""
         if not (self.placed and self.stands):
             return None
-        return int(self.rows[self._root]), self._poses[self._root], self._root_sigmas
+        return Standing(int(self.rows[self._root]), self._poses[self._root], self._root_sigmas)
 
     def distances(self, world_T_segment: Array) -> Array:
         """(K) mean distance of the points of each attachment [m], of poses (S, 4, 4)."""
