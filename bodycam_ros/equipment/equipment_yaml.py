@@ -24,7 +24,9 @@ root                      the segment that carries the others
 upright                   [deg] by how much the root's z axis may lean from the vertical; default: it may lie anyhow
 segments                  name -> how it moves, below; names that no body has
 joints                    as in a body file (``body_yaml``), places in metres; each segment but the root hangs on one.
-                          ``unknown: [x, y, z]`` [mm], in the parent's axes: how far the joint may be from there
+                          ``unknown: [x, y, z]`` [mm], in the parent's axes: how far the joint may be from there.
+                          ``turned_in_parent: [roll, pitch, yaw]`` [deg], about the parent's x, then y, then z, is
+                          another way to write ``orientation_in_parent``
 attachments               name -> where the body holds the equipment, below
 cameras                   as in a body file, places in metres; default: none
 ========================= ============================================================================================
@@ -55,6 +57,7 @@ optional                  true: a body without the segment does without it
 ========================= ============================================================================================
 """
 
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -63,17 +66,18 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joint_of, mount_of
-from bodycam_ros.body.checked_fields import check_keys, name_of, number_of, table_of, truth_of
+from bodycam_ros.body.checked_fields import check_keys, name_of, number_of, numbers_of, table_of, truth_of
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_yaml import LEAST_UNKNOWN_MM, attachment_of, lengths_of
 from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.yaml_file import read_yaml
 
 _MOST_PARTS = 100  # segments, joints, attachments, cameras
 _ENDINGS = (".yaml", ".yml")
 _MOST_LEANING_DEG = 90.0
+_X, _Y, _Z = np.eye(3)
 
 
 def read_equipment(name_or_path: str | Path) -> Equipment:
@@ -137,7 +141,7 @@ def _equipment(document: Any) -> Equipment:
         name=name,
         root=root,
         segments={name_of(segment, "segments"): _motion(segment, entry) for segment, entry in segments.items()},
-        joints=tuple(joint_of(name_of(joint, "joints"), entry, {"unknown"}) for joint, entry in joints.items()),
+        joints=tuple(_joint(name_of(joint, "joints"), entry) for joint, entry in joints.items()),
         attachments=tuple(attachment_of(name_of(each, "attachments"), entry) for each, entry in attachments.items()),
         unknown={joint: _unknown(joint, entry) for joint, entry in joints.items() if "unknown" in entry},
         upright_sigma=_upright(document["upright"]) if "upright" in document else np.inf,
@@ -145,6 +149,19 @@ def _equipment(document: Any) -> Equipment:
     )
     _check_parts(equipment)
     return equipment
+
+
+def _joint(name: str, entry: Any) -> Joint:
+    joint = joint_of(name, entry, {"unknown", "turned_in_parent"})
+    if "turned_in_parent" not in entry:
+        return joint
+    if "orientation_in_parent" in entry:
+        raise BodyError(
+            f"joint {name}: has turned_in_parent and orientation_in_parent, which say the same; leave out one"
+        )
+    roll, pitch, yaw = np.radians(numbers_of(entry["turned_in_parent"], 3, f"joint {name}: turned_in_parent"))
+    turned = exp_so3(yaw * _Z) @ exp_so3(pitch * _Y) @ exp_so3(roll * _X)
+    return replace(joint, parent_T_joint=rigid(turned, joint.parent_T_joint[:3, 3]))
 
 
 def _motion(segment: str, entry: Any) -> SegmentMotion:

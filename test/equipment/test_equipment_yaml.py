@@ -77,6 +77,18 @@ def test_it_holds_when_it_is_said_to(tmp_path: Path) -> None:
     assert [push.holds_at(seconds) for seconds in (0.0, 1.0, 4.0, 1e6)] == [False, True, False, True]
 
 
+def test_a_turn_in_degrees_stands_for_a_quaternion(tmp_path: Path) -> None:
+    turned = SCOOTER.replace("axis: [0, 0, 1]}", "axis: [0, 0, 1], turned_in_parent: [10, 0, 90]}")
+    head = read(tmp_path, turned).joints[1]
+    np.testing.assert_allclose(head.parent_T_joint[:3, 3], [0.35, 0.0, 0.1])
+    # Rolled about the parent's x, then turned about its z: what was forward is left, what was left is back and up.
+    sine, cosine = np.sin(np.radians(10.0)), np.cos(np.radians(10.0))
+    np.testing.assert_allclose(head.parent_T_joint[:3, :2].T, [[0.0, 1.0, 0.0], [-cosine, 0.0, sine]], atol=1e-12)
+    both = turned.replace("turned_in_parent", "orientation_in_parent: [0, 0, 0, 1], turned_in_parent")
+    with pytest.raises(BodyError, match="joint head: has turned_in_parent and orientation_in_parent"):
+        read(tmp_path, both)
+
+
 def test_little_need_be_said(tmp_path: Path) -> None:
     bar = read(
         tmp_path,
