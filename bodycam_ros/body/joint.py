@@ -94,6 +94,8 @@ class Joint:
             raise BodyError(f"{where}: sigmas must be 6 positive numbers, rotation [rad] then translation [m]")
         object.__setattr__(self, "sigmas", tuple(sigmas))
         if self.limits is not None:
+            if self.type == "free":
+                raise BodyError(f"{where}: a free joint holds nothing, so it has no limits")
             if len(self.limits) != len(self.angle_names):
                 raise BodyError(f"{where}: limits must be {len(self.angle_names)} pairs, not {len(self.limits)}")
             if not all(low < high for low, high in self.limits):
