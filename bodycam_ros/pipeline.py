@@ -17,6 +17,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -119,8 +121,10 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+        equipment: what the body rides, holds or stands on.
 
     Attributes:
+        body: with the equipment, if any.
         instants: brings the cameras to common instants.
         assembler: puts together what they say of one.
 
@@ -135,8 +139,9 @@ class SkeletonPipeline:
         settings: PipelineSettings,
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+        equipment: Equipment | None = None,
     ) -> None:
-        self.body = body
+        self.body = body = coupled_body(body, equipment)
         self._cameras = dict(cameras)
         self._settings, self._live = settings, live
         on_body = [name for name in cameras if name in body.mounts]
