@@ -124,10 +124,10 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
-        equipment: what the body is coupled to.
+        equipment: what the body rides, holds or stands on.
 
     Attributes:
-        body: with the equipment, if there is some.
+        body: with the equipment, if any.
         instants: brings the cameras to common instants.
         assembler: puts together what they say of one.
 
@@ -144,7 +144,7 @@ class SkeletonPipeline:
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
         equipment: Equipment | None = None,
     ) -> None:
-        self._equipment = None if equipment is None else fitted_equipment(equipment, body)
+        self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
         self._cameras = dict(cameras)
         self._settings, self._live = settings, live

@@ -173,8 +173,9 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)
         silent_ns = silent_ns if index else ()
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
+        holding = self._coupling.holding if self._coupling else None
         instant = Instant(
-            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps
+            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps, holding
         )
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)
@@ -264,6 +265,7 @@ class BodySmoother:
                     posture.uncertainty,
                     instant.observed,
                     instant.cameras_used,
+                    self._coupling.report(posture.world_T_segment, instant.holding) if self._coupling else None,
                 )
                 states += self._stretches.add(state, instant.turns)
                 self._leaving.append(posture)

@@ -38,6 +38,7 @@ class Instant:
         uncertainty: covariances.
         missing_ns: stamps before this one at which all cameras were silent.
         turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
+        holding: which attachments of equipment held; None without equipment, or before it is placed.
         solution: the number of the solution that the estimate is from; -1 of a start value.
     """
 
@@ -50,6 +51,7 @@ class Instant:
     uncertainty: BodyUncertainty
     missing_ns: tuple[int, ...] = ()
     turns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    holding: Mapping[str, bool] | None = None
     solution: int = -1
 
 
