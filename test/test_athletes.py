@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from athletes import AIRBORNE_S, CRANK_M, RATE_HZ, Athlete, cyclist, lifter, snowboarder
 
 from bodycam_ros.geometry import inverse, log_so3
-from test.athletes import AIRBORNE_S, CRANK_M, RATE_HZ, Athlete, cyclist, lifter, snowboarder
 
 ATHLETES = [cyclist, snowboarder, lifter]
 

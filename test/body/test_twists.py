@@ -3,15 +3,15 @@
 import numpy as np
 import pinocchio
 import pytest
+from known_motion import BODY
 from numpy.typing import NDArray
+from rider import rider_body
 from scipy.linalg import expm
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.geometry import adjoint, exp_se3, exp_so3, hat
-from test.known_motion import BODY
-from test.rider import rider_body
 
 Array = NDArray[np.float64]
 
