@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
@@ -103,9 +104,8 @@ class Mechanism:
 
     @cached_property
     def is_upright(self) -> bool:
-        """Whether the equipment's root may not lean, and could."""
-        equipment = self.equipment
-        return equipment is not None and equipment.upright_sigma < GIVES_RAD and equipment.root not in self.stands
+        """Whether the equipment's root may not lean."""
+        return self.equipment is not None and self.equipment.upright_sigma < GIVES_RAD
 
     @cached_property
     def column_units(self) -> Array:
@@ -116,7 +116,7 @@ class Mechanism:
         units[self.columns("length")] = 0.4
         return units
 
-    def columns(self, *kinds: str, names: Collection[str] | None = None) -> Array:
+    def columns(self, *kinds: str, names: Collection[str] | None = None) -> NDArray[np.int_]:
         """Indices of the columns of some kinds, and of some names."""
         chosen = [f for f in self.freedoms if f.kind in kinds and (names is None or f.name in names)]
         return np.concatenate([np.zeros(0, int), *(np.arange(f.columns.start, f.columns.stop) for f in chosen)])
@@ -144,6 +144,14 @@ class Mechanism:
                 motion[row, :3, 3] += self.body.tree_joints[row].parent_T_joint[:3, :3].T @ part
         root = configuration.world_T_root @ exp_se3(step[self.freedoms[0].columns])
         return Configuration(root, motion, shifts)
+
+    def longer_by(self, configuration: Configuration, name: str) -> Array:
+        """(3) by how much an unknown length is more than said, along the axes of the equipment's segment [m]."""
+        if name in configuration.shifts:
+            return configuration.shifts[name]
+        row, joint = next((row, joint) for row, joint in enumerate(self.body.tree_joints) if joint.name == name)
+        longer: Array = joint.parent_T_joint[:3, :3] @ configuration.joint_motion[row, :3, 3]
+        return longer
 
     def poses(self, configuration: Configuration) -> Array:
         """world_T_segment (S, 4, 4)."""
@@ -183,26 +191,29 @@ class Mechanism:
             jacobian = by_parent @ J[parent] + by_child @ J[child]
             if joint.name in configuration.shifts:
                 jacobian[:, self.columns("length", names=[joint.name])] += by_parent[:, 3:]
-            assert joint.sigmas is not None
+            assert joint.sigmas is not None  # set when it was made
             parts.append(_rows(joint.name, held_rows(joint), gap, jacobian, np.array(joint.sigmas)))
-        return _stacked(parts, self.column_count)
+        return stacked(parts, self.column_count)
 
-    def world_rows(self, configuration: Configuration, standing: Array | None = None) -> Rows:
-        """Rows of what stands in the world, at poses (S, 4, 4) or wherever it is, and of what may not lean."""
+    def standing_rows(self, configuration: Configuration, standing: Array) -> Rows:
+        """Rows of the segments that stand in the world at poses (S, 4, 4)."""
         poses, J = self.poses(configuration), self.segment_jacobians(configuration)
-        standing = poses if standing is None else standing
         parts = []
         for segment in self.stands:
             row = self.body.segment_index[segment]
             away = log_se3(inverse(standing[row]) @ poses[row])
             parts.append(_rows(segment, range(6), away, J[row], np.full(6, STIFF)))
-        if self.is_upright and self.equipment is not None:
-            row = self.body.segment_index[self.equipment.root]
-            up = poses[row, 2, :3]
-            lean = np.array([up[0], up[1], 0.0, 0.0, 0.0, 0.0])
-            J_lean = np.vstack([hat(up)[:2] @ J[row, :3], np.zeros((4, self.column_count))])
-            parts.append(_rows(self.equipment.root, (0, 1), lean, J_lean, np.full(6, self.equipment.upright_sigma)))
-        return _stacked(parts, self.column_count)
+        return stacked(parts, self.column_count)
+
+    def upright_rows(self, configuration: Configuration) -> Rows:
+        """Two rows if the equipment's root may not lean, else none."""
+        if not self.is_upright or self.equipment is None:
+            return stacked([], self.column_count)
+        row = self.body.segment_index[self.equipment.root]
+        world_R_root = self.poses(configuration)[row, :3, :3]
+        up, turns = world_R_root[2], self.segment_jacobians(configuration)[row, :3]
+        sigmas = np.full(2, self.equipment.upright_sigma)
+        return _rows(self.equipment.root, (0, 1), up[:2], (hat(up) @ turns)[:2], sigmas)
 
 
 def free_tangents(joint: Joint) -> Array:
@@ -217,18 +228,15 @@ def free_tangents(joint: Joint) -> Array:
     return tangents
 
 
-def stacked(parts: list[Rows]) -> Rows:
-    """Several rows as one."""
+def stacked(parts: list[Rows], columns: int) -> Rows:
+    """Several rows of so many columns as one."""
+    parts = [*parts, Rows((), (), np.zeros(0), np.zeros((0, columns)))]
     return Rows(
         tuple(owner for part in parts for owner in part.owners),
         tuple(kind for part in parts for kind in part.kinds),
         np.concatenate([part.residuals for part in parts]),
         np.vstack([part.jacobian for part in parts]),
     )
-
-
-def _stacked(parts: list[Rows], columns: int) -> Rows:
-    return stacked([*parts, Rows((), (), np.zeros(0), np.zeros((0, columns)))])
 
 
 def _rows(owner: str, held: Collection[int], gap: Array, jacobian: Array, sigmas: Array) -> Rows:

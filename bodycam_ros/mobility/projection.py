@@ -28,7 +28,7 @@ def projected(
         start: near a closed one.
         columns: that may move.
         without: joints that are left open.
-        standing: (S, 4, 4) where segments that stand are; None: wherever they are.
+        standing: (S, 4, 4) where segments that stand are; None: they, and what may not lean, may be anywhere.
     """
     units = mechanism.column_units[columns]
     configuration = start
@@ -48,7 +48,7 @@ def projected(
 def constraints(
     mechanism: Mechanism, configuration: Configuration, without: Collection[str] = (), standing: Array | None = None
 ) -> Rows:
-    """All rows that hold: of the loops but some, and of what stands or may not lean in the world."""
+    """All rows that hold: of the loops but some, of what may not lean, and of what stands, if it is said where."""
     rows = mechanism.loop_rows(configuration)
     kept = [row for row, owner in enumerate(rows.owners) if owner not in without]
     of_loops = Rows(
@@ -57,4 +57,12 @@ def constraints(
         rows.residuals[kept],
         rows.jacobian[kept],
     )
-    return stacked([of_loops, mechanism.world_rows(configuration, standing)])
+    if standing is None:
+        return of_loops
+    stands = mechanism.standing_rows(configuration, standing)
+    upright = (
+        []
+        if mechanism.equipment is None or mechanism.equipment.root in mechanism.stands
+        else [mechanism.upright_rows(configuration)]
+    )
+    return stacked([of_loops, stands, *upright], mechanism.column_count)
