@@ -17,6 +17,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -38,6 +40,7 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
+from bodycam_ros.solving.equipment_settings import EquipmentSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
@@ -79,6 +82,7 @@ class PipelineSettings(SettingsGroups):
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
     evidence: EvidenceSettings = EvidenceSettings()
+    equipment: EquipmentSettings = EquipmentSettings()
     verdict: VerdictSettings = VerdictSettings()
 
 
@@ -119,8 +123,10 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+        equipment: what the body is coupled to.
 
     Attributes:
+        body: with the equipment, if there is some.
         instants: brings the cameras to common instants.
         assembler: puts together what they say of one.
 
@@ -135,10 +141,13 @@ class SkeletonPipeline:
         settings: PipelineSettings,
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+        equipment: Equipment | None = None,
     ) -> None:
-        self.body = body
+        self.body = body if equipment is None else coupled_body(body, equipment)
+        self._equipment = equipment
         self._cameras = dict(cameras)
         self._settings, self._live = settings, live
+        body = self.body
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -150,8 +159,10 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         # Loads gtsam, which trackers and registrations do without.
         from bodycam_ros.solving.body_smoother import BodySmoother
+        from bodycam_ros.solving.coupling import Coupling
 
         of = self._settings
+        coupling = Coupling(self.body, self._equipment, of.equipment, of.motion) if self._equipment else None
         self._smoother = BodySmoother(
             self.body,
             self._cameras,
@@ -163,6 +174,7 @@ class SkeletonPipeline:
             of.covariance,
             of.pose_fit,
             offline=not self._live,
+            coupling=coupling,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

@@ -18,14 +18,15 @@ of a joint
 ========================= ============================================================================================
 parent, child             segments; the joint that is first to name a child hangs it on its parent, later ones close
                           loops
-type                      ball, hinge or weld
+type                      ball, hinge, weld or free, which holds nothing: its child is a machine that stands beside the
+                          body
 origin_in_parent          [x, y, z] of the joint in the parent segment [m]
 orientation_in_parent     quaternion x y z w of the joint's axes in the parent segment; default: the segment's axes
 origin_in_child           [x, y, z] of the joint in the child segment [m]; default: the child's origin
 orientation_in_child      quaternion x y z w of the joint's axes in the child segment; default: the segment's axes
 axis                      of a hinge: its direction in the joint's axes
-angle_axes                of a ball: the intrinsic order of its three angles, the child's long axis in the middle;
-                          default yzx
+angle_axes                of a ball or a free joint: the intrinsic order of its three angles, the child's long axis in
+                          the middle; default yzx
 limits                    of a hinge [low, high], of a ball three such pairs in the order of angle_axes [rad];
                           default: unknown
 sigmas                    6 numbers, rotation [rad] then translation [m], instead of those of the type; a hinge's
@@ -178,7 +179,7 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
         entry["orientation_in_child"] = _rounded(quaternion_xyzw(joint.child_T_joint[:3, :3]))
     if joint.type == "hinge":
         entry["axis"] = _rounded(joint.axis)
-    if joint.type == "ball":
+    if joint.type in ("ball", "free"):
         entry["angle_axes"] = joint.angle_axes
     if joint.sigmas != default_sigmas(joint.type):
         entry["sigmas"] = list(joint.sigmas or ())

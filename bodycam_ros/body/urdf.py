@@ -1,12 +1,14 @@
 """The body as URDF: for robot_state_publisher, RViz and every tool that reads robots.
 
 Links are named as the segments and start at the joint to their parent; the zero pose is the N-pose. A ball joint is
-three revolute joints through two links without mass or shape (DESIGN 3). Cameras are fixed links
+three revolute joints through two links without mass or shape (DESIGN 3); a free joint, on which a machine stands beside
+the body, three prismatic ones and then three continuous ones, so that the robot has one root. Cameras are fixed links
 ``<cam>_optical_frame``, so their TF comes for free. Joints that close loops are left out: URDF knows trees only.
 """
 
 import xml.etree.ElementTree as ET
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +23,9 @@ CAMERA_SUFFIX = "_optical_frame"
 
 UNKNOWN_LIMITS = (-2.0 * np.pi, 2.0 * np.pi)  # [rad] of a ball's angle: URDF wants some; a swung arm passes pi
 
+_FARTHEST_M = 1000.0  # of what stands beside the body, along an axis: URDF wants limits of what slides
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
-_NO_LIMIT = "1000"  # of effort [N m] and velocity [rad/s], which URDF wants too: nobody is that strong or quick
+_NO_LIMIT = "1000"  # of effort [N m, N] and velocity [rad/s, m/s], which URDF wants too: nobody is that strong or quick
 _DECIMALS = 12  # below any reader's rounding
 _BONE_RADIUS_M = 0.025
 _JOINT_RADIUS_M = 0.04
@@ -57,17 +60,13 @@ def urdf_text(body: BodyModel) -> str:
 
 
 def _add_joint(robot: ET.Element, joint: Joint) -> None:
-    """The joint's chain from parent to child: three revolute joints, one, or a fixed one."""
+    """The joint's chain from parent to child: three revolute joints or one, a fixed one, or six of a free joint."""
     aligned = np.array_equal(joint.child_T_joint, np.eye(4))
     last_link = joint.child if aligned else f"{joint.name}_joint_frame"
-    axes = [_AXES[axis] for axis in joint.angle_axes] if joint.type == "ball" else [joint.axis]
     links = [joint.parent, *(f"{name}_link" for name in joint.angle_names[:-1]), last_link]
     origin = joint.parent_T_joint
-    for index, name in enumerate(joint.angle_names):
-        limits = None if joint.limits is None else joint.limits[index]
-        _add_revolute(
-            robot, name, (links[index], links[index + 1]), origin, axes[index], limits or _default_limits(joint)
-        )
+    for name, motion, ends in zip(joint.angle_names, _motions(joint), pairwise(links), strict=False):
+        _add_moving(robot, name, ends, origin, motion)
         origin = np.eye(4)
     if joint.type == "weld":
         _add_fixed(robot, joint.name, joint.parent, last_link, origin)
@@ -78,15 +77,27 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
         _add_fixed(robot, f"{joint.name}_to_{joint.child}", last_link, joint.child, joint.joint_T_child)
 
 
-def _default_limits(joint: Joint) -> tuple[float, float] | None:
-    """A hinge of unknown limits may be a crank, which turns for ever."""
-    return UNKNOWN_LIMITS if joint.type == "ball" else None
+_Motion = tuple[str, Array, tuple[float, float] | None]
+"""Type, axis and limits of a URDF joint that moves."""
 
 
-def _add_revolute(
-    robot: ET.Element, name: str, links: tuple[str, str], origin: Array, axis: Array, limits: tuple[float, float] | None
-) -> None:
-    element = _add_connection(robot, name, "continuous" if limits is None else "revolute", links, origin)
+def _motions(joint: Joint) -> list[_Motion]:
+    """How each of ``Joint.angle_names`` moves."""
+    if joint.type == "weld":
+        return []
+    if joint.type == "hinge":
+        # A hinge of unknown limits may be a crank, which turns for ever.
+        return [("revolute", joint.axis, joint.limits[0]) if joint.limits else ("continuous", joint.axis, None)]
+    about = [_AXES[axis] for axis in joint.angle_axes]
+    if joint.type == "ball":
+        return [("revolute", *pair) for pair in zip(about, joint.limits or (UNKNOWN_LIMITS,) * 3, strict=True)]
+    sliding = [("prismatic", axis, (-_FARTHEST_M, _FARTHEST_M)) for axis in _AXES.values()]
+    return [*sliding, *(("continuous", axis, None) for axis in about)]
+
+
+def _add_moving(robot: ET.Element, name: str, links: tuple[str, str], origin: Array, motion: _Motion) -> None:
+    kind, axis, limits = motion
+    element = _add_connection(robot, name, kind, links, origin)
     ET.SubElement(element, "axis", xyz=_numbers(axis))
     bounds = (
         {} if limits is None else {"lower": _numbers(np.array(limits[:1])), "upper": _numbers(np.array(limits[1:]))}
@@ -112,7 +123,8 @@ def _add_segment(robot: ET.Element, body: BodyModel, segment: str) -> None:
     """A ball at the joint, and a bone from there to each joint that hangs on the segment, or else to its tip."""
     link = _add_link(robot, segment)
     _add_visual(link, "sphere", "joint", np.eye(4), radius=str(_JOINT_RADIUS_M))
-    ends = [joint.parent_T_joint[:3, 3] for joint in body.tree_joints if joint.parent == segment]
+    hanging = [joint for joint in body.tree_joints if joint.parent == segment and joint.type != "free"]
+    ends = [joint.parent_T_joint[:3, 3] for joint in hanging]
     for end in ends or [_tip(body, segment)]:
         length = float(np.linalg.norm(end))
         if length > _BONE_RADIUS_M:

@@ -23,7 +23,8 @@ MOST_LETTERS = 4_000_000
 _MOST_LEVELS = 50
 _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
-_TURNING = ("revolute", "continuous")
+_MOVING = ("revolute", "continuous", "prismatic")
+_LIMITED = ("revolute", "prismatic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,8 @@ class UrdfJoint:
         parent, child: links.
         parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
         axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-        limits: (low, high) [rad] of a revolute joint; None for others.
+        limits: (low, high) of a revolute joint [rad] or a prismatic one [m]; None for others.
+        slides: whether it moves along its axis, not about it.
     """
 
     name: str
@@ -44,6 +46,7 @@ class UrdfJoint:
     parent_T_joint: Array
     axis: Array | None
     limits: tuple[float, float] | None
+    slides: bool = False
 
     @classmethod
     def read(cls, element: ET.Element) -> "UrdfJoint":
@@ -55,20 +58,20 @@ class UrdfJoint:
         name, kind = element.attrib.get("name", ""), element.attrib.get("type", "")
         if not name:
             raise ValueError("a joint has no name")
-        if kind not in (*_TURNING, "fixed"):
+        if kind not in (*_MOVING, "fixed"):
             raise ValueError(
-                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_TURNING)} and fixed joints"
+                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_MOVING)} and fixed joints"
             )
         parent, child = (_link(element, role) for role in ("parent", "child"))
         if not parent or not child:
             raise ValueError(f"joint {name} lacks its parent or child link")
         try:
             origin = _origin(element.find("origin"))
-            axis = _axis(element.find("axis")) if kind in _TURNING else None
-            limits = _limits(element.find("limit")) if kind == "revolute" else None
+            axis = _axis(element.find("axis")) if kind in _MOVING else None
+            limits = _limits(element.find("limit")) if kind in _LIMITED else None
         except ValueError as error:
             raise ValueError(f"joint {name}: {error}") from error
-        return cls(name, parent, child, origin, axis, limits)
+        return cls(name, parent, child, origin, axis, limits, kind == "prismatic")
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ class UrdfTree:
 
     Attributes:
         root: the link without a parent.
-        segments: links that stand for parts of the body: drawn ones, so neither cameras nor the links inside a ball
+        segments: links that stand for parts of the body: drawn ones, so neither cameras nor the links inside a
             joint; in the order of the document.
         cameras: cameras that have a link ``<camera>_optical_frame``, in the order of the document.
         joints: parents first.
@@ -76,13 +76,14 @@ class UrdfTree:
 
         Args:
             world_T_root: (T, 4, 4) poses of the root link.
-            angles: joint -> (T,) angles [rad], of all that move.
+            angles: joint -> (T,) angles [rad], or places [m] of joints that slide, of all that move.
         """
         world_T_link = {self.root: world_T_root}
         for joint in self.joints:
             parent_T_child = joint.parent_T_joint
             if joint.axis is not None:
-                turn = exp_so3(angles[joint.name][:, None] * joint.axis)
-                parent_T_child = joint.parent_T_joint @ rigid(turn, np.zeros(3))
+                along = angles[joint.name][:, None] * joint.axis
+                motion = rigid(np.eye(3), along) if joint.slides else rigid(exp_so3(along), np.zeros(3))
+                parent_T_child = joint.parent_T_joint @ motion
             world_T_link[joint.child] = world_T_link[joint.parent] @ parent_T_child
         return world_T_link

@@ -34,15 +34,16 @@ from bodycam_ros.solving.camera_evidence import (
     weak_evidence,
 )
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
-from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
+from bodycam_ros.solving.coupling import Coupling
+from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, orthonormal, predict
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
 
-_BEGIN_RAD, _BEGIN_M = 0.5, 0.5
-"""Sigmas of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
+_BEGIN = np.full(6, 0.5)
+"""Sigmas [rad], [m] of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,7 @@ class BodySmoother:
         cameras: models of the cameras, by name.
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
         offline: states may wait until a limb that is blind is seen again.
+        coupling: what the body is coupled to; ``body`` then is the one with the equipment.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
@@ -76,8 +78,9 @@ class BodySmoother:
         covariance: CovarianceSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
         offline: bool = False,
+        coupling: Coupling | None = None,
     ) -> None:
-        self.body, self._offline = body, offline
+        self.body, self._offline, self._coupling = body, offline, coupling
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
@@ -91,9 +94,12 @@ class BodySmoother:
         self._trust_settings = trust or TrustSettings()
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._motion)
+        coupled = coupling.joint_names if coupling else frozenset[str]()
+        kernel = coupling.settings.kernel if coupling else self.settings.outlier_sigmas
+        self._factors = BodyFactors(body, self.settings.outlier_sigmas, kernel, coupled)
         self._window = BodyWindow(self._factors, self.settings)
-        self._memory = PoseMemory(body, memory or PoseMemorySettings())
+        self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()
+        self._memory = PoseMemory(body, memory or PoseMemorySettings(), coupled)
         self._silence = Silence(self.settings.max_pause)
         self._joint_ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
@@ -117,6 +123,8 @@ class BodySmoother:
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
         self._jumped: frozenset[int] = frozenset()
+        if self._coupling:
+            self._coupling.begin_anew()
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
@@ -136,10 +144,10 @@ class BodySmoother:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
-        moved = self._predict_motion(frame.stamp_ns)
+        moved = self._predict_motion(frame.stamp_ns, dt_s)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
-        path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
+        path = moved if moved is not None else self._first_poses(trusted.evidence.values())
         seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
@@ -147,17 +155,22 @@ class BodySmoother:
         observed = self._of_segments(seen.segment for seen in evidence.values())
         joints_seen = observed[self._joint_ends].all(axis=1)
         known = observed | self._of_segments(turn.segment for _, turn in turns)
+        known[list(self._beside)] = True
         turning = known[self._joint_ends].all(axis=1)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         start = self._seat(path, trusted.seats)
         self._jumped = trusted.jumped
+        if self._coupling:
+            self._coupling.follow(frame.stamp_ns, dt_s, start, trusted.evidence)
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
-            "past": self._past(index, dt_s, path),
+            "past": self._past(index, dt_s, path, start),
         }
+        if self._coupling:
+            factors["equipment"] = self._factors.equipment(index, start, self._coupling.joints(start))
         uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
         silent_ns = self._silence.missing(frame)
@@ -167,6 +180,9 @@ class BodySmoother:
             index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps
         )
         self._window.add(instant, factors)
+        if self._coupling and index:
+            latest, before = (self._window.poses(i) for i in (instant, self._window.instants[-2]))
+            self._coupling.learn_speeds(latest, before, dt_s)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
         return states + self._publish(self.settings.output_delay)
 
@@ -191,10 +207,24 @@ class BodySmoother:
         named[[self.body.segment_index[name] for name in names]] = True
         return named
 
-    def _predict_motion(self, stamp_ns: int) -> Array | None:
+    def _first_poses(self, evidence: Iterable[SegmentPose]) -> Array:
+        """Poses (S, 4, 4) of a body that begins, its equipment beside it."""
+        poses = first_poses(self.body, list(evidence))
+        if self._coupling:
+            self._coupling.predict(poses, None, 0.0)
+        return poses
+
+    def _predict_motion(self, stamp_ns: int, dt_s: float) -> Array | None:
         """Poses (S, 4, 4) at the velocity of the latest two instants; None while there is none."""
         if not self._window.instants:
             return None
+        moved = self._go_on(stamp_ns)
+        if self._coupling:
+            self._coupling.predict(moved, self._window.poses(self._window.instants[-1]), dt_s)
+        return moved
+
+    def _go_on(self, stamp_ns: int) -> Array:
+        """Where each segment (S, 4, 4) goes by itself."""
         latest = self._window.instants[-1]
         if len(self._window.instants) == 1:
             return self._window.poses(latest).copy()
@@ -253,13 +283,22 @@ class BodySmoother:
                 weak[camera] = seen
         return weak
 
-    def _past(self, index: int, dt_s: float, path: Array) -> gtsam.NonlinearFactorGraph:
+    def _past(self, index: int, dt_s: float, path: Array, start: Array) -> gtsam.NonlinearFactorGraph:
         """How the instant hangs on the one before, or what stands in for it at the start."""
+        everything = range(len(path))
         if index == 0:
-            return self._factors.anchor(index, path, _BEGIN_RAD, _BEGIN_M)
+            return self._factors.anchor(index, start if self._coupling else path, _BEGIN, everything)
         instants = self._window.instants
         previous_dt_s = 1e-9 * (instants[-1].stamp_ns - instants[-2].stamp_ns) if len(instants) > 1 else dt_s
-        return self._factors.motion(index, inverse(self._window.poses(instants[-1])) @ path, dt_s, previous_dt_s)
+        steps = inverse(self._window.poses(instants[-1])) @ path
+        sigmas = np.tile(motion_sigmas(dt_s, previous_dt_s, self._motion), (len(path), 1))
+        if not self._coupling:
+            return self._factors.motion(index, steps, sigmas, everything)
+        sigmas[self._coupling.rows] = self._coupling.sigmas(dt_s, previous_dt_s)
+        begins = set() if self._coupling.anchored else set(self._beside)
+        graph = self._factors.motion(index, steps, sigmas, [r for r in everything if r not in begins])
+        graph.push_back(self._factors.anchor(index, start, _BEGIN, begins))
+        return graph
 
     def _publish(self, delay: int) -> list[BodyState]:
         """States of the instants that at least ``delay`` others have followed."""

@@ -20,8 +20,8 @@ from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 logger = logging.getLogger(__name__)
 
-_RESTART_RAD, _RESTART_M = 0.1, 0.05
-"""Sigmas of where the body was when its window was lost."""
+_RESTART = np.repeat([0.1, 0.05], 3)
+"""Sigmas [rad], [m] of where the body was when its window was lost."""
 
 
 @dataclass
@@ -112,7 +112,8 @@ class BodyWindow:
             except BackEndError as error:
                 self._fail(error)
         # Without what ties it to a past that is lost; its turns speak of that past, too.
-        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART_RAD, _RESTART_M)
+        everything = range(len(instant.world_T_segment))
+        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART, everything)
         alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()

@@ -2,7 +2,8 @@
 
 A curve leaves with the body's velocity and arrives with it.
 
-Cubic Hermite curves, of the root's pose and of every joint's rotation, so that no limb is stretched on the way.
+Cubic Hermite curves, of the root's pose and of every joint's rotation, so that no limb is stretched on the way. What
+stands beside the body, on a free joint, goes its own way through the world as the root does.
 """
 
 from collections import deque
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3
+from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_frame import BodyFrame
 
@@ -89,13 +90,27 @@ def bridge(
         return _curve(share, arrived, whole_s * leaving, whole_s * arriving)
 
     start_R = body.joint_rotations(start.world_T_segment)
-    world_T_start = start.world_T_segment[root]
     rotations = start_R @ exp_so3(
         swept(lambda poses: log_so3(np.swapaxes(start_R, -1, -2) @ body.joint_rotations(poses)))
     )
-    world_T_root = world_T_start @ exp_se3(swept(lambda poses: log_se3(inverse(world_T_start) @ poses[root])))
+
+    def through_the_world(row: int) -> Array:
+        world_T_start = start.world_T_segment[row]
+        swept_through: Array = world_T_start @ exp_se3(
+            swept(lambda poses: log_se3(inverse(world_T_start) @ poses[row]))
+        )
+        return swept_through
+
     known = [_between(start.uncertainty, end.uncertainty, float(u), whole_s, density) for u in share]
-    return body.forward_kinematics(world_T_root, rotations), known
+    motion, world_T_root = rigid(rotations, np.zeros(3)), through_the_world(root)
+    poses = body.forward_kinematics(world_T_root, motion)
+    for row, joint in enumerate(body.tree_joints):
+        if joint.type == "free":
+            world_T_joint = poses[:, body.segment_index[joint.parent]] @ joint.parent_T_joint
+            world_T_child = through_the_world(body.segment_index[joint.child])
+            motion[:, row] = inverse(world_T_joint) @ world_T_child @ joint.child_T_joint
+            poses = body.forward_kinematics(world_T_root, motion)
+    return poses, known
 
 
 def _between(

@@ -5,12 +5,14 @@ their limbs together, so the memory keeps the mean and the covariance of all joi
 the joints that are seen, a Gaussian tells the others: their expectation and how far from it they have been.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
@@ -89,10 +91,18 @@ class PoseMemory:
     Args:
         body: joints and their limits.
         settings: strength and time.
+        machine: names of joints that are no person's: what they do tells of the others, and nothing tells of them.
     """
 
-    def __init__(self, body: BodyModel, settings: PoseMemorySettings) -> None:
+    def __init__(
+        self, body: BodyModel, settings: PoseMemorySettings, machine: Collection[str] = frozenset[str]()
+    ) -> None:
         self._settings = settings
+        self._machine = np.array([joint.name in machine for joint in body.tree_joints], bool)
+        self._turning_rows = [
+            row for row, joint in enumerate(body.tree_joints) if self._machine[row] and joint.type == "hinge"
+        ]
+        self._axes = [body.tree_joints[row].axis for row in self._turning_rows]
         self._joint_angles = JointAngles(body)
         low, high = _angle_limits(body)
         self._low, self._high = low, high
@@ -106,6 +116,7 @@ class PoseMemory:
         )
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_span(joint.limits, settings.sigma) for joint in body.tree_joints])
+        spans[self._machine] = 1.0
         self._rest_variance = np.repeat(spans**2, 3)
         size = 3 * len(body.tree_joints)
         # Sums over the instants at which both of two components were seen: seconds, first component, product.
@@ -117,6 +128,7 @@ class PoseMemory:
 
     def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
+        seen = seen | self._machine
         kept = np.exp(-dt_s / self._settings.forget_after)
         angles = self._joint_angles.angles(rotations, self._rest_angles)
         moved = seen[self._joint_of_angle]
@@ -143,6 +155,7 @@ class PoseMemory:
             turning: (J,) whether the rotation of what is not seen is measured at least.
             dt_s: since the instant before [s].
         """
+        seen = seen | self._machine
         self._unseen_s = np.where(seen, 0.0, self._unseen_s + dt_s)
         rows = np.flatnonzero(~seen)
         if len(rows) == 0:
@@ -199,7 +212,14 @@ class PoseMemory:
         return mean, (vectors * np.maximum(values, 0.0)) @ vectors.T
 
     def _vectors(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-        return log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations).ravel()
+        vectors = log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations)
+        if self._machine.any():
+            # A crank turns for ever, and legs follow it: sine and cosine instead of an angle that jumps.
+            vectors[self._machine] = 0.0
+            for row, axis in zip(self._turning_rows, self._axes, strict=True):
+                angle = hinge_angle(rotations[row], axis)
+                vectors[row, :2] = np.cos(angle), np.sin(angle)
+        return vectors.ravel()
 
     def _rotations(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         rotations: NDArray[np.float64] = self._middle_R @ exp_so3(vectors.reshape(-1, 3))

@@ -33,7 +33,7 @@ class Motion:
         stamps_ns: (T,) increasing [ns].
         world_T_root: (T, 4, 4) poses of the root segment [m].
         angle_names: (A) joint angles, in the order of ``angles``.
-        angles: (T, A) [rad].
+        angles: (T, A) [rad], [m] of places.
         registered: camera -> (stamps (K,) increasing [ns], world_T_camera (K, 4, 4) [m]) where it knew its own pose;
             only cameras of which the recording says so.
     """
@@ -73,7 +73,7 @@ class Motion:
         joint_angles = JointAngles(body)
         column = {name: column for column, name in enumerate(self.angle_names)}
         angles = self.angles[instant, [column[name] for name in joint_angles.names]]
-        return body.forward_kinematics(self.world_T_root[instant], joint_angles.rotations(angles))
+        return body.forward_kinematics(self.world_T_root[instant], joint_angles.poses(angles))
 
     def registered_at(self, camera: str, instant: int) -> Array | None:
         """Pose world_T_camera (4, 4) that a camera found for itself within half a frame of an instant; None: lost."""

@@ -60,7 +60,7 @@ def test_it_moves_as_the_body_did(body: BodyModel, random: np.random.Generator) 
     again = body_from_urdf(urdf_text(body))
     assert JointAngles(again).names == JointAngles(body).names
     angles = random.uniform(-3.0, 3.0, size=(20, len(JointAngles(body).names)))
-    moved = [model.forward_kinematics(np.eye(4), JointAngles(model).rotations(angles)) for model in (body, again)]
+    moved = [model.forward_kinematics(np.eye(4), JointAngles(model).poses(angles)) for model in (body, again)]
     np.testing.assert_allclose(moved[1], moved[0], rtol=0.0, atol=1e-8)
 
 
@@ -118,7 +118,12 @@ def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -
         ("</robot>", "", "not XML"),
         ("<robot", "<sdf", "not XML"),
         ('<robot name="rider">', "<robot>", "the robot has no name"),
-        ('type="continuous"', 'type="prismatic"', "joint knee is prismatic; a body has"),
+        ('type="continuous"', 'type="planar"', "joint knee is planar; a body has"),
+        ('type="continuous"', 'type="prismatic"', "between segments thigh and shin there are joints knee sliding"),
+        ('<joint name="cart_y"', '<joint name="cart_turn"', "a ball's angles about z, x, y are named"),
+        ('name="cart_z" type="continuous"', 'name="cart_z" type="prismatic"', "segments pelvis and cart there are"),
+        ('<axis xyz="0.0 1.0 0.0" />\n    <limit lower="-1000', '<axis xyz="1.0 0.0 0.0" />\n    <limit lower="-1000',
+         "cart_at_y, .*: a free joint slides along x, y and z"),
         ('type="continuous"', "", "joint knee is of no type"),
         ('<joint name="knee" ', "<joint ", "a joint has no name"),
         ('<link name="thigh">', "<link>", "a link has no name"),

@@ -20,9 +20,9 @@ TURNED = """<robot name="turned"><link name="base"/><link name="arm"/><link name
 """An axis that is no unit vector, all three angles of an origin, and an origin without a position."""
 
 
-@pytest.mark.parametrize("source", ["ours", "turned"])
-def test_yourdfpy_agrees(walk: Walk, source: str) -> None:
-    text = urdf_text(walk.body) if source == "ours" else TURNED
+@pytest.mark.parametrize("source", ["walk", "ride", "turned"])
+def test_yourdfpy_agrees(walk: Walk, ride: Walk, source: str) -> None:
+    text = {"walk": urdf_text(walk.body), "ride": urdf_text(ride.body), "turned": TURNED}[source]
     tree = UrdfTree.parse(text, "test")
     model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=True)
     assert set(tree.moving) == set(model.actuated_joint_names)
@@ -41,6 +41,12 @@ def test_segments_are_told_from_cameras_and_from_the_inside_of_joints(walk: Walk
     assert tree.segments == walk.body.segments
     assert tree.cameras == ("waist", "shin")
     assert tree.parent_segments() == PARENTS
+
+
+def test_equipment_hangs_on_the_body_that_it_stands_beside(ride: Walk) -> None:
+    tree = UrdfTree.parse(urdf_text(ride.body), "test")
+    assert tree.segments == ride.body.segments
+    assert tree.parent_segments() == {**PARENTS, "frame": "pelvis", "crank": "frame"}
 
 
 @pytest.mark.parametrize(

@@ -96,3 +96,19 @@ def test_a_pose_unlike_all_others_throws_nothing_beyond_what_was_seen(walker) ->
     wild = exp_so3(np.array([[0.0, 0.0, 0.0], [0.0, -1.0, 0.4]]))
     expected = memory.expect(wild, np.array([False, True]), NOBODY, DT_S)
     assert np.linalg.norm(log_so3(expected.rotations)) < 1.2
+
+
+def test_a_machine_beside_the_body_is_expected_by_its_rotation_alone(walker) -> None:
+    """A free joint has a place beside its three angles; the memory knows rotations only, and must not mix them up."""
+    board = Joint("board", "pelvis", "board", "free", np.eye(4))
+    skater = BodyModel("skater", "pelvis", (*walker.segments, "board"), (board, *walker.joints), {})
+    memory = PoseMemory(skater, PoseMemorySettings())
+    for frame in range(200):
+        memory.remember(np.concatenate([np.eye(3)[None], stride(6.0 * frame * DT_S)]), np.ones(3, bool), DT_S)
+    rotations = np.concatenate([exp_so3(np.array([[0.0, 0.0, 3.0]])), stride(0.5)])
+    expected = memory.expect(rotations, np.array([True, False, True]), np.zeros(3, bool), DT_S)
+    assert list(expected.rows) == [1]
+    assert log_so3(expected.rotations)[0, 1] == pytest.approx(0.6 * np.sin(0.5), abs=0.06)
+    beyond = exp_so3(np.array([[0.0, 0.0, 3.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]]))
+    kept = log_so3(memory.within_limits(beyond))
+    np.testing.assert_allclose(kept, [[0.0, 0.0, 3.0], [0.0, 1.2, 0.0], [0.0, 0.0, 0.0]], atol=1e-9)
