@@ -39,6 +39,7 @@ the range of motion told of its rows may follow: ``readout_time``, from the firs
 """
 
 import math
+from collections.abc import Set
 from typing import Any
 
 import numpy as np
@@ -103,15 +104,20 @@ def _body(document: Any) -> BodyModel:
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),
         segments=tuple(name_of(segment, "segments") for segment in segments),
-        joints=tuple(_joint(name_of(name, "joints"), entry) for name, entry in joints.items()),
-        mounts={name_of(name, "cameras"): _mount(name, entry) for name, entry in cameras.items()},
+        joints=tuple(joint_of(name_of(name, "joints"), entry) for name, entry in joints.items()),
+        mounts={name_of(name, "cameras"): mount_of(name, entry) for name, entry in cameras.items()},
         report=report,
     )
 
 
-def _joint(name: str, entry: Any) -> Joint:
+def joint_of(name: str, entry: Any, further_keys: Set[str] = frozenset()) -> Joint:
+    """The joint that a table describes; ``further_keys`` of it are somebody else's.
+
+    Raises:
+        BodyError: it describes none; the message names the joint.
+    """
     where = f"joint {name}"
-    check_keys(entry, where, _JOINT_KEYS, _JOINT_OPTIONS)
+    check_keys(entry, where, _JOINT_KEYS, _JOINT_OPTIONS | further_keys)
     if entry["type"] == "hinge" and "axis" not in entry:
         raise BodyError(f"{where}: a hinge needs its axis, such as [0.0, 1.0, 0.0]")
     options: dict[str, Any] = {}
@@ -133,7 +139,12 @@ def _joint(name: str, entry: Any) -> Joint:
     )
 
 
-def _mount(name: str, entry: Any) -> CameraMount:
+def mount_of(name: str, entry: Any) -> CameraMount:
+    """The place of a camera that a table describes.
+
+    Raises:
+        BodyError: it describes none; the message names the camera.
+    """
     where = f"camera {name}"
     check_keys(entry, where, _CAMERA_KEYS, _READOUT_KEYS)
     return CameraMount(

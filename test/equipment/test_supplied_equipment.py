@@ -1,0 +1,124 @@
+"""Every supplied file can be used by a person of ordinary size, and says what to change."""
+
+import numpy as np
+import pytest
+import yaml
+from known_motion import BODY
+from scipy.optimize import least_squares
+
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
+
+NAMES = ("barbell", "bicycle", "bicycle_rolling", "crutch", "rowing", "snowboard", "wheelchair")
+ORDINARY = 1.5
+"""[rad], [m] how far a joint may well be from the N-pose, and a machine from the pelvis."""
+
+BENDS = {"knee": (0.0, 2.6), "elbow": (-2.6, 0.0)}
+"""[rad] about y: the sides to which people's joints bend."""
+
+BENT_WRONG = 0.15
+"""[rad] by how much they may do otherwise."""
+
+SITTING_LEAN_RAD = 0.35
+"""By how much a pelvis leans back on a seat, or forward on a saddle."""
+
+
+def test_these_are_supplied() -> None:
+    assert supplied_equipment() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_is_named_as_its_file_and_couples_with_a_body(name: str) -> None:
+    equipment = read_equipment(name)
+    assert equipment.name == name
+    coupled = coupled_body(BODY, equipment)
+    assert len(coupled.segments) == len(BODY.segments) + len(equipment.segments)
+    assert {each.name for each in equipment.attachments} <= {joint.name for joint in coupled.loop_joints}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_person_can_hold_all_of_it_at_once(name: str) -> None:
+    """Some pose that is not far from ordinary brings all points together, as near as weights and unknowns allow."""
+    holding = Holding(read_equipment(name))
+    solution = least_squares(holding.residuals, holding.crouched(), max_nfev=60)
+    for attachment, gaps in holding.gaps(holding.poses(solution.x)).items():
+        assert np.sqrt(np.mean(gaps**2)) < 0.7, (attachment, gaps)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_explains_itself(name: str) -> None:
+    text = equipment_path(name).read_text()
+    document = yaml.safe_load(text)
+    opening = text.split(f"\nname: {name}")[0]
+    assert all(line.startswith("#") for line in opening.strip().splitlines())
+    for told in (f"--equipment {name}", "Frames:" if name != "bicycle_rolling" else "bicycle.yaml", "easure"):
+        assert told in opening
+    lines = text.splitlines()
+    for attachment in document["attachments"]:
+        above = lines[: lines.index(f"  {attachment}:")]
+        while above and above[-1].strip() and not above[-1].strip().startswith("#"):
+            above.pop()
+        assert above[-1].strip().startswith("#"), f"{attachment}: no comment begins its paragraph"
+    for unit in ("millimetres", "[deg]", "[rad/s^2]", "[m/s^2]"):
+        key = {"[deg]": "upright:", "[rad/s^2]": "angular_acceleration", "[m/s^2]": " acceleration:"}.get(unit, "")
+        assert key not in text or unit in text or "bicycle" in name
+
+
+def test_the_rolling_bicycle_is_the_other_one_but_for_its_frame() -> None:
+    stands, rolls = (yaml.safe_load(equipment_path(name).read_text()) for name in ("bicycle", "bicycle_rolling"))
+    for document in (stands, rolls):
+        del document["name"], document["upright"], document["segments"]["frame"]
+    assert rolls == stands
+
+
+class Holding:
+    """Poses of a person with equipment; what is unknown counts as play."""
+
+    def __init__(self, equipment: Equipment) -> None:
+        self.equipment = equipment
+        self.coupled = coupled_body(BODY, equipment)
+        held = {each.name for each in equipment.attachments}
+        self.own_loops = [joint for joint in self.coupled.loop_joints if joint.name not in held]
+
+    def poses(self, x: Array) -> Array:
+        """(S, 4, 4) of a tangent for each joint of the tree, of which its type takes what it permits."""
+        motion = exp_se3(x.reshape(-1, 6))
+        for pose, joint in zip(motion, self.coupled.tree_joints, strict=True):
+            pose[:3, :3] = joint.permitted_rotation(pose[:3, :3])
+            if joint.type != "free":
+                pose[:3, 3] = 0.0
+        return self.coupled.forward_kinematics(np.eye(4), motion)
+
+    def gaps(self, poses: Array) -> dict[str, Array]:
+        """Attachment -> (N, 3) what is between the points of its pairs, in the equipment's axes and in sigmas."""
+        index, gaps = self.coupled.segment_index, {}
+        for each in self.equipment.attachments:
+            equipment_T_body = inverse(poses[index[each.equipment_segment]]) @ poses[index[each.body_segment]]
+            play = np.sqrt(each.sigmas[:, None] ** 2 + each.unknown**2)
+            gaps[each.name] = (transform_points(equipment_T_body, each.on_body) - each.on_equipment) / play
+        return gaps
+
+    def residuals(self, x: Array) -> Array:
+        poses, index = self.poses(x), self.coupled.segment_index
+        parts = [gaps.ravel() for gaps in self.gaps(poses).values()]
+        for joint in self.own_loops:
+            parent_T_child = inverse(poses[index[joint.parent]]) @ poses[index[joint.child]]
+            off = log_se3(inverse(joint.measured_relative_pose(parent_T_child)) @ parent_T_child)
+            parts.append(joint.square_root_information @ off)
+        for turn, joint in zip(x.reshape(-1, 6)[:, :3], self.coupled.tree_joints, strict=True):
+            if bends := BENDS.get(joint.name.partition("_")[0]):
+                beyond = turn[1] - np.clip(turn[1], *bends)
+                parts.append(np.array([turn[0], beyond, turn[2]]) / BENT_WRONG)
+        if np.isfinite(self.equipment.upright_sigma):
+            leans = poses[index[self.equipment.root]][:2, 2]
+            parts.append(leans / max(self.equipment.upright_sigma, SITTING_LEAN_RAD))
+        return np.concatenate([*parts, x / ORDINARY])
+
+    def crouched(self) -> Array:
+        """Tangents of joints from which knees and elbows bend to the right side."""
+        x = np.zeros((len(self.coupled.tree_joints), 6))
+        for row, joint in enumerate(self.coupled.tree_joints):
+            x[row, 1] = {"hip": -1.0, "knee": 1.2, "elbow": -0.6}.get(joint.name.partition("_")[0], 0.0)
+        return x.ravel()
