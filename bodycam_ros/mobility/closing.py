@@ -16,10 +16,10 @@ from bodycam_ros.mobility.descent import Descent
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism
 
 CLOSED_SIGMAS = 3.0  # a loop whose rows are all within it is closed
-_ANNEALING = 0.3
-_STEPS, _STEPS_TO_THE_END = 8, 80
+_ANNEALING = 0.2
+_STEPS, _STEPS_TO_THE_END = 6, 60
 _QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
-_KEPT_STARTS = 3
+_KEPT_STARTS = 2
 _BENT = 0.6  # of the way to the middle of its limits: a straight knee does not know which way to bend
 
 
@@ -35,11 +35,8 @@ def placed(mechanism: Mechanism) -> list[Configuration]:
     start = replace(resting, joint_motion=bent)
     if mechanism.equipment is None:
         return [start]
-    own = [joint.name for joint in mechanism.equipment.joints]
-    columns = np.concatenate(
-        [mechanism.columns("place", names=[mechanism.equipment.name]), mechanism.columns("joint", names=own)]
-    )
-    descent = Descent(mechanism, columns)
+    own = [mechanism.equipment.name, *(joint.name for joint in mechanism.equipment.joints)]
+    descent = Descent(mechanism, mechanism.columns("place", "joint", names=own))
     found = [descent.run(first, 2 * _STEPS) for first in _starts(mechanism, start)]
     found.sort(key=lambda pair: pair[1])
     return [configuration for configuration, _ in found[:_KEPT_STARTS]]
@@ -59,7 +56,7 @@ def closed(mechanism: Mechanism, starts: list[Configuration], without: Collectio
     together.sort(key=lambda pair: pair[1])
     if set(open_loops(mechanism, together[0][0])) <= set(without):
         return together[0][0]
-    each = [_annealed(mechanism, descent, start) for start in (*starts, together[0][0])]
+    each = [_annealed(mechanism, descent, start) for start in (starts[0], together[0][0])]
     return min(each, key=lambda found: len(set(open_loops(mechanism, found)) - set(without)))
 
 

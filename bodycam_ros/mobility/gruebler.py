@@ -30,7 +30,7 @@ class GrueblerCount:
 def gruebler_count(mechanism: Mechanism) -> GrueblerCount:
     """Count segments and joints; what stands is the ground, and the free joint to it takes no freedom."""
     links = len(mechanism.body.segments) - len(mechanism.stands)
-    leaning = 2 if mechanism.is_upright else 0
+    leaning = 2 if mechanism.only_upright else 0
     return GrueblerCount(links, dict(_freedoms(mechanism)), leaning)
 
 

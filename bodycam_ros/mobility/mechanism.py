@@ -11,6 +11,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, rigid
 from bodycam_ros.mobility.joint_gap import GIVES_M, GIVES_RAD, gap_jacobians, held_rows, joint_gap
 
@@ -70,7 +71,7 @@ class Mechanism:
 
     Attributes:
         body: both as one (``coupled_body``).
-        equipment: or None.
+        equipment: as far as the body can hold it, or None.
         freedoms: all groups of columns, the root's place first, lengths last.
 
     Raises:
@@ -78,6 +79,7 @@ class Mechanism:
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment | None = None) -> None:
+        equipment = None if equipment is None else fitted_equipment(equipment, body)
         self.equipment = equipment
         self.body = body if equipment is None else coupled_body(body, equipment)
         self.tangents_of_joints = [free_tangents(joint) for joint in self.body.tree_joints]
@@ -106,6 +108,11 @@ class Mechanism:
     def is_upright(self) -> bool:
         """Whether the equipment's root may not lean."""
         return self.equipment is not None and self.equipment.upright_sigma < GIVES_RAD
+
+    @cached_property
+    def only_upright(self) -> bool:
+        """Whether the equipment's root may not lean and does not stand still either."""
+        return self.is_upright and self.equipment is not None and self.equipment.root not in self.stands
 
     @cached_property
     def column_units(self) -> Array:

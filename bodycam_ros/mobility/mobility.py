@@ -21,6 +21,7 @@ from bodycam_ros.mobility.row_rank import dependent_rows, null_space, rank, unit
 _STEP, _STEPS = 0.12, 20  # [rad], or of a limb's length
 _WANDERINGS = 3
 _STILL_CLOSED = 1e-6  # [sigma]
+_MOVES = 1e-6
 _NOTICED_RAD = np.radians(1.0)
 
 
@@ -117,18 +118,19 @@ def _parts(
     """The null space in parts: untouched joints, motions that the equipment leads, its stuck joints, and the rest."""
     equipment = mechanism.equipment
     own = [] if equipment is None else [joint.name for joint in equipment.joints]
-    joints = [freedom for freedom in mechanism.freedoms if freedom.kind == "joint" and _width(freedom)]
+    moving = [f for f in mechanism.freedoms if f.kind != "length" and _width(f)]
+    joints = [f for f in moving if f.kind == "joint" or f.name in own]
     untouched = {f.name: _width(f) for f in joints if not np.any(unit[:, f.columns])}
     leading = [f for f in joints if f.name in own and f.name not in untouched]
-    concerned = [f for f in mechanism.freedoms if f.kind != "length" and f.name not in untouched and f not in leading]
+    concerned = [f for f in moving if f.name not in untouched and f not in leading]
     if whole < 6 and equipment is not None:
         # Where the machine stands, its place beside the body is that of the body in the world.
         concerned = [freedom for freedom in concerned if freedom.name != equipment.name]
     across = _without_whole(mechanism, unit, free)
     motions, stuck, rest = led_motions(across, leading, concerned)
-    moving = tuple(f.name for f in concerned if np.linalg.norm(rest[f.columns]) > 1e-6)
-    remaining = free.shape[1] - whole - sum(untouched.values()) - len(motions)
-    return untouched, motions, stuck, (remaining, moving)
+    others = tuple(f.name for f in concerned if np.linalg.norm(rest[f.columns]) > _MOVES)
+    remaining = free.shape[1] - whole - sum(untouched.values()) - sum(motion.freedoms for motion in motions)
+    return untouched, motions, stuck, (remaining, others)
 
 
 def _without_whole(mechanism: Mechanism, unit: Array, free: Array) -> Array:

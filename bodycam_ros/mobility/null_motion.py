@@ -8,60 +8,65 @@ import numpy as np
 from bodycam_ros.geometry import Array
 from bodycam_ros.mobility.mechanism import Freedom
 
-_MOVES = 1e-6
-_NOTICED = 0.02  # of the largest share: less is not worth a word
+_MOVES = 1e-5
+_NOTICED = 0.05  # of the largest share: less is not worth a word
 
 
 @dataclass(frozen=True)
 class NullMotion:
-    """A motion that keeps all loops closed.
+    """Motions that keep all loops closed, led by a joint of the equipment.
 
     Attributes:
-        joint: of the equipment, that leads it; one radian of it, or a limb's length, takes along
-        with_joints: others -> how much they move, in radians or a limb's lengths, the most first.
+        joint: that leads.
+        freedoms: in how many ways.
+        with_joints: others -> how much they move along at most, per radian, or a limb's length, of the joint; the most
+            first.
     """
 
     joint: str
+    freedoms: int
     with_joints: Mapping[str, float]
 
 
 def led_motions(
     free: Array, leading: list[Freedom], others: list[Freedom]
 ) -> tuple[tuple[NullMotion, ...], tuple[str, ...], Array]:
-    """The smallest motion for each leading freedom, the leading ones that cannot move, and what is free besides.
+    """The smallest motions that move the leading freedoms, one after the other.
 
     Args:
         free: (K, F) orthonormal null space.
         leading: joints of the equipment.
-        others: groups to be named.
+        others: groups to be named besides.
 
     Returns:
-        The motions, names of the leading that are stuck, and (K, F') orthonormal directions that move no leading one.
+        The motions, names of the leading that cannot move, and (K, F') orthonormal directions that move none of them.
     """
     motions, stuck, rest = [], [], free
     for freedom in leading:
-        part = free[freedom.columns]
-        if np.linalg.norm(part) < _MOVES:
+        if np.linalg.norm(free[freedom.columns]) < _MOVES:
             stuck.append(freedom.name)
-            continue
+        leads = []
         for column in range(freedom.columns.start, freedom.columns.stop):
+            # The projection of a unit vector is the least motion with it; what is across of that leaves it alone.
             lead = rest @ rest[column]
-            if lead[column] < _MOVES:
-                continue
-            lead = lead / lead[column]
-            shares = {other.name: float(np.linalg.norm(lead[other.columns])) for other in others + leading}
-            del shares[freedom.name]
-            most = max(shares.values(), default=0.0)
-            named = sorted(shares.items(), key=lambda pair: -pair[1])
-            kept = {name: share for name, share in named if share > max(_NOTICED * most, _MOVES)}
-            motions.append(NullMotion(freedom.name, kept))
-            rest = _without(rest, lead)
+            if lead[column] > _MOVES**2:
+                leads.append(lead / np.linalg.norm(lead[freedom.columns]))
+                rest = _without(rest, lead)
+        if leads:
+            groups = [group for group in (*leading, *others) if group is not freedom]
+            motions.append(NullMotion(freedom.name, len(leads), _shares(np.stack(leads), groups)))
     return tuple(motions), tuple(stuck), rest
+
+
+def _shares(leads: Array, groups: list[Freedom]) -> dict[str, float]:
+    """How much groups move at most in some motions (M, K), those that do so noticeably."""
+    shares = {group.name: float(np.linalg.norm(leads[:, group.columns], axis=1).max()) for group in groups}
+    least = max(_NOTICED * max(shares.values(), default=0.0), _MOVES)
+    return {name: share for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > least}
 
 
 def _without(free: Array, direction: Array) -> Array:
     """Orthonormal directions of a space (K, F) across one of them (K)."""
-    along = free.T @ direction
-    _, _, Vt = np.linalg.svd(along[None])
+    _, _, Vt = np.linalg.svd((free.T @ direction)[None])
     across: Array = free @ Vt[1:].T
     return across

@@ -60,9 +60,5 @@ def constraints(
     if standing is None:
         return of_loops
     stands = mechanism.standing_rows(configuration, standing)
-    upright = (
-        []
-        if mechanism.equipment is None or mechanism.equipment.root in mechanism.stands
-        else [mechanism.upright_rows(configuration)]
-    )
+    upright = [mechanism.upright_rows(configuration)] if mechanism.only_upright else []
     return stacked([of_loops, stands, *upright], mechanism.column_count)
