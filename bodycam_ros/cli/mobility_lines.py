@@ -93,9 +93,10 @@ def _remarks(found: Mobility, equipment: Equipment | None) -> Iterator[str]:
 
 
 def _apart(contradiction: Contradiction) -> str:
-    text = f"{contradiction.name} stays {1e3 * contradiction.apart_m:.0f} mm apart while all else is held"
+    text = f"{contradiction.name} stays {1e3 * contradiction.apart_m:.0f} mm apart"
     if contradiction.turned_rad > np.radians(1.0):
-        text += f", turned by {np.degrees(contradiction.turned_rad):.0f} deg"
+        text += f" and turned by {np.degrees(contradiction.turned_rad):.0f} deg"
+    text += " while all else is held"
     if contradiction.against:
         text += f"; it holds without {' or '.join(contradiction.against)}"
     return text

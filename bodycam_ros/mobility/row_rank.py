@@ -10,6 +10,9 @@ from bodycam_ros.geometry import Array
 _DEPENDENT = 1e-7
 """Of unit rows: loops are closed to 1e-12, so rows that depend on each other do so to rounding."""
 
+_UNMOVED = 1e-10
+"""Of the longest row: such a row is rounding."""
+
 _COMPANION = 1e-3
 
 
@@ -22,9 +25,10 @@ class DependentRow:
 
 
 def unit_rows(jacobian: Array) -> Array:
-    """The rows (R, K), each of length one; those of nothing stay zero."""
+    """The rows (R, K), each of length one; those that nothing moves are zero."""
     lengths = np.linalg.norm(jacobian, axis=1, keepdims=True)
-    return np.asarray(np.divide(jacobian, lengths, out=np.zeros_like(jacobian), where=lengths > 0.0), np.float64)
+    moved = lengths > _UNMOVED * lengths.max(initial=0.0)
+    return np.asarray(np.divide(jacobian, lengths, out=np.zeros_like(jacobian), where=moved), np.float64)
 
 
 def rank(unit: Array) -> int:
