@@ -19,6 +19,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -123,10 +124,10 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
-        equipment: what the body is coupled to.
+        equipment: what the body rides, holds or stands on.
 
     Attributes:
-        body: with the equipment, if there is some.
+        body: with the equipment, if any.
         instants: brings the cameras to common instants.
         assembler: puts together what they say of one.
 
@@ -143,11 +144,10 @@ class SkeletonPipeline:
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
         equipment: Equipment | None = None,
     ) -> None:
-        self.body = body if equipment is None else coupled_body(body, equipment)
-        self._equipment = equipment
+        self._equipment = equipment and fitted_equipment(equipment, body)
+        self.body = body = coupled_body(body, self._equipment)
         self._cameras = dict(cameras)
         self._settings, self._live = settings, live
-        body = self.body
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)

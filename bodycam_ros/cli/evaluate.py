@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from bodycam_ros.cli.equipment_tables import equipment_tables
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal
 
@@ -81,6 +82,9 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     if any("clock" in camera for camera in figures["cameras"].values()):
         console.print(_clock_table(figures["cameras"]))
     console.print(_body_table(figures))
+    if "equipment" in figures:
+        for table in equipment_tables(figures["equipment"]):
+            console.print(table)
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))
         console.print(_truth_table(figures["truth"]))

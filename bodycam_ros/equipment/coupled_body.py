@@ -12,8 +12,8 @@ from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.errors import BodyError
 
 
-def coupled_body(body: BodyModel, equipment: Equipment) -> BodyModel:
-    """The body with the equipment beside it.
+def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
+    """The body with the equipment beside it; the body itself without.
 
     The equipment's root hangs on the body's by a free joint of the equipment's name, which holds nothing; its own
     segments hang on each other as its joints say, and every attachment is a joint that closes a loop; optional
@@ -22,6 +22,8 @@ def coupled_body(body: BodyModel, equipment: Equipment) -> BodyModel:
     Raises:
         BodyError: names clash, or an attachment is to a segment that the body does not have; the message names both.
     """
+    if equipment is None:
+        return body
     equipment = fitted_equipment(equipment, body)
     if twice := sorted(set(equipment.mounts) & set(body.mounts)):
         raise BodyError(f"equipment {equipment.name}: camera {', '.join(twice)} is on body {body.name} as well")

@@ -15,6 +15,7 @@ from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
@@ -71,6 +72,7 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     if models:
         reprojection = health.reprojection_errors(solved, models)
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
+    judged = solved_verdict(solved, models, VerdictSettings())
     position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
@@ -83,6 +85,6 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         angle_ranges=health.angle_ranges(solved),
         jitter=health.jitter(solved),
         brightness={} if recording_path is None else brightness(solved, recording_path),
-        verdict=solved_verdict(solved, models, VerdictSettings()),
+        verdict=Verdict.of((*judged.findings, *equipment_findings(solved.equipment))),
         comparison=None if truth is None else compare(solved, truth),
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.evaluate.blur import blur_classes
 from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
@@ -23,7 +24,7 @@ MS_PER_S, PPM = 1000.0, 1e6
 def summary(evaluation: Evaluation) -> dict[str, Any]:
     """Figures by name, the unit at the end of the name; what is unknown is None.
 
-    ``truth`` holds the measures against the truth, if there is one.
+    ``truth`` holds the measures against the truth, if there is one; ``equipment`` how the body was coupled to it.
     """
     solved = evaluation.solved
     figures: dict[str, Any] = {
@@ -43,6 +44,8 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             health.camera: _camera(health, evaluation.brightness.get(health.camera)) for health in evaluation.cameras
         },
     }
+    if solved.equipment is not None:
+        figures["equipment"] = equipment_figures(solved.equipment, solved.start_ns)
     if evaluation.comparison is not None:
         figures["truth"] = truth_figures(evaluation.comparison)
     known: dict[str, Any] = _without_nan(figures)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse
+from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
 from bodycam_ros.messages.factory import Message, MessageFactory, flat
 from bodycam_ros.messages.header import MAP_FRAME, header_message
 from bodycam_ros.messages.pose import (
@@ -170,7 +171,7 @@ def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tup
 
 
 def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -> dict[str, Message]:
-    """Topic -> message of one instant: joint states, joint rotations, odometry, tf and the skeleton."""
+    """Topic -> message of one instant: joint states, joint rotations, odometry, tf, skeleton, and equipment if any."""
     state = output.state
     rows = [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints]
     parents, children = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [])
@@ -178,7 +179,8 @@ def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -
     world_T_root = state.world_T_segment[body.segment_index[body.root]]
     joint_names = [joint.name for joint in body.tree_joints]
     joints_observed = state.observed[parents] & state.observed[children]
-    return {
+    coupled = {} if state.equipment is None else {EQUIPMENT: equipment_message(make, state.stamp_ns, state.equipment)}
+    return coupled | {
         "/joint_states": joint_state_message(
             make, state.stamp_ns, output.joint_names, output.positions, output.velocities
         ),

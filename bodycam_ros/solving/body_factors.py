@@ -120,13 +120,13 @@ class BodyFactors:
         return graph
 
     def anchor(
-        self, index: int, start: NDArray[np.float64], sigmas: NDArray[np.float64], rows: Iterable[int]
+        self, index: int, poses: Mapping[int, NDArray[np.float64]], sigmas: NDArray[np.float64]
     ) -> gtsam.NonlinearFactorGraph:
-        """What some segments have in place of a past: start values (S, 4, 4), sigmas (6) [rad], [m]."""
+        """What segments have in place of a past: row -> pose (4, 4), and sigmas (6) of all [rad], [m]."""
         graph = gtsam.NonlinearFactorGraph()
         noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
-        for row in rows:
-            graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(start[row]), noise))
+        for row, pose in poses.items():
+            graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(pose), noise))
         return graph
 
     def motion(

@@ -9,14 +9,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import islice
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.solving.blind_stretches import BlindStretches
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
@@ -35,15 +33,13 @@ from bodycam_ros.solving.camera_evidence import (
 )
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.coupling import Coupling
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, orthonormal, predict
+from bodycam_ros.solving.going_on import GoingOn
+from bodycam_ros.solving.motion import MotionSettings, orthonormal
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
-from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
-
-_BEGIN = np.full(6, 0.5)
-"""Sigmas [rad], [m] of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
+from bodycam_ros.solving.start_poses import hung, led, turned_on_joint
 
 Array = NDArray[np.float64]
 
@@ -98,6 +94,7 @@ class BodySmoother:
         kernel = coupling.settings.kernel if coupling else self.settings.outlier_sigmas
         self._factors = BodyFactors(body, self.settings.outlier_sigmas, kernel, coupled)
         self._window = BodyWindow(self._factors, self.settings)
+        self._going_on = GoingOn(body, self._window, self._factors, self._motion, coupling)
         self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()
         self._memory = PoseMemory(body, memory or PoseMemorySettings(), coupled)
         self._silence = Silence(self.settings.max_pause)
@@ -144,10 +141,10 @@ class BodySmoother:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
-        moved = self._predict_motion(frame.stamp_ns, dt_s)
+        moved = self._going_on.predict(frame.stamp_ns, dt_s, self._jumped)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
-        path = moved if moved is not None else self._first_poses(trusted.evidence.values())
+        path = moved if moved is not None else self._going_on.begin(trusted.evidence.values())
         seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
@@ -167,7 +164,7 @@ class BodySmoother:
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
-            "past": self._past(index, dt_s, path, start),
+            "past": self._going_on.past(index, dt_s, path, start),
         }
         if self._coupling:
             factors["equipment"] = self._factors.equipment(index, start, self._coupling.joints(start))
@@ -176,13 +173,12 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)
         silent_ns = silent_ns if index else ()
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
+        holding = self._coupling.holding if self._coupling else None
         instant = Instant(
-            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps
+            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps, holding
         )
         self._window.add(instant, factors)
-        if self._coupling and index:
-            latest, before = (self._window.poses(i) for i in (instant, self._window.instants[-2]))
-            self._coupling.learn_speeds(latest, before, dt_s)
+        self._going_on.learn_speeds(dt_s)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
         return states + self._publish(self.settings.output_delay)
 
@@ -206,35 +202,6 @@ class BodySmoother:
         named = np.zeros(len(self.body.segments), bool)
         named[[self.body.segment_index[name] for name in names]] = True
         return named
-
-    def _first_poses(self, evidence: Iterable[SegmentPose]) -> Array:
-        """Poses (S, 4, 4) of a body that begins, its equipment beside it."""
-        poses = first_poses(self.body, list(evidence))
-        if self._coupling:
-            self._coupling.predict(poses, None, 0.0)
-        return poses
-
-    def _predict_motion(self, stamp_ns: int, dt_s: float) -> Array | None:
-        """Poses (S, 4, 4) at the velocity of the latest two instants; None while there is none."""
-        if not self._window.instants:
-            return None
-        moved = self._go_on(stamp_ns)
-        if self._coupling:
-            self._coupling.predict(moved, self._window.poses(self._window.instants[-1]), dt_s)
-        return moved
-
-    def _go_on(self, stamp_ns: int) -> Array:
-        """Where each segment (S, 4, 4) goes by itself."""
-        latest = self._window.instants[-1]
-        if len(self._window.instants) == 1:
-            return self._window.poses(latest).copy()
-        before, world_T_segment = self._window.instants[-2], self._window.poses(latest)
-        before_s, ahead_s = 1e-9 * (latest.stamp_ns - before.stamp_ns), 1e-9 * (stamp_ns - latest.stamp_ns)
-        predicted = predict(self._window.poses(before), world_T_segment, before_s, ahead_s, self._motion)
-        # Where a segment was put elsewhere, the step before is no velocity.
-        for row in self._jumped:
-            predicted[row] = world_T_segment[row]
-        return predicted
 
     def _predict_turns(
         self, measured: Iterable[TurnSince], seen: set[str], path: Array
@@ -283,23 +250,6 @@ class BodySmoother:
                 weak[camera] = seen
         return weak
 
-    def _past(self, index: int, dt_s: float, path: Array, start: Array) -> gtsam.NonlinearFactorGraph:
-        """How the instant hangs on the one before, or what stands in for it at the start."""
-        everything = range(len(path))
-        if index == 0:
-            return self._factors.anchor(index, start if self._coupling else path, _BEGIN, everything)
-        instants = self._window.instants
-        previous_dt_s = 1e-9 * (instants[-1].stamp_ns - instants[-2].stamp_ns) if len(instants) > 1 else dt_s
-        steps = inverse(self._window.poses(instants[-1])) @ path
-        sigmas = np.tile(motion_sigmas(dt_s, previous_dt_s, self._motion), (len(path), 1))
-        if not self._coupling:
-            return self._factors.motion(index, steps, sigmas, everything)
-        sigmas[self._coupling.rows] = self._coupling.sigmas(dt_s, previous_dt_s)
-        begins = set() if self._coupling.anchored else set(self._beside)
-        graph = self._factors.motion(index, steps, sigmas, [r for r in everything if r not in begins])
-        graph.push_back(self._factors.anchor(index, start, _BEGIN, begins))
-        return graph
-
     def _publish(self, delay: int) -> list[BodyState]:
         """States of the instants that at least ``delay`` others have followed."""
         states = []
@@ -315,6 +265,7 @@ class BodySmoother:
                     posture.uncertainty,
                     instant.observed,
                     instant.cameras_used,
+                    self._coupling.report(posture.world_T_segment, instant.holding) if self._coupling else None,
                 )
                 states += self._stretches.add(state, instant.turns)
                 self._leaving.append(posture)

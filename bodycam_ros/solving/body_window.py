@@ -38,6 +38,7 @@ class Instant:
         uncertainty: covariances.
         missing_ns: stamps before this one at which all cameras were silent.
         turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
+        holding: which attachments of equipment held; None without equipment, or before it is placed.
         solution: the number of the solution that the estimate is from; -1 of a start value.
     """
 
@@ -50,6 +51,7 @@ class Instant:
     uncertainty: BodyUncertainty
     missing_ns: tuple[int, ...] = ()
     turns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    holding: Mapping[str, bool] | None = None
     solution: int = -1
 
 
@@ -112,8 +114,7 @@ class BodyWindow:
             except BackEndError as error:
                 self._fail(error)
         # Without what ties it to a past that is lost; its turns speak of that past, too.
-        everything = range(len(instant.world_T_segment))
-        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART, everything)
+        anchor = self._factors.anchor(instant.index, dict(enumerate(instant.world_T_segment)), _RESTART)
         alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import LOOSE_M, LOOSE_RAD, TIGHT_M, TIGHT_RAD, Joint
+from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
-from bodycam_ros.geometry import adjoint, exp_se3, hat, inverse, log_se3, nearest_rotation
+from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.geometry import hat, inverse, log_se3
+from bodycam_ros.solving.equipment_chain import EquipmentChain
 
 Array = NDArray[np.float64]
 
@@ -26,8 +28,6 @@ _KERNEL = 10.0
 
 _SETTLED = 1e-6
 _STIFFENING = 1e-6
-_HELD_RAD, _HELD_M = 10.0 * TIGHT_RAD, 10.0 * TIGHT_M
-"""A joint does not move at all where its sigmas are tighter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +76,6 @@ class FittedEquipment:
     length_sigmas: Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Freedom:
-    """How a joint of the equipment moves.
-
-    Attributes:
-        joint: which.
-        twists: (6, F) the directions in the joint's frame that are free.
-        sigmas: (F) how far along them [rad], [m]; infinite where there is no opinion.
-        columns: (F) among the unknowns of an instant.
-    """
-
-    joint: Joint
-    twists: Array
-    sigmas: Array
-    columns: NDArray[np.intp]
-
-
 class EquipmentFit:
     """Fits the equipment's segments, and its unknown lengths, to the body.
 
@@ -101,44 +84,18 @@ class EquipmentFit:
         tree: its own joints, parents first.
 
     Attributes:
+        lengths: what is unknown.
         row: segment -> its row among the equipment's.
-        lengths: (attachment or joint, axis) of all that is unknown.
-        length_priors: (L) how far they may be off [m].
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint]) -> None:
         self._equipment = equipment
-        self.row = {name: row for row, name in enumerate(equipment.segments)}
-        self._root = self.row[equipment.root]
-        unknown = {attachment.name: attachment.unknown for attachment in equipment.attachments} | dict(
-            equipment.unknown
-        )
-        self.lengths = tuple((name, int(axis)) for name, off in unknown.items() for axis in np.flatnonzero(off))
-        self.length_priors = np.array([unknown[name][axis] for name, axis in self.lengths])
-        self._of = {
-            name: [(column, axis) for column, (owner, axis) in enumerate(self.lengths) if owner == name]
-            for name in unknown
-        }
-        # Unknowns: a tangent of the root, the joints' twists, then the lengths.
-        self._freedoms: list[_Freedom] = []
-        count = 6
-        for joint in tree:
-            twists, sigmas = _freedom(joint)
-            self._freedoms.append(_Freedom(joint, twists, sigmas, count + np.arange(len(sigmas))))
-            count += len(sigmas)
-        self._length_columns = count + np.arange(len(self.lengths))
-        self._count = count + len(self.lengths)
-        stands = equipment.segments[equipment.root].stands
-        lasting = np.concatenate([np.arange(6 if stands else 0), self._length_columns])
-        self._lasting = lasting.astype(np.intp)
-        self._moving = np.setdiff1d(np.arange(self._count), self._lasting)
-
-    def shift(self, name: str, lengths: Array) -> Array:
-        """(3) by how much an attachment's points, or a joint, are from where they are said to be [m]."""
-        shift = np.zeros(3)
-        for column, axis in self._of.get(name, ()):
-            shift[axis] = lengths[column]
-        return shift
+        self.lengths = UnknownLengths(equipment, tree)
+        self._chain = EquipmentChain(equipment, tree, self.lengths)
+        self.row = self._chain.row
+        lasting = 6 if equipment.segments[equipment.root].stands else 0
+        self._lasting = np.concatenate([np.arange(lasting), self._chain.length_columns]).astype(np.intp)
+        self._moving = np.setdiff1d(np.arange(self._chain.count), self._lasting)
 
     def solve(
         self, start: Array, lengths: Array, held: HeldPoints, prior: Prior | None = None, steps: int = 30
@@ -152,68 +109,28 @@ class EquipmentFit:
             prior: of the segments, at one instant only.
             steps: at most.
         """
-        root, motions = start[:, self._root], self._motions(start, lengths)
+        root, motions = start[:, self._chain.root], self._chain.motions(start, lengths)
         if 0 in self._lasting:
             root = np.broadcast_to(root[-1], root.shape)
-        expected = None if prior is None else (prior, self._motions(prior.poses[None], lengths))
-        damping = 1e-1
+        expected = None if prior is None else (prior, self._chain.motions(prior.poses[None], lengths))
+        damping = 0.1
         H, g, cost = self._normal_equations(root, motions, lengths, held, expected)
         for _ in range(steps):
-            step, longer = self._step(H, g, damping)
-            new_root = _orthonormal(root @ exp_se3(step[:, :6]))
-            moved = [
-                _orthonormal(motion @ exp_se3(step[:, f.columns] @ f.twists.T)) if len(f.columns) else motion
-                for f, motion in zip(self._freedoms, motions, strict=True)
-            ]
-            H_new, g_new, cost_new = self._normal_equations(new_root, moved, lengths + longer, held, expected)
+            step = self._step(H, g, damping)
+            new_root, moved = self._chain.moved(root, motions, step)
+            longer = lengths + step[0, self._chain.length_columns]
+            H_new, g_new, cost_new = self._normal_equations(new_root, moved, longer, held, expected)
             if cost_new > cost:
                 damping *= 10.0
                 continue
             settled = cost - cost_new < _SETTLED * (1.0 + cost)
-            root, motions, lengths = new_root, moved, lengths + longer
+            root, motions, lengths = new_root, moved, longer
             H, g, cost, damping = H_new, g_new, cost_new, 0.2 * damping
             if settled:
                 break
         sigmas = self._sigmas(H, g)
-        poses = self._chain(root, motions, lengths)[0]
-        return FittedEquipment(poses, lengths, cost, sigmas[:6], sigmas[self._length_columns])
-
-    def _motions(self, poses: Array, lengths: Array) -> list[Array]:
-        """How the joints stand (T, 4, 4) each, of poses (T, E, 4, 4): what they hold is dropped."""
-        motions = []
-        for f in self._freedoms:
-            joint = f.joint
-            world_T_joint = poses[:, self.row[joint.parent]] @ self._on_parent(joint, lengths)
-            motion = inverse(world_T_joint) @ poses[:, self.row[joint.child]] @ joint.child_T_joint
-            motion[:, :3, :3] = joint.permitted_rotation(motion[:, :3, :3])
-            if not (f.twists[3:] != 0.0).any():
-                motion[:, :3, 3] = 0.0
-            motions.append(motion)
-        return motions
-
-    def _on_parent(self, joint: Joint, lengths: Array) -> Array:
-        place = joint.parent_T_joint.copy()
-        place[:3, 3] += self.shift(joint.name, lengths)
-        return place
-
-    def _chain(self, root: Array, motions: Sequence[Array], lengths: Array) -> tuple[Array, Array]:
-        """Poses (T, E, 4, 4) of all segments and how their tangents follow from the unknowns (T, E, 6, n) (B eq. 3)."""
-        poses = np.empty((len(root), len(self.row), 4, 4))
-        J = np.zeros((len(root), len(self.row), 6, self._count))
-        poses[:, self._root] = root
-        J[:, self._root, :, :6] = np.eye(6)
-        for f, motion in zip(self._freedoms, motions, strict=True):
-            joint, p, c = f.joint, self.row[f.joint.parent], self.row[f.joint.child]
-            place = self._on_parent(joint, lengths)
-            moved = motion @ joint.joint_T_child
-            parent_T_child = place @ moved
-            poses[:, c] = poses[:, p] @ parent_T_child
-            J[:, c] = adjoint(inverse(parent_T_child)) @ J[:, p]
-            J[:, c, :, f.columns] = np.moveaxis(adjoint(joint.child_T_joint) @ f.twists, -1, 0)[:, None]
-            for column, axis in self._of.get(joint.name, ()):
-                # A shift of the joint on its parent moves the child along.
-                J[:, c, 3:, self._length_columns[column]] += parent_T_child[:, axis, :3]
-        return poses, J
+        poses = self._chain.poses(root, motions, lengths)[0]
+        return FittedEquipment(poses, lengths, cost, sigmas[:6], sigmas[self._chain.length_columns])
 
     def _normal_equations(
         self,
@@ -224,8 +141,12 @@ class EquipmentFit:
         expected: tuple[Prior, Sequence[Array]] | None,
     ) -> tuple[Array, Array, float]:
         """Hessians (T, n, n), gradients (T, n) and the robust cost."""
-        poses, moves = self._chain(root, motions, lengths)
-        H, g, cost = np.zeros((len(root), self._count, self._count)), np.zeros((len(root), self._count)), 0.0
+        poses, moves = self._chain.poses(root, motions, lengths)
+        H, g, cost = (
+            np.zeros((len(root), self._chain.count, self._chain.count)),
+            np.zeros((len(root), self._chain.count)),
+            0.0,
+        )
 
         def add(J: Array, r: Array, weights: Array | float = 1.0) -> None:
             nonlocal H, g
@@ -241,17 +162,17 @@ class EquipmentFit:
                 cost += len(attachment.sigmas) * _KERNEL**2 * float(np.sum(np.log1p(squared)[holds]))
         if np.isfinite(self._equipment.upright_sigma):
             up = root[:, 2, :3]
-            J = np.zeros((len(root), 2, self._count))
+            J = np.zeros((len(root), 2, self._chain.count))
             J[:, :, :3] = hat(up)[:, :2] / self._equipment.upright_sigma
             r = up[:, :2] / self._equipment.upright_sigma
             add(J, r)
             cost += float(np.sum(r**2))
         cost += self._add_joints(H, g, motions)
         # What lasts is known once, not at every instant.
-        columns = self._length_columns
-        H[0, columns, columns] += 1.0 / self.length_priors**2
-        g[0, columns] += lengths / self.length_priors**2
-        cost += float(np.sum((lengths / self.length_priors) ** 2))
+        columns = self._chain.length_columns
+        H[0, columns, columns] += 1.0 / self.lengths.priors**2
+        g[0, columns] += lengths / self.lengths.priors**2
+        cost += float(np.sum((lengths / self.lengths.priors) ** 2))
         if expected is not None:
             cost += self._add_prior(H, g, root, motions, expected)
         return H, g, cost
@@ -259,7 +180,7 @@ class EquipmentFit:
     def _add_joints(self, H: Array, g: Array, motions: Sequence[Array]) -> float:
         """What joints say that are neither free nor held."""
         cost = 0.0
-        for f, motion in zip(self._freedoms, motions, strict=True):
+        for f, motion in zip(self._chain.freedoms, motions, strict=True):
             if np.isfinite(f.sigmas).any():
                 weights = np.where(np.isfinite(f.sigmas), 1.0 / f.sigmas**2, 0.0)
                 off = log_se3(motion) @ f.twists
@@ -278,9 +199,9 @@ class EquipmentFit:
             g[:, columns] += off / sigmas**2
             return float(np.sum((off / sigmas) ** 2))
 
-        off = log_se3(inverse(prior.poses[self._root]) @ root)
-        cost = add(np.arange(6), off, prior.sigmas[self._root])
-        for f, motion, before in zip(self._freedoms, motions, expected_motions, strict=True):
+        off = log_se3(inverse(prior.poses[self._chain.root]) @ root)
+        cost = add(np.arange(6), off, prior.sigmas[self._chain.root])
+        for f, motion, before in zip(self._chain.freedoms, motions, expected_motions, strict=True):
             if len(f.columns):
                 sigmas = np.abs(f.twists).T @ prior.sigmas[self.row[f.joint.child]]
                 cost += add(f.columns, log_se3(inverse(before) @ motion) @ f.twists, sigmas)
@@ -293,24 +214,24 @@ class EquipmentFit:
         row = self.row[attachment.equipment_segment]
         pose = poses[:, row]
         seen = (held - pose[:, None, :3, 3]) @ pose[:, :3, :3]
-        off = seen - attachment.on_equipment - self.shift(attachment.name, lengths)
+        off = seen - self.lengths.attachment(attachment, lengths).on_equipment
         of_segment = np.concatenate([hat(seen), np.broadcast_to(-np.eye(3), (*seen.shape, 3))], axis=3)
         J = of_segment @ moves[:, None, row]
-        for column, axis in self._of.get(attachment.name, ()):
-            J[:, :, axis, self._length_columns[column]] -= 1.0
+        for column, axis in self.lengths.of(attachment.name):
+            J[:, :, axis, self._chain.length_columns[column]] -= 1.0
         sigmas = np.hypot(attachment.sigmas, _BODY_M)[:, None]
         rows = 3 * len(attachment.sigmas)
         return (J / sigmas[..., None]).reshape(len(poses), rows, -1), (off / sigmas).reshape(len(poses), rows)
 
-    def _step(self, H: Array, g: Array, damping: float) -> tuple[Array, Array]:
-        """Steps (T, n) of all that is unknown, and of the lengths (L)."""
+    def _step(self, H: Array, g: Array, damping: float) -> Array:
+        """Steps (T, n) of all that is unknown."""
         reduced, gradient, own, by_lasting = self._reduced(H, g, damping)
         damped = reduced + damping * np.diag(np.diag(reduced))
         lasting = -np.linalg.solve(damped, gradient) if len(damped) else gradient
-        step = np.zeros((len(H), self._count))
+        step = np.zeros((len(H), self._chain.count))
         step[:, self._lasting] = lasting
         step[:, self._moving] = own + by_lasting @ lasting
-        return step, step[0, self._length_columns]
+        return step
 
     def _reduced(self, H: Array, g: Array, damping: float) -> tuple[Array, Array, Array, Array]:
         """Normal equations of what lasts (K, K), (K), and how what moves follows from it: (T, M), (T, M, K)."""
@@ -335,32 +256,9 @@ class EquipmentFit:
         reduced, _, _, by_lasting = self._reduced(H, g, 0.0)
         lasting = np.linalg.inv(reduced)
         own = H[0][np.ix_(self._moving, self._moving)] + _STIFFENING * np.eye(len(self._moving))
-        variances = np.zeros(self._count)
+        variances = np.zeros(self._chain.count)
         variances[self._lasting] = np.diag(lasting)
         variances[self._moving] = np.diag(np.linalg.inv(own))
         variances[self._moving] += np.einsum("mk,kl,ml->m", by_lasting[0], lasting, by_lasting[0])
         sigmas: Array = np.sqrt(np.maximum(variances, 0.0))
         return sigmas
-
-
-def _freedom(joint: Joint) -> tuple[Array, Array]:
-    """Twists (6, F) along which a joint moves, in its frame, and how far (F): infinite where there is no opinion."""
-    sigmas = np.array(joint.sigmas)
-    axes = np.eye(6)
-    axes[:3, :3] = joint.axes_of_rotation.T
-    free = sigmas > np.repeat([_HELD_RAD, _HELD_M], 3)
-    loose = sigmas >= np.repeat([LOOSE_RAD, LOOSE_M], 3)
-    if joint.type == "ball":
-        free[:3] = loose[:3] = True
-    if joint.type == "hinge":
-        # What a hinge holds softly is no freedom of a machine.
-        free[1:3] = False
-        loose[0] = True
-    if joint.type == "weld":
-        free[:3] = False
-    return axes[:, free], np.where(loose, np.inf, sigmas)[free]
-
-
-def _orthonormal(poses: Array) -> Array:
-    poses[..., :3, :3] = nearest_rotation(poses[..., :3, :3])
-    return poses
