@@ -38,6 +38,7 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
+from bodycam_ros.solving.contact_settings import ContactSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
@@ -78,6 +79,7 @@ class PipelineSettings(SettingsGroups):
     trust: TrustSettings = TrustSettings()
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
+    contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     verdict: VerdictSettings = VerdictSettings()
 
@@ -150,6 +152,7 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         # Loads gtsam, which trackers and registrations do without.
         from bodycam_ros.solving.body_smoother import BodySmoother
+        from bodycam_ros.solving.contact import FootContacts
 
         of = self._settings
         self._smoother = BodySmoother(
@@ -163,6 +166,7 @@ class SkeletonPipeline:
             of.covariance,
             of.pose_fit,
             offline=not self._live,
+            contacts=FootContacts(self.body, of.contact),
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

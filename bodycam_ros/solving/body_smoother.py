@@ -34,6 +34,7 @@ from bodycam_ros.solving.camera_evidence import (
     weak_evidence,
 )
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
+from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.refusal_log import RefusalLog
@@ -55,6 +56,7 @@ class BodySmoother:
         cameras: models of the cameras, by name.
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
         offline: states may wait until a limb that is blind is seen again.
+        contacts: which feet stand.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
@@ -76,6 +78,7 @@ class BodySmoother:
         covariance: CovarianceSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
         offline: bool = False,
+        contacts: FootContacts | None = None,
     ) -> None:
         self.body, self._offline = body, offline
         self.settings = settings or SmootherSettings()
@@ -93,6 +96,7 @@ class BodySmoother:
         self._pose_fit = pose_fit or PoseFitSettings()
         self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._motion)
         self._window = BodyWindow(self._factors, self.settings)
+        self._contacts = contacts or FootContacts(body)
         self._memory = PoseMemory(body, memory or PoseMemorySettings())
         self._silence = Silence(self.settings.max_pause)
         self._joint_ends = np.array(
@@ -128,9 +132,7 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        registered = self._mounted.absolute_evidence(
-            matches for camera, matches in frame.matches.items() if camera in self._cameras
-        )
+        registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
             return states
@@ -157,6 +159,7 @@ class BodySmoother:
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
             "past": self._past(index, dt_s, path),
+            "contacts": self._contacts.factors(self._window, self._factors.key),
         }
         uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
@@ -202,8 +205,7 @@ class BodySmoother:
         before_s, ahead_s = 1e-9 * (latest.stamp_ns - before.stamp_ns), 1e-9 * (stamp_ns - latest.stamp_ns)
         predicted = predict(self._window.poses(before), world_T_segment, before_s, ahead_s, self._motion)
         # Where a segment was put elsewhere, the step before is no velocity.
-        for row in self._jumped:
-            predicted[row] = world_T_segment[row]
+        predicted[list(self._jumped)] = world_T_segment[list(self._jumped)]
         return predicted
 
     def _predict_turns(
@@ -287,13 +289,11 @@ class BodySmoother:
         if not instant.missing_ns or not self._leaving:
             return []
         after = [self._posture(later) for later in islice(self._window.instants, position, position + 2)]
-        poses, uncertainties = bridge(
-            self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density
-        )
+        poses, known = bridge(self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density)
         self.bridged += len(poses)
         return [
             BodyState(stamp_ns, self.body.segments, world_T_segment, uncertainty, np.zeros(len(poses[0]), bool), 0)
-            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, uncertainties, strict=True)
+            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, known, strict=True)
         ]
 
     def _posture(self, instant: Instant) -> Posture:
