@@ -95,7 +95,7 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
             0.015,
             0.012,
             f"Points: named tracks, green if the landmark falls within {GOOD_PX:g} px in the solved pose, else red "
-            "with a line to where it falls. Thick lines: the wearer's limbs as solved; thin brown ones: equipment.",
+            "with a line to where it falls. Thick lines: the wearer's limbs as solved; thin ones: equipment.",
             color=QUIET,
         )
         figure.subplots_adjust(left=0.015, right=0.985, top=0.95, bottom=0.045, wspace=0.04, hspace=0.14)

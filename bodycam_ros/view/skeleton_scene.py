@@ -16,7 +16,7 @@ from bodycam_ros.view.scene_nodes import SELECTED, WORLD, place, rgb, segment_na
 
 _BONE_RADIUS_M = 0.02
 _JOINT_RADIUS_M = 0.032
-_EQUIPMENT_RADIUS_M = 0.01
+_EQUIPMENT_RADIUS_M = 0.014
 _SHORTEST_M = 1e-3  # a bone shorter than that has no direction
 
 
