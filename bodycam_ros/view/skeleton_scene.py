@@ -86,7 +86,7 @@ def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
     limbs = []
     for segment, start, end in segment_bones(body):
         ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
-        limbs.append(Bone(segment, ends[:1], ends[1:]))
+        limbs.append(Bone(segment, ends[:1], ends[1:], segment in body.equipment_segments))
     return limbs
 
 

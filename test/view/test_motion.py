@@ -15,7 +15,7 @@ from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.solved.solved_recording import read_solved
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.view.motion import Motion, read_motion
-from bodycam_ros.view.skeleton_scene import segment_bones
+from bodycam_ros.view.skeleton_scene import limbs_of, segment_bones
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +107,8 @@ def test_equipment_is_shown_beside_a_body_file_that_does_not_know_it(ride: Walk,
     coupled = read_motion(out, ride.body)
     assert coupled.equipment == ()
     assert_allclose(coupled.segments_at(ride.body, 20), ride.world_T_segment[20], rtol=0.0, atol=1e-9)
+    (own,) = (limb for limb in limbs_of(ride.body, ride.world_T_segment[20]) if limb.is_equipment)
+    assert_allclose(own.end[0], line.end[20], rtol=0.0, atol=1e-9)
 
 
 def test_a_body_of_another_shape_is_still_named_beside_equipment(ride: Walk, tmp_path: Path) -> None:
