@@ -1,16 +1,24 @@
 """Every supplied file can be used by a person of ordinary size, and says what to change."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import yaml
-from known_motion import BODY
+from known_motion import BODY, START_NS
 from scipy.optimize import least_squares
 
+from bodycam_ros.camera import camera_from_info
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_state import BodyOutput
 
+FRAME_NS = 33_333_333
+LENS = camera_from_info("any", 640, 480, "equidistant", [0.0] * 4, [240.0, 0, 319.5, 0, 240.0, 239.5, 0, 0, 1])
 NAMES = ("barbell", "bicycle", "bicycle_rolling", "crutch", "rowing", "snowboard", "wheelchair")
 ORDINARY = 1.5
 """[rad], [m] how far a joint may well be from the N-pose, and a machine from the pelvis."""
@@ -41,10 +49,25 @@ def test_it_is_named_as_its_file_and_couples_with_a_body(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_person_can_hold_all_of_it_at_once(name: str) -> None:
     """Some pose that is not far from ordinary brings all points together, as near as weights and unknowns allow."""
-    holding = Holding(read_equipment(name))
-    solution = least_squares(holding.residuals, holding.crouched(), max_nfev=60)
-    for attachment, gaps in holding.gaps(holding.poses(solution.x)).items():
+    holding, poses = held(name)
+    for attachment, gaps in holding.gaps(poses).items():
         assert np.sqrt(np.mean(gaps**2)) < 0.7, (attachment, gaps)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_solver_finds_it_in_the_hands_of_that_person(name: str) -> None:
+    """All of it is seen to be held, and nobody is bent for it."""
+    _, poses = held(name)
+    pipeline = SkeletonPipeline(
+        BODY, dict.fromkeys(BODY.mounts, LENS), PipelineSettings(), equipment=read_equipment(name)
+    )
+    outputs = [output for frame in range(12) for output in pipeline_add(pipeline, frame, poses)] + pipeline.flush()
+    said = outputs[-1].state.equipment
+    assert said is not None and said.placed
+    assert said.engaged.all(), dict(zip(said.attachments, said.deviations, strict=True))
+    of_person = outputs[-1].state.world_T_segment[: len(BODY.segments)]
+    apart_m = np.linalg.norm((of_person - poses[: len(BODY.segments)])[:, :3, 3], axis=1)
+    assert apart_m.max() < 0.01, dict(zip(BODY.segments, apart_m, strict=True))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,6 +94,35 @@ def test_the_rolling_bicycle_is_the_other_one_but_for_its_frame() -> None:
     for document in (stands, rolls):
         del document["name"], document["upright"], document["segments"]["frame"]
     assert rolls == stands
+
+
+def pipeline_add(pipeline: SkeletonPipeline, frame: int, poses: Array) -> list[BodyOutput]:
+    """What comes of all cameras' registrations at a frame."""
+    outputs = []
+    for camera, mount in BODY.mounts.items():
+        outputs += pipeline.add(
+            LandmarkMatches(
+                camera=camera,
+                stamp_ns=START_NS + frame * FRAME_NS,
+                previous_stamp_ns=START_NS + (frame - 1) * FRAME_NS if frame else 0,
+                track_ids=np.zeros(0, np.uint32),
+                landmark_ids=np.zeros(0, np.uint32),
+                pixels=np.zeros((0, 2), np.float32),
+                points_world=np.zeros((0, 3), np.float32),
+                world_T_camera=poses[BODY.segment_index[mount.segment]] @ mount.segment_T_camera,
+                pose_covariance=np.eye(6) * 1e-6,
+                current_R_previous=np.eye(3),
+                rotation_inliers=0,
+            )
+        )
+    return outputs
+
+
+@cache
+def held(name: str) -> "tuple[Holding, Array]":
+    """A person with a piece of equipment, and poses (S, 4, 4) in which all of it is held."""
+    holding = Holding(read_equipment(name))
+    return holding, holding.poses(least_squares(holding.residuals, holding.crouched(), max_nfev=60).x)
 
 
 class Holding:
