@@ -24,7 +24,8 @@ print(bodycam_msgs.__file__, bodycam_ros.__file__, get_package_prefix("bodycam_m
 print(get_package_share_directory("bodycam_ros") + "/launch/bodycam.launch.py")
 from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 assert [read_equipment(name).name for name in supplied_equipment()] == list(supplied_equipment())
-print(get_package_share_directory("bodycam_ros") + "/config/equipment/bicycle.yaml", equipment_path("bicycle"), sep="\\n")
+print(get_package_share_directory("bodycam_ros") + "/config/equipment/bicycle.yaml")
+print(equipment_path("bicycle"))
 """
 
 
