@@ -18,20 +18,18 @@ _IS_IT_THIS = "is it the equipment of this recording, and are its points right?"
 
 
 def equipment_findings(record: EquipmentRecord | None) -> tuple[Finding, ...]:
-    """A finding for equipment that was never placed or mostly let go, and for each attachment that is far off.
+    """A finding for equipment that was never placed or mostly let go, else for each attachment that is far off.
 
     The body is solved without what contradicts it, so that none of them makes a result wrong.
     """
     if record is None:
         return ()
-    doubts = []
     if not record.placed.any():
-        doubts.append(("where it is was never known, so nothing was coupled to it", _IS_IT_THIS))
+        doubts = [("where it is was never known, so nothing was coupled to it", _IS_IT_THIS)]
+    elif (alone := 1.0 - float(record.held[record.placed].any(axis=1).mean())) > _MOSTLY:
+        doubts = [(f"nothing held it for {alone:.0%} of the time", _IS_IT_THIS)]
     else:
-        alone = 1.0 - float(record.held[record.placed].any(axis=1).mean())
-        if alone > _MOSTLY:
-            doubts.append((f"nothing held it for {alone:.0%} of the time", _IS_IT_THIS))
-        doubts += [doubt for column in range(len(record.attachments)) if (doubt := _far_off(record, column))]
+        doubts = [doubt for column in range(len(record.attachments)) if (doubt := _far_off(record, column))]
     return tuple(Finding(record.name, Level.DOUBTFUL, what, remedy=remedy, part="equipment") for what, remedy in doubts)
 
 

@@ -1,6 +1,8 @@
 """Every supplied file can be used by a person of ordinary size, and says what to change."""
 
+from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,11 +13,13 @@ from scipy.optimize import least_squares
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 
 FRAME_NS = 33_333_333
 LENS = camera_from_info("any", 640, 480, "equidistant", [0.0] * 4, [240.0, 0, 319.5, 0, 240.0, 239.5, 0, 0, 1])
@@ -58,16 +62,28 @@ def test_a_person_can_hold_all_of_it_at_once(name: str) -> None:
 def test_the_solver_finds_it_in_the_hands_of_that_person(name: str) -> None:
     """All of it is seen to be held, and nobody is bent for it."""
     _, poses = held(name)
-    pipeline = SkeletonPipeline(
-        BODY, dict.fromkeys(BODY.mounts, LENS), PipelineSettings(), equipment=read_equipment(name)
-    )
-    outputs = [output for frame in range(12) for output in pipeline_add(pipeline, frame, poses)] + pipeline.flush()
-    said = outputs[-1].state.equipment
-    assert said is not None and said.placed
-    assert said.engaged.all(), dict(zip(said.attachments, said.deviations, strict=True))
-    of_person = outputs[-1].state.world_T_segment[: len(BODY.segments)]
-    apart_m = np.linalg.norm((of_person - poses[: len(BODY.segments)])[:, :3, 3], axis=1)
-    assert apart_m.max() < 0.01, dict(zip(BODY.segments, apart_m, strict=True))
+    last = solved(read_equipment(name), poses)[-1].state
+    assert last.equipment is not None and last.equipment.placed
+    assert last.equipment.engaged.all(), dict(zip(last.equipment.attachments, last.equipment.deviations, strict=True))
+    assert bent_m(last.world_T_segment, poses) < 0.01
+
+
+def test_a_bar_that_is_3_m_away_is_named_and_bends_nobody() -> None:
+    bicycle, (_, poses) = read_equipment("bicycle"), held("bicycle")
+    away = [
+        replace(each, on_equipment=each.on_equipment + [3.0, 0.0, 0.0]) if each.name.startswith("hand") else each
+        for each in bicycle.attachments
+    ]
+    outputs = solved(replace(bicycle, attachments=tuple(away)), poses, frames=30)
+    assert max(bent_m(output.state.world_T_segment, poses) for output in outputs) < 0.01
+    log = EquipmentLog()
+    for output in outputs:
+        assert output.state.equipment is not None
+        log.add(output.state.stamp_ns, output.state.equipment)
+    assert [finding.what for finding in equipment_findings(log.record())] == [
+        f"attachment hand_{side} is 3.1 m from the body where the file has it" for side in ("left", "right")
+    ]
+    assert outputs[-1].state.equipment.engaged.tolist() == [True, True, False, False, True]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -96,10 +112,11 @@ def test_the_rolling_bicycle_is_the_other_one_but_for_its_frame() -> None:
     assert rolls == stands
 
 
-def pipeline_add(pipeline: SkeletonPipeline, frame: int, poses: Array) -> list[BodyOutput]:
-    """What comes of all cameras' registrations at a frame."""
+def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOutput]:
+    """What the solver makes of a person who keeps still in a pose (S, 4, 4)."""
+    pipeline = SkeletonPipeline(BODY, dict.fromkeys(BODY.mounts, LENS), PipelineSettings(), equipment=equipment)
     outputs = []
-    for camera, mount in BODY.mounts.items():
+    for frame, (camera, mount) in product(range(frames), BODY.mounts.items()):
         outputs += pipeline.add(
             LandmarkMatches(
                 camera=camera,
@@ -115,7 +132,13 @@ def pipeline_add(pipeline: SkeletonPipeline, frame: int, poses: Array) -> list[B
                 rotation_inliers=0,
             )
         )
-    return outputs
+    return outputs + pipeline.flush()
+
+
+def bent_m(world_T_segment: Array, poses: Array) -> float:
+    """By how much the segments of the person are off, the worst [m]."""
+    of_person = slice(0, len(BODY.segments))
+    return float(np.linalg.norm((world_T_segment - poses)[of_person, :3, 3], axis=1).max())
 
 
 @cache
