@@ -98,6 +98,15 @@ class BodyModel:
                 beside.add(joint.child)
         return frozenset(beside)
 
+    @cached_property
+    def rows_below(self) -> dict[int, list[int]]:
+        """Row of each segment but the root -> rows of it and of all that hang on it."""
+        below = {self.segment_index[joint.child]: [self.segment_index[joint.child]] for joint in self.tree_joints}
+        for joint in reversed(self.tree_joints):
+            if joint.parent != self.root:
+                below[self.segment_index[joint.parent]] += below[self.segment_index[joint.child]]
+        return below
+
     def joint_to_parent(self, segment: str) -> Joint | None:
         """The joint that hangs a segment on its parent; None for the root."""
         return next((joint for joint in self.tree_joints if joint.child == segment), None)

@@ -84,6 +84,20 @@ class JointAngles:
         return angles
 
 
+def angle_limits(body: BodyModel) -> tuple[Array, Array]:
+    """Low and high (A) [rad] of all joint angles; infinite where no limit is known."""
+    pairs = [pair for joint in body.tree_joints for pair in joint.limits or _unbounded(joint)]
+    limits = np.array(pairs, dtype=np.float64).reshape(-1, 2)
+    return limits[:, 0], limits[:, 1]
+
+
+def middle_of_limits(body: BodyModel) -> Array:
+    """Joint rotations (J, 3, 3) in the middle of their limits; at zero where there are none."""
+    low, high = angle_limits(body)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    return JointAngles(body).rotations(0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0))
+
+
 class JointAngleTracker:
     """Follows the joint angles of a moving body, continuous over time: no jump by a turn or between Euler triples.
 

@@ -133,11 +133,5 @@ class BlindStretches:
 
 def _free_limbs(body: BodyModel) -> dict[int, list[int]]:
     """Row of a segment -> rows of it and of all below it; without what a loop holds, the root, and roots beside it."""
-    hanging = [joint for joint in body.tree_joints if joint.type != "free"]
-    below = {body.segment_index[joint.child]: [body.segment_index[joint.child]] for joint in hanging}
-    tops = {body.root, *(joint.child for joint in body.tree_joints if joint.type == "free")}
-    for joint in reversed(hanging):
-        if joint.parent not in tops:
-            below[body.segment_index[joint.parent]] += below[body.segment_index[joint.child]]
     held = {body.segment_index[name] for joint in body.loop_joints for name in (joint.parent, joint.child)}
-    return {row: rows for row, rows in below.items() if not held.intersection(rows)}
+    return {row: rows for row, rows in body.rows_below.items() if not held.intersection(rows)}

@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 _STANDS = np.repeat([1e-4, 1e-4], 3)
 """[rad], [m] what stands still is never held tighter."""
 
+_NEAR_M = 0.005
+"""A prediction this near to what is seen is as good a start as any."""
+
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
 
@@ -257,8 +260,11 @@ class Coupling:
     def _follow(self, looked: HeldPoints, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Array:
         """Poses (E, 4, 4) near the prediction, or where hinges must have turned meanwhile; what is let go."""
         prior = self._prior(predicted, dt_s, evidence)
-        poses = self._place.near(self._watch.held(looked), self.lengths, prior)
+        poses = prior.poses
         distances = self._watch.distances(looked, poses, self.lengths)
+        if max(distances.values(), default=0.0) > _NEAR_M:
+            poses = self._place.near(self._watch.held(looked), self.lengths, prior)
+            distances = self._watch.distances(looked, poses, self.lengths)
         if 2 * self._watch.contradicted(distances, self.length_sigmas) > len(distances):
             # Most of what is seen contradicts it: the equipment has gone on unseen, in another way than expected.
             elsewhere = self._place.around(looked, self.lengths, prior)

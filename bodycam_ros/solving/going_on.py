@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import middle_of_limits
 from bodycam_ros.geometry import inverse
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_window import BodyWindow
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.coupling import Coupling
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, predict
-from bodycam_ros.solving.start_poses import first_poses
+from bodycam_ros.solving.start_poses import first_poses, hung
 
 Array = NDArray[np.float64]
 
@@ -42,11 +43,20 @@ class GoingOn:
     ) -> None:
         self._body, self._window, self._factors = body, window, factors
         self._settings, self._coupling = settings, coupling
+        self._bent = middle_of_limits(body)
 
     def begin(self, evidence: Collection[SegmentPose]) -> Array:
-        """Poses (S, 4, 4) of a body that begins, its equipment beside it."""
+        """Poses (S, 4, 4) of a body that begins, its equipment beside it.
+
+        Coupled to something, limbs that are not seen begin bent: a straight leg that a pedal shortens might fold the
+        wrong way.
+        """
         poses = first_poses(self._body, evidence)
         if self._coupling:
+            known = np.zeros(len(poses), bool)
+            known[[self._body.segment_index[seen.segment] for seen in evidence]] = True
+            known[self._coupling.rows] = True
+            poses = hung(self._body, poses, self._bent, known)
             self._coupling.predict(poses, None, 0.0)
         return poses
 

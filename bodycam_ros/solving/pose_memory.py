@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import hinge_angle
-from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
 
@@ -111,16 +111,13 @@ class PoseMemory:
         ]
         self._axes = [body.tree_joints[row].axis for row in self._turning_rows]
         self._joint_angles = JointAngles(body)
-        low, high = _angle_limits(body)
+        low, high = angle_limits(body)
         self._low, self._high = low, high
         self._rest_angles = np.clip(np.zeros(len(low)), low, high)
         self._joint_of_angle = np.repeat(
             np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
         )
-        bounded = np.isfinite(low) & np.isfinite(high)
-        self._middle_R = self._joint_angles.rotations(
-            0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0)
-        )
+        self._middle_R = middle_of_limits(body)
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_span(joint.limits, settings.sigma) for joint in body.tree_joints])
         spans[self._machine] = 1.0
@@ -137,6 +134,16 @@ class PoseMemory:
     def turning_time(self) -> float:
         """How long [s] a limb whose turns are measured knows by itself where it is."""
         return self._settings.turning_time
+
+    @property
+    def middle_of_limits(self) -> NDArray[np.float64]:
+        """(J, 3, 3) joint rotations in the middle of their limits."""
+        return self._middle_R
+
+    @property
+    def ever_seen(self) -> NDArray[np.bool_]:
+        """(J,) which joints have been seen so far."""
+        return np.asarray(np.diag(self._seconds)[::3] > 0.0)
 
     def asked_again(self) -> "PoseMemory":
         """The same memory at the beginning of a recording that it has seen: it is asked, and learns nothing more."""
@@ -243,15 +250,6 @@ class PoseMemory:
     def _rotations(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         rotations: NDArray[np.float64] = self._middle_R @ exp_so3(vectors.reshape(-1, 3))
         return rotations
-
-
-def _angle_limits(body: BodyModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Low and high (A) [rad] of all joint angles; infinite where no limit is known."""
-    pairs = [
-        pair for joint in body.tree_joints for pair in (joint.limits or ((-np.inf, np.inf),) * len(joint.angle_names))
-    ]
-    limits = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-    return limits[:, 0], limits[:, 1]
 
 
 def _span(limits: tuple[tuple[float, float], ...] | None, unknown: float) -> float:

@@ -81,6 +81,7 @@ class WholeRecording:
         self._ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
         ).reshape(-1, 2)
+        self._below = body.rows_below
         self.bridged = self.unsolved = 0
 
     def add(self, instant: RecordedInstant, following: Sequence[BodyState]) -> list[BodyState]:
@@ -204,13 +205,18 @@ class WholeRecording:
     def _hang_again(
         self, instants: Sequence[RecordedInstant], start: Array, expected: Sequence[ExpectedJoints]
     ) -> Array:
-        """Start values (T, S, 4, 4) in which what was not seen hangs as is expected of it by now."""
+        """Start values (T, S, 4, 4) in which limbs hang as is expected of them by now, if nothing of them was seen.
+
+        A joint that was never seen begins bent: a straight leg that a loop shortens might fold the wrong way.
+        """
         hanging = []
+        middle, known_joints = self._memory.middle_of_limits, self._memory.ever_seen
         for instant, poses, each in zip(instants, start, expected, strict=True):
             rotations = self._body.joint_rotations(poses)
-            rotations[each.rows] = each.rotations
+            rotations[each.rows] = np.where(known_joints[each.rows, None, None], each.rotations, middle[each.rows])
+            children = self._ends[each.rows, 1]
             known = np.ones(len(poses), bool)
-            known[self._ends[each.rows, 1]] = instant.state.observed[self._ends[each.rows, 1]]
+            known[[row for row in children.tolist() if not instant.state.observed[self._below[row]].any()]] = False
             hanging.append(hung(self._body, poses, rotations, known))
         return np.array(hanging)
 
