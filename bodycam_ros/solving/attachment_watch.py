@@ -15,6 +15,7 @@ from bodycam_ros.solving.equipment_settings import EquipmentSettings
 Array = NDArray[np.float64]
 
 _LENGTH_SIGMAS = 3.0
+_PLAY_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ class AttachmentWatch:
                 w.let_go, w.against = is_far, 0
 
     def limit(self, name: str, distance: float, length_sigmas: Array) -> float:
-        """A distance [m], and how little is known of where the attachment is."""
+        """A distance [m], the play that its points have by their weights, and how little is known of where it is."""
+        play = np.sqrt(np.mean(self._watched[name].attachment.sigmas ** 2))
         unknown = np.linalg.norm(self._lengths.along_axes(name, length_sigmas))
-        return distance + _LENGTH_SIGMAS * float(unknown)
+        return distance + _PLAY_SIGMAS * float(play) + _LENGTH_SIGMAS * float(unknown)

@@ -22,7 +22,7 @@ from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
-from bodycam_ros.solving.equipment_place import EquipmentPlace
+from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
 from bodycam_ros.solving.equipment_settings import EquipmentSettings
 from bodycam_ros.solving.motion import MotionSettings
 
@@ -36,6 +36,9 @@ _NEAR_M = 0.005
 
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
+
+_ANYHOW = 10.0
+"""[rad], [m] of joints before anything is known of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +185,7 @@ class Coupling:
         if self.placed:
             path[self.rows] = self._follow(looked, path[self.rows], dt_s, evidence)
         else:
-            path[self.rows] = self._find(looked, path)
+            path[self.rows] = self._find(looked, path, evidence)
         if self.placed and self._seen.add(stamp_ns, self._watch.held(looked), path[self.rows]):
             self._learn(path)
 
@@ -232,9 +235,9 @@ class Coupling:
     def _is_driven(self, attachments: frozenset[str]) -> bool:
         return self._watch.holding.drives(attachments)
 
-    def _find(self, looked: HeldPoints, path: Array) -> Array:
-        """Poses (E, 4, 4) of equipment that was not placed yet."""
-        found = self._place.anywhere(looked, np.zeros(len(self.lengths)))
+    def _find(self, looked: HeldPoints, path: Array, evidence: Mapping[str, SegmentPose]) -> Array:
+        """Poses (E, 4, 4) of equipment that was not placed yet: where its own camera has it, or the body holds it."""
+        found = self._see_itself(looked, evidence) or self._place.anywhere(looked, np.zeros(len(self.lengths)))
         if found is None:
             return self._beside(path)
         self.placed = True
@@ -242,6 +245,17 @@ class Coupling:
         self._root_sigmas = np.maximum(found.root_sigmas, _STANDS)
         self._watch.begin(self._watch.distances(looked, found.poses, self.lengths), self.length_sigmas)
         return found.poses
+
+    def _see_itself(self, looked: HeldPoints, evidence: Mapping[str, SegmentPose]) -> Placed | None:
+        """Where it is by a camera on its root."""
+        own = [seen for seen in evidence.values() if seen.segment == self.equipment.root]
+        if not own:
+            return None
+        surest = min(own, key=lambda seen: float(np.trace(seen.covariance)))
+        sigmas = np.full((len(self.rows), 6), _ANYHOW)
+        sigmas[self._root] = np.sqrt(np.diag(surest.covariance))
+        prior = Prior(self._place.nominal(surest.world_T_segment), sigmas)
+        return Placed(self._place.around(looked, self.lengths, prior), sigmas[self._root])
 
     def _follow(self, looked: HeldPoints, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Array:
         """Poses (E, 4, 4) near the prediction, or where hinges must have turned meanwhile; what is let go."""

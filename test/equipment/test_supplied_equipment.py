@@ -1,16 +1,28 @@
 """Every supplied file can be used by a person of ordinary size, and says what to change."""
 
+from dataclasses import replace
+from functools import cache
+from itertools import product
+
 import numpy as np
 import pytest
 import yaml
-from known_motion import BODY
+from known_motion import BODY, START_NS
 from scipy.optimize import least_squares
 
+from bodycam_ros.camera import camera_from_info
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 
+FRAME_NS = 33_333_333
+LENS = camera_from_info("any", 640, 480, "equidistant", [0.0] * 4, [240.0, 0, 319.5, 0, 240.0, 239.5, 0, 0, 1])
 NAMES = ("barbell", "bicycle", "bicycle_rolling", "crutch", "rowing", "snowboard", "wheelchair")
 ORDINARY = 1.5
 """[rad], [m] how far a joint may well be from the N-pose, and a machine from the pelvis."""
@@ -41,10 +53,37 @@ def test_it_is_named_as_its_file_and_couples_with_a_body(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_person_can_hold_all_of_it_at_once(name: str) -> None:
     """Some pose that is not far from ordinary brings all points together, as near as weights and unknowns allow."""
-    holding = Holding(read_equipment(name))
-    solution = least_squares(holding.residuals, holding.crouched(), max_nfev=60)
-    for attachment, gaps in holding.gaps(holding.poses(solution.x)).items():
+    holding, poses = held(name)
+    for attachment, gaps in holding.gaps(poses).items():
         assert np.sqrt(np.mean(gaps**2)) < 0.7, (attachment, gaps)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_solver_finds_it_in_the_hands_of_that_person(name: str) -> None:
+    """All of it is seen to be held, and nobody is bent for it."""
+    _, poses = held(name)
+    last = solved(read_equipment(name), poses)[-1].state
+    assert last.equipment is not None and last.equipment.placed
+    assert last.equipment.engaged.all(), dict(zip(last.equipment.attachments, last.equipment.deviations, strict=True))
+    assert bent_m(last.world_T_segment, poses) < 0.01
+
+
+def test_a_bar_that_is_3_m_away_is_named_and_bends_nobody() -> None:
+    bicycle, (_, poses) = read_equipment("bicycle"), held("bicycle")
+    away = [
+        replace(each, on_equipment=each.on_equipment + [3.0, 0.0, 0.0]) if each.name.startswith("hand") else each
+        for each in bicycle.attachments
+    ]
+    outputs = solved(replace(bicycle, attachments=tuple(away)), poses, frames=30)
+    assert max(bent_m(output.state.world_T_segment, poses) for output in outputs) < 0.01
+    log = EquipmentLog()
+    for output in outputs:
+        assert output.state.equipment is not None
+        log.add(output.state.stamp_ns, output.state.equipment)
+    assert [finding.what for finding in equipment_findings(log.record())] == [
+        f"attachment hand_{side} is 3.1 m from the body where the file has it" for side in ("left", "right")
+    ]
+    assert outputs[-1].state.equipment.engaged.tolist() == [True, True, False, False, True]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,6 +110,42 @@ def test_the_rolling_bicycle_is_the_other_one_but_for_its_frame() -> None:
     for document in (stands, rolls):
         del document["name"], document["upright"], document["segments"]["frame"]
     assert rolls == stands
+
+
+def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOutput]:
+    """What the solver makes of a person who keeps still in a pose (S, 4, 4)."""
+    pipeline = SkeletonPipeline(BODY, dict.fromkeys(BODY.mounts, LENS), PipelineSettings(), equipment=equipment)
+    outputs = []
+    for frame, (camera, mount) in product(range(frames), BODY.mounts.items()):
+        outputs += pipeline.add(
+            LandmarkMatches(
+                camera=camera,
+                stamp_ns=START_NS + frame * FRAME_NS,
+                previous_stamp_ns=START_NS + (frame - 1) * FRAME_NS if frame else 0,
+                track_ids=np.zeros(0, np.uint32),
+                landmark_ids=np.zeros(0, np.uint32),
+                pixels=np.zeros((0, 2), np.float32),
+                points_world=np.zeros((0, 3), np.float32),
+                world_T_camera=poses[BODY.segment_index[mount.segment]] @ mount.segment_T_camera,
+                pose_covariance=np.eye(6) * 1e-6,
+                current_R_previous=np.eye(3),
+                rotation_inliers=0,
+            )
+        )
+    return outputs + pipeline.flush()
+
+
+def bent_m(world_T_segment: Array, poses: Array) -> float:
+    """By how much the segments of the person are off, the worst [m]."""
+    of_person = slice(0, len(BODY.segments))
+    return float(np.linalg.norm((world_T_segment - poses)[of_person, :3, 3], axis=1).max())
+
+
+@cache
+def held(name: str) -> "tuple[Holding, Array]":
+    """A person with a piece of equipment, and poses (S, 4, 4) in which all of it is held."""
+    holding = Holding(read_equipment(name))
+    return holding, holding.poses(least_squares(holding.residuals, holding.crouched(), max_nfev=60).x)
 
 
 class Holding:

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from held_ride import OFF, UNPLACED, write_held
 from known_walk import FRAME_NS, FRAMES, Walk
+from matplotlib.figure import Figure
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.drawing.picture_style import CENTRE, LEFT
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.messages.equipment import EQUIPMENT
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
@@ -52,6 +55,22 @@ def test_the_command_tells_of_every_attachment_and_length(
         "value_mm": pytest.approx(170.0 - 0.1 * (FRAMES - 1)),
         "sigma_mm": pytest.approx(20.0 / FRAMES),
     }
+
+
+def test_the_picture_shows_each_attachment_over_time_and_what_is_let_go_faint(bag: Path) -> None:
+    solved = read_solved(bag)
+    assert solved.equipment is not None
+    axes = Figure().add_subplot()
+    draw_equipment(axes, solved, solved.equipment)
+    held, let_go, never, bar = axes.get_lines()
+    assert [line.get_alpha() for line in (held, let_go, never, bar)] == [1.0, 0.45, 1.0, 0.45]
+    seconds, distance = np.asarray(held.get_data(), dtype=float)
+    assert np.nanmax(distance) == pytest.approx(40.0), "the lines meet where the foot comes back"
+    inside = (seconds > 1e-9 * FRAME_NS * OFF[0]) & (seconds < 1e-9 * FRAME_NS * (OFF[-1] - 1))
+    assert np.isnan(distance[inside]).all()
+    assert np.isnan(np.asarray(never.get_ydata(), dtype=float)).all()
+    assert np.nanmin(np.asarray(bar.get_ydata(), dtype=float)) == pytest.approx(3000.0)
+    assert held.get_color() == LEFT and bar.get_color() == CENTRE
 
 
 def test_without_equipment_nothing_is_said_of_it(walk: Walk, solved: Path, tmp_path: Path) -> None:

@@ -35,5 +35,17 @@ def test_equipment_that_was_never_placed_is_named_once() -> None:
     assert finding.text.startswith("equipment bicycle: where it is was never known, so nothing was coupled to it; ")
 
 
+def test_equipment_that_is_let_go_most_of_the_time_is_named() -> None:
+    left = replace(RIDE, engaged=RIDE.engaged & (np.arange(60) < 20)[:, None])
+    (finding,) = equipment_findings(left)
+    assert finding.text.startswith("equipment bicycle: nothing held it for 70% of the time; is it the equipment")
+
+
+def test_what_pulls_from_afar_because_it_is_said_to_hold_is_named() -> None:
+    pulled = replace(RIDE, engaged=np.ones_like(RIDE.engaged))
+    (finding,) = equipment_findings(pulled)
+    assert finding.told.endswith("it pulled at the body all the same; check its points, and when it holds")
+
+
 def test_without_equipment_there_is_nothing_to_find() -> None:
     assert equipment_findings(None) == ()
