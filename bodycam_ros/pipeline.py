@@ -41,6 +41,7 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
+from bodycam_ros.solving.contact_settings import ContactSettings
 from bodycam_ros.solving.equipment_settings import EquipmentSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
@@ -82,6 +83,7 @@ class PipelineSettings(SettingsGroups):
     trust: TrustSettings = TrustSettings()
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
+    contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     equipment: EquipmentSettings = EquipmentSettings()
     verdict: VerdictSettings = VerdictSettings()
@@ -159,6 +161,7 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         # Loads gtsam, which trackers and registrations do without.
         from bodycam_ros.solving.body_smoother import BodySmoother
+        from bodycam_ros.solving.contact import FootContacts
         from bodycam_ros.solving.coupling import Coupling
 
         of = self._settings
@@ -175,6 +178,7 @@ class SkeletonPipeline:
             of.pose_fit,
             offline=not self._live,
             coupling=coupling,
+            contacts=FootContacts(self.body, of.contact),
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

@@ -44,6 +44,11 @@ def generate_launch_description() -> LaunchDescription:
                 description="with rig: replace a body that is there already",
             ),
             DeclareLaunchArgument(
+                "equipment",
+                default_value="",
+                description="what the person rides, holds or stands on: a YAML file, or the name of a supplied one",
+            ),
+            DeclareLaunchArgument(
                 "cameras", default_value="", description="names with commas; all of the body if empty"
             ),
             DeclareLaunchArgument(
@@ -90,6 +95,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         Path(value("rig")) if value("rig") else None,
         TRUTH[value("overwrite_body")],
         Path(value("grown_map")) if value("grown_map") else None,
+        value("equipment"),
     )
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):

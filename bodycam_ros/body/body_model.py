@@ -89,6 +89,15 @@ class BodyModel:
         """Joints that close a loop; the solver obeys them, the URDF cannot show them."""
         return tuple(joint for joint in self.joints if joint not in self.tree_joints)
 
+    @cached_property
+    def equipment_segments(self) -> frozenset[str]:
+        """Segments that are no part of the body: those on a free joint, beside it, and all that hang on these."""
+        beside: set[str] = set()
+        for joint in self.tree_joints:
+            if joint.type == "free" or joint.parent in beside:
+                beside.add(joint.child)
+        return frozenset(beside)
+
     def joint_to_parent(self, segment: str) -> Joint | None:
         """The joint that hangs a segment on its parent; None for the root."""
         return next((joint for joint in self.tree_joints if joint.child == segment), None)

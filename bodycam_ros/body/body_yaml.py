@@ -39,7 +39,8 @@ the range of motion told of its rows may follow: ``readout_time``, from the firs
 """
 
 import math
-from collections.abc import Set
+from collections.abc import Iterable, Set
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -74,11 +75,25 @@ def body_from_yaml(text: str) -> BodyModel:
     return _body(yaml_document(text, "body file", BodyError))
 
 
+def joints_from_yaml(text: str) -> tuple[Joint, ...]:
+    """The joints that a YAML document holds, a table of them as in a body file.
+
+    Raises:
+        BodyError: it is not YAML, or describes no joints; the message names the place in it.
+    """
+    return _joints(yaml_document(text, "table of joints", BodyError))
+
+
+def joints_text(joints: Iterable[Joint]) -> str:
+    """Joints as YAML, a line each: a body file's table of them."""
+    return "".join(f"{_line(joint.name)}: {_line(_joint_entry(joint))}\n" for joint in joints)
+
+
 def yaml_text(body: BodyModel) -> str:
     """The body as YAML, a line per joint and per camera."""
     parts = [f"name: {_line(body.name)}\n", f"root: {_line(body.root)}\n", f"segments: {_line(list(body.segments))}\n"]
     parts.append("joints:\n" if body.joints else "joints: {}\n")
-    parts += [f"  {_line(joint.name)}: {_line(_joint_entry(joint))}\n" for joint in body.joints]
+    parts.append(indent(joints_text(body.joints), "  "))
     parts.append("cameras:\n" if body.mounts else "cameras: {}\n")
     parts += [f"  {_line(camera)}: {_line(_mount_entry(mount))}\n" for camera, mount in body.mounts.items()]
     if body.report:
@@ -89,11 +104,7 @@ def yaml_text(body: BodyModel) -> str:
 def _body(document: Any) -> BodyModel:
     check_keys(document, "a body file", _BODY_KEYS, {"report"})
     joints, cameras = document["joints"], document["cameras"]
-    for name, table in (("joints", joints), ("cameras", cameras)):
-        if not isinstance(table, dict):
-            raise BodyError(f"{name} must be a table of names, not {shown(table)}; write {{}} for none")
-        if len(table) > _MOST_PARTS:
-            raise BodyError(f"{name}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
+    _check_table(cameras, "cameras")
     report = document.get("report") or {}
     if not isinstance(report, dict):
         raise BodyError(f"report must be a table, not {shown(report)}")
@@ -104,10 +115,22 @@ def _body(document: Any) -> BodyModel:
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),
         segments=tuple(name_of(segment, "segments") for segment in segments),
-        joints=tuple(joint_of(name_of(name, "joints"), entry) for name, entry in joints.items()),
+        joints=_joints(joints),
         mounts={name_of(name, "cameras"): mount_of(name, entry) for name, entry in cameras.items()},
         report=report,
     )
+
+
+def _joints(table: Any) -> tuple[Joint, ...]:
+    _check_table(table, "joints")
+    return tuple(joint_of(name_of(name, "joints"), entry) for name, entry in table.items())
+
+
+def _check_table(table: Any, name: str) -> None:
+    if not isinstance(table, dict):
+        raise BodyError(f"{name} must be a table of names, not {shown(table)}; write {{}} for none")
+    if len(table) > _MOST_PARTS:
+        raise BodyError(f"{name}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
 
 
 def joint_of(name: str, entry: Any, further_keys: Set[str] = frozenset()) -> Joint:

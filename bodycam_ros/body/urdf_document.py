@@ -20,6 +20,9 @@ from bodycam_ros.geometry import Array, rigid
 MOST_LETTERS = 4_000_000
 """Of a document; that of a person with 16 cameras has 20,000."""
 
+LOOPS = "bodycam_loops"
+"""Tag of the element whose text is the joints that close loops."""
+
 _MOST_LEVELS = 50
 _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
@@ -84,6 +87,7 @@ class UrdfDocument:
         links: names, in the order of the document.
         drawn: those that have a shape.
         joints: parents first, else in the order of the document.
+        loops: what it says, in YAML, of the joints that close loops, which it cannot show; mostly nothing.
     """
 
     name: str
@@ -91,6 +95,7 @@ class UrdfDocument:
     links: tuple[str, ...]
     drawn: frozenset[str]
     joints: tuple[UrdfJoint, ...]
+    loops: str = ""
 
     @classmethod
     def parse(cls, text: str) -> "UrdfDocument":
@@ -114,7 +119,18 @@ class UrdfDocument:
         if len(roots) != 1:
             raise BodyError(f"a body has one root link, this has {_some(roots) or 'none'}")
         drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
-        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, _parents_first(joints, roots[0]))
+        ordered = _parents_first(joints, roots[0])
+        loops = robot.findtext(LOOPS, default="")
+        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, ordered, loops)
+
+
+def said_loops(text: str) -> str:
+    """What a document says of the joints that close loops, whatever else is in it; empty if nothing.
+
+    Raises:
+        BodyError: it is not XML.
+    """
+    return _elements(text).findtext(LOOPS, default="").strip()
 
 
 def _elements(text: str) -> ET.Element:
@@ -134,6 +150,7 @@ def _elements(text: str) -> ET.Element:
         builder.end(tag)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
         parser.Parse(text, True)

@@ -1,7 +1,8 @@
 """A body from URDF: what ``urdf`` wrote, read back.
 
-URDF carries segments, tree joints with their limits, and camera mounts. It cannot carry joints that close loops, own
-sigmas of joints, and the report; a body that must keep these is kept as YAML. Joints come in the order of the tree.
+URDF carries segments, tree joints with their limits, and camera mounts; the joints that close loops come along in an
+element of our own. It cannot carry own sigmas of tree joints, and the report; a body that must keep these is kept as
+YAML. Joints come in the order of the tree, those that close loops last.
 Links and joints are told apart by the names and the structure that ``urdf`` gives them, so a document that another
 program wrote out again, with other visuals or without, reads as the same body.
 """
@@ -14,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.body_yaml import joints_from_yaml
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, UNKNOWN_LIMITS
-from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
+from bodycam_ros.body.urdf_document import LOOPS, UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
 
@@ -72,7 +74,7 @@ class _Structure:
             name=document.name,
             root=document.root,
             segments=tuple(segments),
-            joints=tuple(_joint(chain) for chain in chains if not _is_camera(chain)),
+            joints=(*(_joint(chain) for chain in chains if not _is_camera(chain)), *_loops(document)),
             mounts=mounts,
         )
 
@@ -88,6 +90,15 @@ class _Structure:
                 )
             chain += following
         return chain
+
+
+def _loops(document: UrdfDocument) -> tuple[Joint, ...]:
+    if not document.loops.strip():
+        return ()
+    try:
+        return joints_from_yaml(document.loops)
+    except BodyError as error:
+        raise BodyError(f"<{LOOPS}>: {error}") from error
 
 
 def _is_camera(chain: Sequence[UrdfJoint]) -> bool:

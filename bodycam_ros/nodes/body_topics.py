@@ -10,6 +10,7 @@ from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
@@ -35,9 +36,10 @@ class BodyTopics:
 
     Args:
         node: publishes.
+        with_equipment: whether it says how the body is coupled to some.
     """
 
-    def __init__(self, node: StageNode[Any]) -> None:
+    def __init__(self, node: StageNode[Any], with_equipment: bool = False) -> None:
         self._node = node
         self._make = node.make
         self._timings: dict[str, Any] = {}
@@ -45,7 +47,7 @@ class BodyTopics:
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
             topic: node.publisher(type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH))
-            for topic, type_name in OUTPUTS.items()
+            for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
             if is_installed(type_name)
         }
 
@@ -69,8 +71,9 @@ class BodyTopics:
             # What robot_description promises must hold for the joint states that follow.
             self._description.publish(text_message(self._make, urdf_text(self._limits.body)))
         messages = output_messages(self._make, output, body)
-        for topic, publisher in self._outputs.items():
-            publisher.publish(messages[topic])
+        for topic, message in messages.items():
+            if topic in self._outputs:
+                self._outputs[topic].publish(message)
 
     def wait_until_heard(self) -> None:
         """Give the readers the time to get the last messages, but all together no more than half a second."""

@@ -32,6 +32,7 @@ from bodycam_ros.solving.camera_evidence import (
     weak_evidence,
 )
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
+from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.coupling import Coupling
 from bodycam_ros.solving.going_on import GoingOn
 from bodycam_ros.solving.motion import MotionSettings, orthonormal
@@ -53,6 +54,7 @@ class BodySmoother:
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
         offline: states may wait until a limb that is blind is seen again.
         coupling: what the body is coupled to; ``body`` then is the one with the equipment.
+        contacts: which feet stand.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
@@ -75,6 +77,7 @@ class BodySmoother:
         pose_fit: PoseFitSettings | None = None,
         offline: bool = False,
         coupling: Coupling | None = None,
+        contacts: FootContacts | None = None,
     ) -> None:
         self.body, self._offline, self._coupling = body, offline, coupling
         self.settings = settings or SmootherSettings()
@@ -97,6 +100,7 @@ class BodySmoother:
         self._going_on = GoingOn(body, self._window, self._factors, self._motion, coupling)
         self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()
         self._memory = PoseMemory(body, memory or PoseMemorySettings(), coupled)
+        self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
         self._joint_ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
@@ -133,9 +137,7 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        registered = self._mounted.absolute_evidence(
-            matches for camera, matches in frame.matches.items() if camera in self._cameras
-        )
+        registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
             return states
@@ -165,6 +167,7 @@ class BodySmoother:
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
             "past": self._going_on.past(index, dt_s, path, start),
+            "contacts": self._contacts.factors(self._window, self._factors.key),
         }
         if self._coupling:
             factors["equipment"] = self._factors.equipment(index, start, self._coupling.joints(start))
@@ -277,13 +280,11 @@ class BodySmoother:
         if not instant.missing_ns or not self._leaving:
             return []
         after = [self._posture(later) for later in islice(self._window.instants, position, position + 2)]
-        poses, uncertainties = bridge(
-            self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density
-        )
+        poses, known = bridge(self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density)
         self.bridged += len(poses)
         return [
             BodyState(stamp_ns, self.body.segments, world_T_segment, uncertainty, np.zeros(len(poses[0]), bool), 0)
-            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, uncertainties, strict=True)
+            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, known, strict=True)
         ]
 
     def _posture(self, instant: Instant) -> Posture:

@@ -23,6 +23,9 @@ logger = logging.getLogger(__name__)
 _RESTART = np.repeat([0.1, 0.05], 3)
 """Sigmas [rad], [m] of where the body was when its window was lost."""
 
+_OF_THE_PAST = ("past", "turns", "contacts")
+"""Factors of an instant that tie it to earlier ones."""
+
 
 @dataclass
 class Instant:
@@ -113,9 +116,9 @@ class BodyWindow:
                 return
             except BackEndError as error:
                 self._fail(error)
-        # Without what ties it to a past that is lost; its turns speak of that past, too.
+        # Without what ties it to a past that is lost.
         anchor = self._factors.anchor(instant.index, dict(enumerate(instant.world_T_segment)), _RESTART)
-        alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
+        alone = {name: graph for name, graph in factors.items() if name not in _OF_THE_PAST} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()
             self._solved_from = instant.index
