@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from athletes import RATE_HZ, Athlete
+from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
 from moving_body import lenses
 from numpy.typing import NDArray
 
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import exp_se3, exp_so3
+from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
@@ -49,6 +49,15 @@ class Sight:
     dark: Mapping[str, Stretches] = field(default_factory=dict)
     lost: Mapping[str, Stretches] = field(default_factory=dict)
     blurred: Mapping[str, Stretches] = field(default_factory=dict)
+
+
+_LANDING = AIRBORNE_S[1]
+JUMPING = Sight(
+    dark={"foot_right": ((1.0, 1.5), (1.7, 2.7))},
+    lost={"shin_right": ((_LANDING - 0.05, _LANDING + 0.2),)},
+    blurred={camera: ((_LANDING - 0.2, _LANDING + 0.2),) for camera in BODY.mounts},
+)
+"""The second foot is lost before the jump and through it, its shin at landing, and all is blurred."""
 
 
 def frames(athlete: Athlete, sight: Sight, seed: int = 0) -> Iterator[BodyFrame]:
@@ -144,3 +153,17 @@ def solved(athlete: Athlete, sight: Sight, equipment: Equipment | None = None, s
         said = coupling.fit.lengths.names, coupling.fit.lengths.said + coupling.lengths, coupling.length_sigmas
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
     return Solved(athlete, poses[:, :count], poses[:, count:], lengths)
+
+
+def leg_errors(done: Solved) -> Array:
+    """(T, 6) of the joints of both legs [m]."""
+    errors: Array = done.position_errors[:, [BODY.segment_index[segment] for segment in LEGS]]
+    return errors
+
+
+def boot_from_its_binding(done: Solved) -> Array:
+    """(T) mean distance of the right boot's points from the binding of the board that the left boot carries [m]."""
+    right = next(a for a in done.athlete.equipment.attachments if a.name == "binding_right")
+    feet = [done.poses[:, BODY.segment_index[f"foot_{side}"]] for side in ("left", "right")]
+    board = feet[0] @ inverse(binding("left"))
+    return np.array([right.distances(a, b).mean() for a, b in zip(feet[1], board, strict=True)])

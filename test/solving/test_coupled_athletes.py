@@ -4,35 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from athlete_frames import LEGS, Sight, Solved, solved
-from athletes import AIRBORNE_S, BODY, CRANK_M, Athlete, binding, cyclist, lifter, snowboarder
+from athlete_frames import JUMPING, LEGS, Sight, boot_from_its_binding, leg_errors, solved
+from athletes import BODY, CRANK_M, Athlete, cyclist, lifter, snowboarder
 
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import inverse, log_so3, rigid
+from bodycam_ros.geometry import log_so3, rigid
 
-LANDING = AIRBORNE_S[1]
 TURNS, CADENCE_RPM = 3.0, 80.0
 THREE_TURNS_S = 60.0 * TURNS / CADENCE_RPM
-
-JUMPING = Sight(
-    dark={"foot_right": ((1.0, 1.5), (1.7, 2.7))},
-    lost={"shin_right": ((LANDING - 0.05, LANDING + 0.2),)},
-    blurred={camera: ((LANDING - 0.2, LANDING + 0.2),) for camera in BODY.mounts},
-)
-"""The second foot is lost before the jump and through it, its shin at landing, and all is blurred."""
-
-
-def leg_errors(done: Solved) -> np.ndarray:
-    """(T, 6) of the joints of both legs [m]."""
-    return done.position_errors[:, [BODY.segment_index[segment] for segment in LEGS]]
-
-
-def boot_from_its_binding(done: Solved) -> np.ndarray:
-    """(T) mean distance of the right boot's points from the binding of the board that the left boot carries [m]."""
-    right = next(a for a in done.athlete.equipment.attachments if a.name == "binding_right")
-    feet = [done.poses[:, BODY.segment_index[f"foot_{side}"]] for side in ("left", "right")]
-    board = feet[0] @ inverse(binding("left"))
-    return np.array([right.distances(a, b).mean() for a, b in zip(feet[1], board, strict=True)])
 
 
 @pytest.fixture(scope="module")
