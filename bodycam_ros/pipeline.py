@@ -127,6 +127,7 @@ class SkeletonPipeline:
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
         equipment: what the body rides, holds or stands on.
+        on_together: told the share that is done while all instants are solved together.
 
     Attributes:
         body: with the equipment, if any.
@@ -135,6 +136,7 @@ class SkeletonPipeline:
 
     Raises:
         BodyError: the body carries none of the cameras.
+        SettingsError: live, nothing can be solved as a whole.
     """
 
     def __init__(
@@ -145,11 +147,14 @@ class SkeletonPipeline:
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
         equipment: Equipment | None = None,
+        on_together: Callable[[float], None] = lambda share: None,
     ) -> None:
+        if live:
+            settings.smoother.check_live()
         self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
         self._cameras = dict(cameras)
-        self._settings, self._live = settings, live
+        self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self.assembler = FrameAssembler(on_body, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -179,6 +184,7 @@ class SkeletonPipeline:
             offline=not self._live,
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),
+            on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
         self._previous: tuple[BodyState, NDArray[np.float64]] | None = None

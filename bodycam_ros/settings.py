@@ -27,18 +27,30 @@ class SettingDescription:
     unit: str
     low: float | None
     high: float | None
+    words: tuple[str, ...]
     reason: str
 
     def text(self) -> str:
         """Reason, unit and range in one line."""
         unit = f" [{self.unit}]" if self.unit else ""
-        limits = "" if self.low is None else f" ({self.low:g} to {self.high:g})"
+        words = "".join(f", or '{word}'" for word in self.words)
+        limits = "" if self.low is None else f" ({self.low:g} to {self.high:g}{words})"
         return f"{self.reason}{unit}{limits}"
 
 
-def setting(default: Any, *, unit: str = "", limits: tuple[float, float] | None = None, reason: str) -> Any:
-    """A dataclass field that knows its unit, its inclusive limits and why it has its default."""
-    return field(default=default, metadata={"unit": unit, "limits": limits, "reason": reason})
+def setting(
+    default: Any,
+    *,
+    unit: str = "",
+    limits: tuple[float, float] | None = None,
+    words: tuple[str, ...] = (),
+    reason: str,
+) -> Any:
+    """A dataclass field that knows its unit, its inclusive limits and why it has its default.
+
+    In place of a number it may be one of some words.
+    """
+    return field(default=default, metadata={"unit": unit, "limits": limits, "words": words, "reason": reason})
 
 
 def describe(settings_type: type) -> Iterator[SettingDescription]:
@@ -48,7 +60,14 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
             raise TypeError(f"{settings_type.__name__}.{f.name} has no default")
         low, high = f.metadata["limits"] or (None, None)
         yield SettingDescription(
-            f.name, type(f.default), f.default, f.metadata["unit"], low, high, f.metadata["reason"]
+            f.name,
+            type(f.default),
+            f.default,
+            f.metadata["unit"],
+            low,
+            high,
+            f.metadata["words"],
+            f.metadata["reason"],
         )
 
 
@@ -137,13 +156,14 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
 
 def _checked(description: SettingDescription, value: Any, source: str) -> Any:
     wanted: type[Any] = description.type
+    if isinstance(value, str) and value in description.words:
+        return value
     if wanted is float and isinstance(value, int) and not isinstance(value, bool):
         with suppress(OverflowError):
             value = float(value)
     if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
-        raise SettingsError(
-            f"{source}: {description.name} must be {wanted.__name__}, not {shown(value)}; {description.text()}"
-        )
+        kinds = " or ".join([wanted.__name__, *map(repr, description.words)])
+        raise SettingsError(f"{source}: {description.name} must be {kinds}, not {shown(value)}; {description.text()}")
     low, high = description.low, description.high
     if low is not None and high is not None and not low <= value <= high:
         raise SettingsError(f"{source}: {description.name} = {shown(value)} is out of range; {description.text()}")

@@ -17,7 +17,7 @@ class OvenSettings:
     """Settings of three types, and one without limits."""
 
     heat: float = setting(180.0, unit="degC", limits=(50.0, 250.0), reason="bakes 95 % through without burning")
-    trays: int = setting(2, limits=(1, 4), reason="what fits")
+    trays: int | str = setting(2, limits=(1, 4), words=("all",), reason="what fits")
     fan: bool = setting(True, reason="evens out the heat")
     recipe: str = setting("bread", reason="what most people want")
 
@@ -41,7 +41,7 @@ class ForgottenDefault:
 def test_description_says_reason_unit_and_range() -> None:
     heat, trays, fan, recipe = describe(OvenSettings)
     assert heat.text() == "bakes 95 % through without burning [degC] (50 to 250)"
-    assert trays.text() == "what fits (1 to 4)"
+    assert trays.text() == "what fits (1 to 4, or 'all')"
     assert fan.text() == "evens out the heat"
     assert (recipe.type, recipe.default) == (str, "bread")
 
@@ -56,13 +56,20 @@ def test_what_is_absent_keeps_its_default() -> None:
     assert settings_from_mapping(OvenSettings, {"trays": 4, "heat": 60}, "here") == OvenSettings(heat=60.0, trays=4)
 
 
+def test_a_word_may_stand_for_a_number(config: Path) -> None:
+    assert settings_from_mapping(OvenSettings, {"trays": "all"}, "here").trays == "all"
+    assert settings_of("--oven.trays", "all", config=config).trays == "all"
+    assert settings_of("--oven.trays", "3", config=config).trays == 3
+
+
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
         ({"warmth": 1.0}, "here: there is no setting 'warmth'; known are fan, heat, recipe, trays"),
         ({"heat": "hot"}, "heat must be float, not 'hot'"),
         ({"heat": True}, "heat must be float, not True"),
-        ({"trays": 2.0}, "trays must be int, not 2.0"),
+        ({"trays": 2.0}, "trays must be int or 'all', not 2.0"),
+        ({"trays": "none"}, "trays must be int or 'all', not 'none'"),
         ({"fan": 1}, "fan must be bool, not 1"),
         ({"recipe": None}, "recipe must be str, not None"),
         ({"heat": 49.9}, "heat = 49.9 is out of range"),
@@ -149,7 +156,9 @@ def test_misspelt_group_is_refused(config: Path) -> None:
         check_groups(config, {"fridge"})
 
 
-@pytest.mark.parametrize("flags", [("--oven.heat", "hot"), ("--oven.fan", "perhaps"), ("--oven.warmth", "3")])
+@pytest.mark.parametrize(
+    "flags", [("--oven.heat", "hot"), ("--oven.fan", "perhaps"), ("--oven.trays", "none"), ("--oven.warmth", "3")]
+)
 def test_wrong_flags_are_a_usage_error(flags: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         settings_of(*flags)
@@ -162,7 +171,7 @@ def test_help_shows_reason_range_and_default(capsys: pytest.CaptureFixture[str])
         settings_of("--help")
     text = " ".join(capsys.readouterr().out.split())
     assert "--oven.heat FLOAT bakes 95 % through without burning [degC] (50 to 250); default 180.0" in text
-    assert "--oven.fan true|false" in text
+    assert "--oven.fan true|false" in text and "--oven.trays INT|all" in text
 
 
 @pytest.mark.parametrize("key", ["1", "null", "2001-02-03", "true", "1.5"])

@@ -1,11 +1,12 @@
 """Settings as flags: ``--tracker.max_track_age 2.0``."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, settings_from_mapping
+from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, read_settings_file, settings_from_mapping
 
 G = TypeVar("G", bound=SettingsGroups)
 
@@ -19,8 +20,8 @@ def add_settings_flags(parser: argparse.ArgumentParser, groups_type: type[Settin
         for description in describe(settings_type):
             flags.add_argument(
                 f"--{group}.{description.name}",
-                type=_boolean if description.type is bool else description.type,
-                metavar="true|false" if description.type is bool else description.type.__name__.upper(),
+                type=_boolean if description.type is bool else partial(_value, description),
+                metavar="|".join([_kind(description.type), *description.words]),
                 help=f"{description.text()}; default {description.default}".replace("%", "%%"),
             )
 
@@ -59,6 +60,20 @@ def check_groups(config: Path, known: set[str]) -> None:
     for group in read_settings_file(config):
         if group not in known:
             raise SettingsError(f"{config}: there is no group '{group}'; known are {', '.join(sorted(known))}")
+
+
+def _kind(value_type: type) -> str:
+    return "true|false" if value_type is bool else value_type.__name__.upper()
+
+
+def _value(description: SettingDescription, text: str) -> Any:
+    if text in description.words:
+        return text
+    try:
+        return description.type(text)
+    except ValueError as error:
+        words = "".join(f" or {word}" for word in description.words)
+        raise argparse.ArgumentTypeError(f"expected {description.type.__name__}{words}, not '{text}'") from error
 
 
 def _boolean(text: str) -> bool:

@@ -196,7 +196,7 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
     """Settings of all stages, and of the calibration, from parameters named ``group.setting``.
 
     Raises:
-        SettingsError: an unknown name, a wrong type, or a value out of range.
+        SettingsError: an unknown name, a wrong type, a value out of range, or one that only a recording can have.
     """
     grouped: defaultdict[str, dict[str, Any]] = defaultdict(dict)
     for name, value in given.items():
@@ -208,7 +208,9 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
     SoundSettings.from_mapping(
         {group: grouped.pop(group) for group in SoundSettings.groups().keys() & grouped.keys()}, _SOURCE
     )
-    return PipelineSettings.from_mapping(grouped, _SOURCE), CalibrationSettings.from_mapping(calibration, _SOURCE)
+    pipeline = PipelineSettings.from_mapping(grouped, _SOURCE)
+    pipeline.smoother.check_live()
+    return pipeline, CalibrationSettings.from_mapping(calibration, _SOURCE)
 
 
 def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:

@@ -36,14 +36,24 @@ def replay_in_passes(
         recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment: as of
             ``replay``.
         passes: over the recording, the last one included.
-        on_step: called with each step before the last pass, and the share of it that is done.
+        on_step: called with each step before the last pass or beside it, and the share of it that is done.
 
     Raises:
         BodycamError: as ``replay``.
     """
     if passes == 1:
         summary = replay(
-            recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress, equipment
+            recording_path,
+            map_path,
+            body_path,
+            output_path,
+            settings,
+            jobs,
+            force,
+            None,
+            on_progress,
+            equipment,
+            on_step,
         )
         return summary, ()
     person = read_body(body_path)
@@ -66,6 +76,7 @@ def replay_in_passes(
             extension.hints,
             on_progress,
             equipment,
+            on_step,
         )
     summary.elapsed_s += extension.elapsed_s
     return summary, extension.rounds

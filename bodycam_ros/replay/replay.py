@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
@@ -47,6 +48,7 @@ from bodycam_ros.verdict.verdict import Verdict
 
 logger = logging.getLogger(__name__)
 
+_TOGETHER = "all instants together"
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
@@ -61,6 +63,7 @@ def replay(
     hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
+    on_step: Callable[[str, float], None] = lambda step, share: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -75,6 +78,7 @@ def replay(
         hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
         equipment: name or file of what the body rides, holds or stands on.
+        on_step: called with each step beside it, and the share of it that is done.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -92,7 +96,14 @@ def replay(
         cameras = _mounted_cameras(recording, body)
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
-    skeleton = SkeletonPipeline(person, cameras, settings, on_corrected=log.add_registration, equipment=coupling)
+    skeleton = SkeletonPipeline(
+        person,
+        cameras,
+        settings,
+        on_corrected=log.add_registration,
+        equipment=coupling,
+        on_together=partial(on_step, _TOGETHER),
+    )
     with write_recording(output_path, force) as writer:
         watch = skeleton.instants.watch
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)

@@ -17,6 +17,23 @@ Array = NDArray[np.float64]
 _LENGTH_SIGMAS = 3.0
 
 
+@dataclass(frozen=True)
+class Holding:
+    """What holds at one instant.
+
+    Attributes:
+        engaged: attachment -> whether it holds.
+        seen: attachments whose segment of the body is seen.
+    """
+
+    engaged: Mapping[str, bool]
+    seen: frozenset[str]
+
+    def drives(self, attachments: frozenset[str]) -> bool:
+        """Whether any of some attachments is seen to hold."""
+        return any(self.engaged[name] and name in self.seen for name in attachments)
+
+
 @dataclass
 class _Watched:
     """An attachment and what became of it.
@@ -80,17 +97,10 @@ class AttachmentWatch:
         return HeldPoints(looked.points, holds)
 
     @property
-    def engaged(self) -> dict[str, bool]:
-        """Attachment -> whether it holds now."""
-        return {name: w.holds for name, w in self._watched.items()}
-
-    def holds(self, name: str) -> bool:
-        """Whether an attachment holds now."""
-        return self._watched[name].holds
-
-    def is_seen(self, name: str) -> bool:
-        """Whether an attachment's segment of the body is seen now."""
-        return self._watched[name].seen
+    def holding(self) -> Holding:
+        """What holds now."""
+        seen = frozenset(name for name, w in self._watched.items() if w.seen)
+        return Holding({name: w.holds for name, w in self._watched.items()}, seen)
 
     def distances(self, looked: HeldPoints, poses: Array, shifts: Array) -> dict[str, float]:
         """Attachment -> mean distance of its points [m], of those that are seen.

@@ -82,7 +82,7 @@ class IncrementalBackEnd:
     ) -> None:
         """Add one instant's factors and poses."""
         self._estimates = None
-        with _failures():
+        with back_end_failures():
             self._enter(list(poses), stamp_s, most_blocks=factors.keys().size())
             self._smoother.update(factors, _values(poses), [], self._order())
             # Not before: the new factors may tie the instant to the oldest ones.
@@ -97,9 +97,9 @@ class IncrementalBackEnd:
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4)."""
-        with _failures():
+        with back_end_failures():
             if self._estimates is None:
-                self._estimates = _all_poses(self._smoother.calculateEstimate())
+                self._estimates = all_poses(self._smoother.calculateEstimate())
             return _chosen(self._estimates, keys)
 
     def _marginalise(self, before_s: float) -> None:
@@ -141,7 +141,7 @@ class IncrementalBackEnd:
         for block in self._blocks:
             for key in block.keys:
                 everything.push_back(key)
-        with _failures():
+        with back_end_failures():
             self._smoother.update(
                 gtsam.NonlinearFactorGraph(), gtsam.Values(), [], self._order(), None, everything, True
             )
@@ -162,7 +162,7 @@ class BatchBackEnd:
         self, factors: gtsam.NonlinearFactorGraph, poses: Mapping[Key, NDArray[np.float64]], stamp_s: float
     ) -> None:
         """Add one instant's factors and poses."""
-        with _failures():
+        with back_end_failures():
             self._smoother.update(factors, _values(poses), _stamps(poses, stamp_s))
             self._values = self._smoother.calculateEstimate()
 
@@ -171,12 +171,12 @@ class BatchBackEnd:
 
     def poses(self, keys: Sequence[Key]) -> NDArray[np.float64]:
         """Estimates (K, 4, 4)."""
-        with _failures():
-            return _chosen(_all_poses(self._values), keys)
+        with back_end_failures():
+            return _chosen(all_poses(self._values), keys)
 
 
 @contextmanager
-def _failures() -> Iterator[None]:
+def back_end_failures() -> Iterator[None]:
     """Gtsam's exceptions, which are RuntimeError, IndexError or ValueError as it happens, as ours."""
     try:
         yield
@@ -184,7 +184,7 @@ def _failures() -> Iterator[None]:
         raise BackEndError(str(error).strip().splitlines()[0] if str(error).strip() else repr(error)) from error
 
 
-def _all_poses(values: gtsam.Values) -> tuple[Key, NDArray[np.float64]]:
+def all_poses(values: gtsam.Values) -> tuple[Key, NDArray[np.float64]]:
     """The first key and the poses (K, 4, 4) of consecutive keys."""
     rows = gtsam.utilities.extractPose3(values)
     poses = np.zeros((len(rows), 4, 4))

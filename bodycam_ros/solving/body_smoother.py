@@ -4,9 +4,9 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -16,13 +16,12 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.solving.blind_stretches import BlindStretches
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.body_window import BodyWindow, Instant
-from bodycam_ros.solving.bridge import Posture, Silence, bridge
+from bodycam_ros.solving.bridge import Silence
 from bodycam_ros.solving.camera_evidence import (
     EvidenceSettings,
     MountedCameras,
@@ -34,13 +33,17 @@ from bodycam_ros.solving.camera_evidence import (
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.coupling import Coupling
+from bodycam_ros.solving.equipment_recorded import RecordedEquipment
+from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.going_on import GoingOn
 from bodycam_ros.solving.motion import MotionSettings, orthonormal
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
+from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import hung, led, turned_on_joint
+from bodycam_ros.solving.whole_recording import WholeRecording
 
 Array = NDArray[np.float64]
 
@@ -55,10 +58,10 @@ class BodySmoother:
         offline: states may wait until a limb that is blind is seen again.
         coupling: what the body is coupled to; ``body`` then is the one with the equipment.
         contacts: which feet stand.
+        on_progress: told the share that is done while a recording is solved as a whole.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
-        bridged: instants without any image that were filled in.
 
     Raises:
         BodyError: no camera is mounted on the body.
@@ -78,8 +81,9 @@ class BodySmoother:
         offline: bool = False,
         coupling: Coupling | None = None,
         contacts: FootContacts | None = None,
+        on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        self.body, self._offline, self._coupling = body, offline, coupling
+        self.body, self._offline, self._on_progress, self._coupling = body, offline, on_progress, coupling
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
@@ -106,8 +110,13 @@ class BodySmoother:
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
         ).reshape(-1, 2)
         self.refusals = RefusalLog(self._trust_settings.doubt_after)
-        self.bridged = 0
+        self._bridged_before = 0
         self._begin_anew()
+
+    @property
+    def bridged(self) -> int:
+        """Instants without any image that were filled in."""
+        return self._bridged_before + self._outgoing.bridged
 
     @property
     def restarts(self) -> int:
@@ -118,14 +127,31 @@ class BodySmoother:
         """An empty window: at the start, and after a pause that nothing reaches across."""
         self._window.clear()
         self._published = -1
-        longest_s = self.settings.blind_hold if self._offline else 0.0
-        self._stretches = BlindStretches(self.body, longest_s, self._evidence.blind_rotation_sigma)
-        self._leaving: deque[Posture] = deque(maxlen=2)
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
         self._jumped: frozenset[int] = frozenset()
         if self._coupling:
             self._coupling.begin_anew()
+        self._outgoing = self._outlet()
+
+    def _outlet(self) -> ForwardStates | WholeRecording:
+        """Where instants wait, once the window is done with them, until their states are published."""
+        density, turn_sigma = self._uncertainty.density, self._evidence.blind_rotation_sigma
+        if not self.settings.whole_recording:
+            longest_s = self.settings.blind_hold if self._offline else 0.0
+            return ForwardStates(self.body, longest_s, turn_sigma, density)
+        equipment = RecordedEquipment(self.body, self._coupling, self._factors) if self._coupling else None
+        return WholeRecording(
+            self.body,
+            self._factors,
+            self._memory,
+            self._motion,
+            density,
+            turn_sigma,
+            self.settings,
+            self._on_progress,
+            equipment,
+        )
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
@@ -170,33 +196,35 @@ class BodySmoother:
             "contacts": self._contacts.factors(self._window, self._factors.key),
         }
         if self._coupling:
-            factors["equipment"] = self._factors.equipment(index, start, self._coupling.joints(start))
+            held = self._coupling.joints(start, self._coupling.holding)
+            factors["equipment"] = self._factors.equipment(index, start, held)
         uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
         silent_ns = self._silence.missing(frame)
         silent_ns = silent_ns if index else ()
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
+        joints = partial(self._factors.joints, index)
         holding = self._coupling.holding if self._coupling else None
-        instant = Instant(
-            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps, holding
-        )
+        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, holding)
+        instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
-        return states + self._publish(self.settings.output_delay)
+        return states + self._publish(self.settings.frames_behind)
 
     def flush(self) -> list[BodyState]:
         """The states that were still waiting for later frames; the recording is over."""
         if self._window.instants:
             self._window.settle()
         self.refusals.end()
-        return self._publish(0) + self._stretches.flush()
+        return self._publish(0) + self._outgoing.flush()
 
     def _publish_before(self, stamp_ns: int) -> list[BodyState]:
         """All states, if the next instant comes after a pause that nothing reaches across."""
         if not self._window.instants or stamp_ns - self._window.instants[-1].stamp_ns <= 1e9 * self.settings.max_pause:
             return []
         states = self.flush()
+        self._bridged_before = self.bridged
         self._begin_anew()
         return states
 
@@ -258,34 +286,16 @@ class BodySmoother:
         states = []
         for position, instant in enumerate(self._window.instants):
             if self._published < instant.index <= self._window.instants[-1].index - delay:
-                for bridged in self._bridge(position, instant):
-                    states += self._stretches.add(bridged, {})
-                posture = self._posture(instant)
-                state = BodyState(
-                    posture.stamp_ns,
-                    self.body.segments,
-                    posture.world_T_segment,
-                    posture.uncertainty,
-                    instant.observed,
-                    instant.cameras_used,
-                    self._coupling.report(posture.world_T_segment, instant.holding) if self._coupling else None,
-                )
-                states += self._stretches.add(state, instant.turns)
-                self._leaving.append(posture)
+                after = islice(self._window.instants, position + 1, position + 2)
+                following = [self._state(later) for later in after if instant.recorded.missing_ns]
+                leaving = RecordedInstant(instant.index, self._state(instant), instant.recorded)
+                states += self._outgoing.add(leaving, following)
                 self._published = instant.index
         return states
 
-    def _bridge(self, position: int, instant: Instant) -> list[BodyState]:
-        """States of the stamps before an instant at which all cameras were silent."""
-        if not instant.missing_ns or not self._leaving:
-            return []
-        after = [self._posture(later) for later in islice(self._window.instants, position, position + 2)]
-        poses, known = bridge(self.body, list(self._leaving), after, instant.missing_ns, self._uncertainty.density)
-        self.bridged += len(poses)
-        return [
-            BodyState(stamp_ns, self.body.segments, world_T_segment, uncertainty, np.zeros(len(poses[0]), bool), 0)
-            for stamp_ns, world_T_segment, uncertainty in zip(instant.missing_ns, poses, known, strict=True)
-        ]
-
-    def _posture(self, instant: Instant) -> Posture:
-        return Posture(instant.stamp_ns, self._window.poses(instant), instant.uncertainty)
+    def _state(self, instant: Instant) -> BodyState:
+        poses, known = self._window.poses(instant), instant.uncertainty
+        report = self._coupling.report(poses, instant.recorded.holding) if self._coupling else None
+        return BodyState(
+            instant.stamp_ns, self.body.segments, poses, known, instant.observed, instant.cameras_used, report
+        )

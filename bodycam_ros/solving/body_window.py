@@ -7,7 +7,7 @@ is. Then the window begins anew from where the body was: one instant is less cer
 import logging
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.solving.back_end import BackEnd, BackEndError, BatchBackEnd, IncrementalBackEnd
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_factors import BodyFactors, merged
+from bodycam_ros.solving.recorded_instants import Recorded
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 logger = logging.getLogger(__name__)
@@ -39,9 +40,7 @@ class Instant:
         observed: (S,) whether a camera on the segment spoke and was believed.
         cameras_used: how many did.
         uncertainty: covariances.
-        missing_ns: stamps before this one at which all cameras were silent.
-        turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
-        holding: which attachments of equipment held; None without equipment, or before it is placed.
+        recorded: what it brought.
         solution: the number of the solution that the estimate is from; -1 of a start value.
     """
 
@@ -52,9 +51,7 @@ class Instant:
     observed: NDArray[np.bool_]
     cameras_used: int
     uncertainty: BodyUncertainty
-    missing_ns: tuple[int, ...] = ()
-    turns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
-    holding: Mapping[str, bool] | None = None
+    recorded: Recorded
     solution: int = -1
 
 
@@ -73,7 +70,7 @@ class BodyWindow:
     def __init__(self, factors: BodyFactors, settings: SmootherSettings) -> None:
         self._factors = factors
         self._settings = settings
-        kept = max(3, settings.output_delay + 2)
+        kept = max(3, settings.frames_behind + 2)
         self.instants: deque[Instant] = deque(maxlen=kept)
         self._longest_step_s = settings.window / kept
         self.restarts = 0

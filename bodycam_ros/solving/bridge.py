@@ -8,7 +8,6 @@ stands beside the body, on a free joint, goes its own way through the world as t
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
@@ -18,6 +17,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_state import BodyState
 
 _SWING = 0.7
 """Share of the velocities that the curve keeps: at one, a joint that reverses on the way overshoots."""
@@ -54,19 +54,10 @@ class Silence:
         return tuple(last_ns + round(pause_ns * step / steps) for step in range(1, steps))
 
 
-@dataclass(frozen=True)
-class Posture:
-    """Poses (S, 4, 4) of all segments at a stamp [ns], and how well they are known."""
-
-    stamp_ns: int
-    world_T_segment: Array
-    uncertainty: BodyUncertainty
-
-
 def bridge(
-    body: BodyModel, before: Sequence[Posture], after: Sequence[Posture], stamps_ns: Sequence[int], density: Array
-) -> tuple[Array, list[BodyUncertainty]]:
-    """Poses (T, S, 4, 4) at stamps between two instants, and their covariances.
+    body: BodyModel, before: Sequence[BodyState], after: Sequence[BodyState], stamps_ns: Sequence[int], density: Array
+) -> list[BodyState]:
+    """The states at stamps (T) between two instants, which no camera saw.
 
     Args:
         body: its joints.
@@ -110,7 +101,11 @@ def bridge(
             world_T_child = through_the_world(body.segment_index[joint.child])
             motion[:, row] = inverse(world_T_joint) @ world_T_child @ joint.child_T_joint
             poses = body.forward_kinematics(world_T_root, motion)
-    return poses, known
+    unseen = np.zeros(len(body.segments), bool)
+    return [
+        BodyState(stamp_ns, body.segments, world_T_segment, uncertainty, unseen, 0)
+        for stamp_ns, world_T_segment, uncertainty in zip(stamps_ns, poses, known, strict=True)
+    ]
 
 
 def _between(
@@ -132,8 +127,8 @@ def _between(
     )
 
 
-def _seconds(postures: Sequence[Posture]) -> float:
-    return 1e-9 * (postures[-1].stamp_ns - postures[0].stamp_ns)
+def _seconds(states: Sequence[BodyState]) -> float:
+    return 1e-9 * (states[-1].stamp_ns - states[0].stamp_ns)
 
 
 def _curve(share: Array, end: Array, leaving: Array, arriving: Array) -> Array:

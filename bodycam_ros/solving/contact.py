@@ -126,7 +126,7 @@ def _across(arm: Array, sigma: float) -> Array:
 
 def _known(instant: Instant, row: int) -> bool:
     """Whether cameras say how a segment turned."""
-    return bool(instant.observed[row]) or row in instant.turns
+    return bool(instant.observed[row]) or row in instant.recorded.turns
 
 
 def _feet(body: BodyModel, names: Iterable[str]) -> list[Joint]:

@@ -6,7 +6,7 @@ before it could bend a limb. Where something stands, and lengths that nobody mea
 seen so far, now and then.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.solving.attachment_watch import AttachmentWatch
+from bodycam_ros.solving.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
@@ -108,9 +108,27 @@ class Coupling:
         return frozenset(own | {self.equipment.name})
 
     @property
-    def holding(self) -> Mapping[str, bool] | None:
-        """Attachment -> whether it holds at the present instant; None while nobody knows where the equipment is."""
-        return self._watch.engaged if self.placed else None
+    def holding(self) -> Holding | None:
+        """What holds at the present instant; None while nobody knows where the equipment is."""
+        return self._watch.holding if self.placed else None
+
+    @property
+    def keeping(self) -> NDArray[np.bool_]:
+        """(E) which segments keep their speed."""
+        return self._motion.keeping
+
+    @property
+    def keeping_joints(self) -> Set[str]:
+        """Names of the hinges that turn them."""
+        return self._motion.keeping_joints
+
+    def drives(self, joint: Joint, holding: Holding | None) -> bool:
+        """Whether somebody is seen to drive the child of one of its joints."""
+        return holding is not None and holding.drives(self._motion.held_below(joint.child))
+
+    def accelerations(self, holding: Holding | None) -> Array:
+        """(E, 6) how suddenly its segments change their motion [rad/s^2], [m/s^2]."""
+        return self._motion.accelerations(holding.drives if holding else lambda attachments: False)
 
     @property
     def standing(self) -> Standing | None:
@@ -170,27 +188,30 @@ class Coupling:
         if self.placed:
             self._motion.learn_speeds(latest[self.rows], before[self.rows], dt_s, self._is_driven)
 
-    def joints(self, path: Array) -> list[HeldJoint]:
-        """The equipment's joints, and what holds it to the body now, around poses (S, 4, 4).
+    def joints(self, path: Array, holding: Holding | None) -> list[HeldJoint]:
+        """The equipment's joints, and what holds it to the body, around poses (S, 4, 4).
 
         A place that is not known yet is as soft as that.
         """
         own = [HeldJoint(joint, joint.information, False) for joint in self._joints()]
-        if not self.placed:
+        if holding is None:
             return own
-        return own + [self._held_joint(a, path) for a in self.equipment.attachments if self._watch.holds(a.name)]
+        held = [a for a in self.equipment.attachments if holding.engaged[a.name]]
+        return own + [self._held_joint(a, path, a.name in holding.seen) for a in held]
 
-    def report(self, world_T_segment: Array, engaged: Mapping[str, bool] | None) -> EquipmentReport:
+    def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
         """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""
         attachments = self.equipment.attachments
         deviations = np.full(len(attachments), np.nan)
-        if engaged is not None:
+        if holding is not None:
             deviations = np.array([self._deviation(attachment, world_T_segment) for attachment in attachments])
         return EquipmentReport(
             name=self.equipment.name,
-            placed=engaged is not None,
+            placed=holding is not None,
             attachments=tuple(attachment.name for attachment in attachments),
-            engaged=np.array([bool(engaged and engaged[attachment.name]) for attachment in attachments], bool),
+            engaged=np.array(
+                [holding is not None and holding.engaged[attachment.name] for attachment in attachments], bool
+            ),
             deviations=deviations,
             lengths=self.fit.lengths.names,
             values=self.fit.lengths.said + self.lengths,
@@ -206,8 +227,7 @@ class Coupling:
         return [self.fit.lengths.joint(joint, self.lengths) for joint in self._tree]
 
     def _is_driven(self, attachments: frozenset[str]) -> bool:
-        """Whether any of some attachments is seen to hold."""
-        return any(self._watch.is_seen(name) and self._watch.holds(name) for name in attachments)
+        return self._watch.holding.drives(attachments)
 
     def _find(self, looked: HeldPoints, path: Array) -> Array:
         """Poses (E, 4, 4) of equipment that was not placed yet."""
@@ -262,9 +282,8 @@ class Coupling:
         )
         return float(self.fit.lengths.attachment(attachment, self.lengths).distances(body, equipment).mean())
 
-    def _held_joint(self, attachment: Attachment, path: Array) -> HeldJoint:
+    def _held_joint(self, attachment: Attachment, path: Array, soft: bool) -> HeldJoint:
         joint = attachment_joint(self.fit.lengths.attachment(attachment, self.lengths))
-        soft = self._watch.is_seen(attachment.name)
         loose = self.fit.lengths.along_axes(attachment.name, self.length_sigmas)
         if not loose.any():
             return HeldJoint(joint, joint.information, soft)

@@ -85,17 +85,18 @@ class EquipmentFit:
 
     Attributes:
         lengths: what is unknown.
+        chain: how its segments follow from its root, joints and lengths.
         row: segment -> its row among the equipment's.
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint]) -> None:
         self._equipment = equipment
         self.lengths = UnknownLengths(equipment, tree)
-        self._chain = EquipmentChain(equipment, tree, self.lengths)
-        self.row = self._chain.row
+        self.chain = EquipmentChain(equipment, tree, self.lengths)
+        self.row = self.chain.row
         lasting = 6 if equipment.segments[equipment.root].stands else 0
-        self._lasting = np.concatenate([np.arange(lasting), self._chain.length_columns]).astype(np.intp)
-        self._moving = np.setdiff1d(np.arange(self._chain.count), self._lasting)
+        self._lasting = np.concatenate([np.arange(lasting), self.chain.length_columns]).astype(np.intp)
+        self._moving = np.setdiff1d(np.arange(self.chain.count), self._lasting)
 
     def solve(
         self, start: Array, lengths: Array, held: HeldPoints, prior: Prior | None = None, steps: int = 30
@@ -109,16 +110,16 @@ class EquipmentFit:
             prior: of the segments, at one instant only.
             steps: at most.
         """
-        root, motions = start[:, self._chain.root], self._chain.motions(start, lengths)
+        root, motions = start[:, self.chain.root], self.chain.motions(start, lengths)
         if 0 in self._lasting:
             root = np.broadcast_to(root[-1], root.shape)
-        expected = None if prior is None else (prior, self._chain.motions(prior.poses[None], lengths))
+        expected = None if prior is None else (prior, self.chain.motions(prior.poses[None], lengths))
         damping = 0.1
         H, g, cost = self._normal_equations(root, motions, lengths, held, expected)
         for _ in range(steps):
             step = self._step(H, g, damping)
-            new_root, moved = self._chain.moved(root, motions, step)
-            longer = lengths + step[0, self._chain.length_columns]
+            new_root, moved = self.chain.moved(root, motions, step)
+            longer = lengths + step[0, self.chain.length_columns]
             H_new, g_new, cost_new = self._normal_equations(new_root, moved, longer, held, expected)
             if cost_new > cost:
                 damping *= 10.0
@@ -129,8 +130,8 @@ class EquipmentFit:
             if settled:
                 break
         sigmas = self._sigmas(H, g)
-        poses = self._chain.poses(root, motions, lengths)[0]
-        return FittedEquipment(poses, lengths, cost, sigmas[:6], sigmas[self._chain.length_columns])
+        poses = self.chain.poses(root, motions, lengths)[0]
+        return FittedEquipment(poses, lengths, cost, sigmas[:6], sigmas[self.chain.length_columns])
 
     def _normal_equations(
         self,
@@ -141,10 +142,10 @@ class EquipmentFit:
         expected: tuple[Prior, Sequence[Array]] | None,
     ) -> tuple[Array, Array, float]:
         """Hessians (T, n, n), gradients (T, n) and the robust cost."""
-        poses, moves = self._chain.poses(root, motions, lengths)
+        poses, moves = self.chain.poses(root, motions, lengths)
         H, g, cost = (
-            np.zeros((len(root), self._chain.count, self._chain.count)),
-            np.zeros((len(root), self._chain.count)),
+            np.zeros((len(root), self.chain.count, self.chain.count)),
+            np.zeros((len(root), self.chain.count)),
             0.0,
         )
 
@@ -162,14 +163,14 @@ class EquipmentFit:
                 cost += len(attachment.sigmas) * _KERNEL**2 * float(np.sum(np.log1p(squared)[holds]))
         if np.isfinite(self._equipment.upright_sigma):
             up = root[:, 2, :3]
-            J = np.zeros((len(root), 2, self._chain.count))
+            J = np.zeros((len(root), 2, self.chain.count))
             J[:, :, :3] = hat(up)[:, :2] / self._equipment.upright_sigma
             r = up[:, :2] / self._equipment.upright_sigma
             add(J, r)
             cost += float(np.sum(r**2))
         cost += self._add_joints(H, g, motions)
         # What lasts is known once, not at every instant.
-        columns = self._chain.length_columns
+        columns = self.chain.length_columns
         H[0, columns, columns] += 1.0 / self.lengths.priors**2
         g[0, columns] += lengths / self.lengths.priors**2
         cost += float(np.sum((lengths / self.lengths.priors) ** 2))
@@ -180,7 +181,7 @@ class EquipmentFit:
     def _add_joints(self, H: Array, g: Array, motions: Sequence[Array]) -> float:
         """What joints say that are neither free nor held."""
         cost = 0.0
-        for f, motion in zip(self._chain.freedoms, motions, strict=True):
+        for f, motion in zip(self.chain.freedoms, motions, strict=True):
             if np.isfinite(f.sigmas).any():
                 weights = np.where(np.isfinite(f.sigmas), 1.0 / f.sigmas**2, 0.0)
                 off = log_se3(motion) @ f.twists
@@ -199,9 +200,9 @@ class EquipmentFit:
             g[:, columns] += off / sigmas**2
             return float(np.sum((off / sigmas) ** 2))
 
-        off = log_se3(inverse(prior.poses[self._chain.root]) @ root)
-        cost = add(np.arange(6), off, prior.sigmas[self._chain.root])
-        for f, motion, before in zip(self._chain.freedoms, motions, expected_motions, strict=True):
+        off = log_se3(inverse(prior.poses[self.chain.root]) @ root)
+        cost = add(np.arange(6), off, prior.sigmas[self.chain.root])
+        for f, motion, before in zip(self.chain.freedoms, motions, expected_motions, strict=True):
             if len(f.columns):
                 sigmas = np.abs(f.twists).T @ prior.sigmas[self.row[f.joint.child]]
                 cost += add(f.columns, log_se3(inverse(before) @ motion) @ f.twists, sigmas)
@@ -218,7 +219,7 @@ class EquipmentFit:
         of_segment = np.concatenate([hat(seen), np.broadcast_to(-np.eye(3), (*seen.shape, 3))], axis=3)
         J = of_segment @ moves[:, None, row]
         for column, axis in self.lengths.of(attachment.name):
-            J[:, :, axis, self._chain.length_columns[column]] -= 1.0
+            J[:, :, axis, self.chain.length_columns[column]] -= 1.0
         sigmas = np.hypot(attachment.sigmas, _BODY_M)[:, None]
         rows = 3 * len(attachment.sigmas)
         return (J / sigmas[..., None]).reshape(len(poses), rows, -1), (off / sigmas).reshape(len(poses), rows)
@@ -228,7 +229,7 @@ class EquipmentFit:
         reduced, gradient, own, by_lasting = self._reduced(H, g, damping)
         damped = reduced + damping * np.diag(np.diag(reduced))
         lasting = -np.linalg.solve(damped, gradient) if len(damped) else gradient
-        step = np.zeros((len(H), self._chain.count))
+        step = np.zeros((len(H), self.chain.count))
         step[:, self._lasting] = lasting
         step[:, self._moving] = own + by_lasting @ lasting
         return step
@@ -256,7 +257,7 @@ class EquipmentFit:
         reduced, _, _, by_lasting = self._reduced(H, g, 0.0)
         lasting = np.linalg.inv(reduced)
         own = H[0][np.ix_(self._moving, self._moving)] + _STIFFENING * np.eye(len(self._moving))
-        variances = np.zeros(self._chain.count)
+        variances = np.zeros(self.chain.count)
         variances[self._lasting] = np.diag(lasting)
         variances[self._moving] = np.diag(np.linalg.inv(own))
         variances[self._moving] += np.einsum("mk,kl,ml->m", by_lasting[0], lasting, by_lasting[0])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, rigid
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
+from bodycam_ros.solving.motion import MotionSettings
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,10 @@ class EquipmentMotion:
         tree: its own joints, parents first.
         motion: how suddenly segments change their motion, where the equipment does not say.
         speed_time: over which the speed of what keeps it is averaged [s].
+
+    Attributes:
+        keeping_joints: names of the hinges whose child keeps its speed.
+        keeping: (E) which segments keep their speed.
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint], motion: MotionSettings, speed_time: float) -> None:
@@ -31,14 +35,19 @@ class EquipmentMotion:
         self._motion, self._speed_time = motion, speed_time
         self._row = {name: row for row, name in enumerate(equipment.segments)}
         self._tree = tuple(tree)
-        self._keeping = {
+        self.keeping_joints = {
             joint.name for joint in tree if joint.type == "hinge" and equipment.segments[joint.child].keeps_speed
         }
+        self.keeping = np.array([moves.keeps_speed for moves in self._moves], bool)
         self._speeds: dict[str, float] = {}
         below = [{a.name for a in equipment.attachments if a.equipment_segment == name} for name in self._row]
         for joint in reversed(self._tree):
             below[self._row[joint.parent]] |= below[self._row[joint.child]]
         self._held_below = [frozenset(names) for names in below]
+
+    def held_below(self, segment: str) -> frozenset[str]:
+        """The attachments to a segment, and to those that hang on it."""
+        return self._held_below[self._row[segment]]
 
     def forget(self) -> None:
         """No speed is known any more."""
@@ -52,16 +61,20 @@ class EquipmentMotion:
             previous_dt_s: that of the step before it [s].
             is_driven: whether any of some attachments is seen to hold.
         """
-        sigmas = np.tile(motion_sigmas(dt_s, previous_dt_s, self._motion), (len(self._moves), 1))
-        per_unit = 0.5 * dt_s * (dt_s + previous_dt_s)
+        return self.accelerations(is_driven) * 0.5 * dt_s * (dt_s + previous_dt_s)
+
+    def accelerations(self, is_driven: Callable[[frozenset[str]], bool]) -> Array:
+        """(E, 6) how suddenly segments change their motion [rad/s^2], [m/s^2]; see ``sigmas``."""
+        usual = [self._motion.angular_acceleration_sigma, self._motion.acceleration_sigma]
+        accelerations = np.tile(np.repeat(usual, 3), (len(self._moves), 1))
         for row, moves in enumerate(self._moves):
             if moves.angular_acceleration_sigma is not None:
-                sigmas[row, :3] = moves.angular_acceleration_sigma * per_unit
+                accelerations[row, :3] = moves.angular_acceleration_sigma
             if moves.acceleration_sigma is not None:
-                sigmas[row, 3:] = moves.acceleration_sigma * per_unit
+                accelerations[row, 3:] = moves.acceleration_sigma
             if moves.keeps_speed and not is_driven(self._held_below[row]):
-                sigmas[row, :3] *= _COASTING
-        return sigmas
+                accelerations[row, :3] *= _COASTING
+        return accelerations
 
     def predict(self, poses: Array, before: Array, joints: Sequence[Joint], dt_s: float) -> Array:
         """Poses (E, 4, 4) with joints closed, and hinges that keep their speed turned by it.
@@ -90,7 +103,7 @@ class EquipmentMotion:
         share = 1.0 - np.exp(-dt_s / self._speed_time)
         for joint in self._tree:
             p, c = self._row[joint.parent], self._row[joint.child]
-            if joint.name in self._keeping and is_driven(self._held_below[c]):
+            if joint.name in self.keeping_joints and is_driven(self._held_below[c]):
                 step = _angle(joint, latest[p], latest[c]) - _angle(joint, before[p], before[c])
                 speed = float((step + np.pi) % (2.0 * np.pi) - np.pi) / dt_s
                 known = self._speeds.get(joint.name, speed)

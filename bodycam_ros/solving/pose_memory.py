@@ -6,7 +6,8 @@ the joints that are seen, a Gaussian tells the others: their expectation and how
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
+
+_NO_OPINION_RAD = 100.0
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,10 @@ class ExpectedJoints:
     steps: NDArray[np.float64]
     lead: NDArray[np.float64]
 
+    def silenced(self, which: NDArray[np.bool_]) -> "ExpectedJoints":
+        """The same with no opinion of some (U,) of the joints."""
+        return replace(self, sigmas=np.where(which, _NO_OPINION_RAD, self.sigmas))
+
 
 class PoseMemory:
     """A Gaussian over all joint rotations, learned while they are observed.
@@ -125,6 +132,18 @@ class PoseMemory:
         self._seconds = np.zeros((size, size))
         self._sums = np.zeros((size, size))
         self._products = np.zeros((size, size))
+
+    @property
+    def turning_time(self) -> float:
+        """How long [s] a limb whose turns are measured knows by itself where it is."""
+        return self._settings.turning_time
+
+    def asked_again(self) -> "PoseMemory":
+        """The same memory at the beginning of a recording that it has seen: it is asked, and learns nothing more."""
+        again = copy(self)
+        again._unseen_s = np.zeros_like(self._unseen_s)
+        again._expected_before = np.full_like(self._expected_before, np.nan)
+        return again
 
     def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""

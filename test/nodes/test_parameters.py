@@ -24,6 +24,13 @@ def test_the_file_of_all_settings_serves_the_nodes() -> None:
     assert (pipeline.smoother.output_delay, calibration.motion_log.max_images) == (3, 300)
 
 
+def test_a_recording_alone_can_be_solved_as_a_whole() -> None:
+    from bodycam_ros.nodes.parameters import settings_from_parameters
+
+    with pytest.raises(SettingsError, match="output_delay is 'offline', which solves a recording as a whole"):
+        settings_from_parameters({"smoother.output_delay": "offline"})
+
+
 @pytest.mark.parametrize("name", ["motion_lock.max_images", "motion_log.max_image"])
 def test_a_name_that_is_none(name: str) -> None:
     from bodycam_ros.nodes.parameters import settings_from_parameters

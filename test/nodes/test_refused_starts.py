@@ -50,6 +50,13 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
         ("skeleton_solver", "body", str(broken)): "broken.yaml",
         ("skeleton_solver", "body", body, "cameras", ("hat",)): "carries no camera hat; it carries left, right",
+        (
+            "skeleton_solver",
+            "body",
+            body,
+            "smoother.output_delay",
+            "offline",
+        ): "live, give the number of frames (0 to 60)",
         ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
         ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",

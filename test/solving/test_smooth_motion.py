@@ -1,0 +1,55 @@
+"""The motion over three instants: its derivatives against numeric ones, and what it calls smooth."""
+
+import numpy as np
+import pytest
+
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
+
+STAMPS_NS = np.array([0, 33, 71, 100], np.int64) * 1_000_000
+MOTION = SegmentMotion.of(MotionSettings(), 2)
+
+
+def wandering(rng: np.random.Generator) -> np.ndarray:
+    """Poses (T, S, 4, 4) that turn and move by large steps."""
+    poses = [exp_se3(rng.normal(size=(2, 6)))]
+    for _ in STAMPS_NS[1:]:
+        poses.append(poses[-1] @ exp_se3(0.15 * rng.normal(size=(2, 6))))
+    return np.array(poses)
+
+
+def test_derivatives_are_those_of_the_deviations() -> None:
+    poses, smooth = wandering(np.random.default_rng(1)), SmoothMotion(MOTION, STAMPS_NS)
+    A, b = smooth.linearised(poses, 0).jacobian()
+    numeric, step = np.zeros(A.shape[1]), 1e-6
+    for column in range(A.shape[1]):
+        xi = np.zeros(A.shape[1])
+        xi[column] = step
+        there, back = (poses @ exp_se3(sign * xi.reshape(*poses.shape[:2], 6)) for sign in (1.0, -1.0))
+        numeric[column] = (smooth.error(there) - smooth.error(back)) / (2.0 * step)
+    assert smooth.error(poses) == pytest.approx(0.5 * b @ b)
+    # The gradient of half the squares; the derivatives are a series, exact to the fourth order of a step.
+    np.testing.assert_allclose(-A.T @ b, numeric, rtol=2e-4, atol=1e-4 * np.abs(numeric).max())
+
+
+def test_a_velocity_that_fades_costs_nothing_but_its_beginning() -> None:
+    smooth, kept = SmoothMotion(MOTION, STAMPS_NS), MotionSettings().velocity_time
+    poses, dt_s = [np.tile(np.eye(4), (2, 1, 1))], 1e-9 * np.diff(STAMPS_NS)
+    velocity = np.array([1.0, 0.0, 2.0, 0.5, 0.0, 0.0])
+    for passed_s in dt_s:
+        poses.append(poses[-1] @ exp_se3(np.tile(passed_s * velocity, (2, 1))))
+        velocity = velocity * np.exp(-(dt_s[len(poses) - 1 :][:1].sum()) / kept)
+    only_beginning = SmoothMotion(MOTION, STAMPS_NS[:2]).error(np.array(poses[:2]))
+    assert smooth.error(np.array(poses)) == pytest.approx(only_beginning)
+    standing = np.tile(np.eye(4), (len(STAMPS_NS), 2, 1, 1))
+    assert smooth.error(standing) == 0.0
+
+
+def test_each_segment_has_its_own_sigmas() -> None:
+    poses = wandering(np.random.default_rng(2))
+    stiff = SegmentMotion(MOTION.accelerations * np.array([[1.0], [0.1]]), MOTION.velocity_time)
+    ordinary = SmoothMotion(MOTION, STAMPS_NS)
+    alone = SmoothMotion(SegmentMotion(MOTION.accelerations[1:], MOTION.velocity_time[1:]), STAMPS_NS)
+    more = SmoothMotion(stiff, STAMPS_NS).error(poses) - ordinary.error(poses)
+    assert more == pytest.approx(99.0 * alone.error(poses[:, 1:]))
