@@ -144,17 +144,8 @@ class BodySmoother:
             longest_s = self.settings.blind_hold if self._offline else 0.0
             return ForwardStates(self.body, longest_s, turn_sigma, density)
         equipment = RecordedEquipment(self.body, self._coupling, self._factors) if self._coupling else None
-        return WholeRecording(
-            self.body,
-            self._factors,
-            self._memory,
-            self._motion,
-            density,
-            turn_sigma,
-            self.settings,
-            self._on_progress,
-            equipment,
-        )
+        solved = self.body, self._factors, self._memory, self._motion
+        return WholeRecording(*solved, density, turn_sigma, self.settings, self._on_progress, equipment)
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
