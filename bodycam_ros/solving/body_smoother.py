@@ -167,7 +167,16 @@ class BodySmoother:
         silent_ns = silent_ns if index else ()
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         instant = Instant(
-            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps
+            index,
+            frame.stamp_ns,
+            stamps_ns,
+            start,
+            observed,
+            len(evidence),
+            uncertainty,
+            silent_ns,
+            steps,
+            trusted.refused,
         )
         self._window.add(instant, factors)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)

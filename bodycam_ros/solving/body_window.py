@@ -6,7 +6,7 @@ is. Then the window begins anew from where the body was: one instant is less cer
 
 import logging
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import gtsam
@@ -41,6 +41,7 @@ class Instant:
         uncertainty: covariances.
         missing_ns: stamps before this one at which all cameras were silent.
         turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
+        refused: cameras that were not believed.
         solution: the number of the solution that the estimate is from; -1 of a start value.
     """
 
@@ -53,6 +54,7 @@ class Instant:
     uncertainty: BodyUncertainty
     missing_ns: tuple[int, ...] = ()
     turns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    refused: Collection[str] = ()
     solution: int = -1
 
 
