@@ -153,7 +153,7 @@ class BodySmoother:
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         start = self._seat(path, trusted.seats)
-        self._jumped = trusted.jumped
+        self._jumped, refused = trusted.jumped, trusted.refused
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
@@ -167,16 +167,7 @@ class BodySmoother:
         silent_ns = silent_ns if index else ()
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         instant = Instant(
-            index,
-            frame.stamp_ns,
-            stamps_ns,
-            start,
-            observed,
-            len(evidence),
-            uncertainty,
-            silent_ns,
-            steps,
-            trusted.refused,
+            index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, silent_ns, steps, refused
         )
         self._window.add(instant, factors)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
