@@ -195,7 +195,7 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, holding)
+        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)
