@@ -14,6 +14,7 @@ from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.drawing.stick_figure import body_bones
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
@@ -87,7 +88,7 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
 
     Args:
         path: ros2 bag folder or .mcap file.
-        body: that it should be the motion of.
+        body: that it should be the motion of; joints of equipment that the bag tells of are left out.
 
     Raises:
         RecordingError: not a bag, or without joint states and odometry of the same instants.
@@ -103,8 +104,9 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
                 joiner.add(topic, message)
             else:
                 poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
+        with_equipment = bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE
     motion = joiner.joined()
-    _check_body(joiner, body, path)
+    _check_body(joiner, body, path, with_equipment)
     return Motion(
         stamps_ns=motion.stamps_ns,
         world_T_root=motion.world_T_root,
@@ -131,8 +133,8 @@ def _check_topics(bag: BagFile) -> None:
             )
 
 
-def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
-    if joiner.others:
+def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path, with_equipment: bool) -> None:
+    if joiner.others and not with_equipment:
         raise BodyError(
             f"{path}: {JOINT_STATES} is of another body than the one given with --body: only the bag has "
             f"{', '.join(sorted(joiner.others))}"

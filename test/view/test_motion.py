@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from held_ride import write_held
+from known_walk import Walk, walking_body, write_solved
 from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
@@ -77,6 +79,16 @@ def test_a_bag_of_a_body_with_more_joints_is_named(sample_out: Path, body: BodyM
     stiff = replace(body, joints=tuple(replace(j, type="weld", limits=None) for j in body.joints))
     with pytest.raises(BodyError, match="only the bag has .*knee_left"):
         read_motion(sample_out, stiff)
+
+
+def test_a_ride_can_be_viewed_with_the_body_alone(ride: Walk, tmp_path: Path) -> None:
+    rider = walking_body()
+    motion = read_motion(write_held(ride, tmp_path / "held"), rider)
+    for instant in (0, 30, 59):
+        poses = ride.world_T_segment[instant, : len(rider.segments)]
+        assert_allclose(motion.segments_at(rider, instant), poses, rtol=0.0, atol=1e-9)
+    with pytest.raises(BodyError, match="only the bag has bicycle_at_x"):
+        read_motion(write_solved(ride, tmp_path / "untold"), rider)
 
 
 def test_a_recording_is_no_solved_bag(sample: Path, body: BodyModel) -> None:
