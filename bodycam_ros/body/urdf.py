@@ -38,7 +38,7 @@ _COLOURS = {
     "bone": (0.85, 0.82, 0.75, 1.0),
     "joint": (0.25, 0.45, 0.7, 1.0),
     "camera": (0.15, 0.15, 0.15, 1.0),
-    "equipment": (0.5, 0.55, 0.5, 1.0),
+    "equipment": (0.56, 0.29, 0.54, 1.0),
 }
 _SAYS_LOOPS = (
     " A URDF is a tree: the joints below, which close loops, are left open. They are written as in a body YAML. "

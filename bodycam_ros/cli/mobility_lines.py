@@ -50,31 +50,30 @@ def _counts(found: Mobility, body: BodyModel, equipment: Equipment | None) -> It
         low, high = found.rank_along
         along = f"{low}" if low == high else f"{low} to {high}"
         yield f"loops and ground: {found.rows} rows, {found.rank} of them independent; along motions {along}"
-    yield f"in truth: {found.freedoms} freedoms" + (
-        f", {found.as_a_whole} of them of all together in the world" if found.as_a_whole else ""
-    )
+    whole = f", {found.parts.as_a_whole} of them of all together in the world" if found.parts.as_a_whole else ""
+    yield f"in truth: {found.freedoms} freedoms{' without what contradicts' if found.contradictions else ''}{whole}"
 
 
 def _motions(found: Mobility) -> Table:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("what moves")
     table.add_column("freedoms", justify="right")
-    table.add_column("joints that move with it, the most first", overflow="fold")
-    for motion in found.motions:
+    table.add_column("what moves with it, the most first", overflow="fold")
+    for motion in found.parts.led:
         joints = ", ".join(motion.with_joints)
         table.add_row(Text(motion.joint), str(motion.freedoms), Text(joints))
-    freedoms, joints_within = found.within_loops
-    if freedoms:
-        table.add_row("else, within the loops", str(freedoms), Text(", ".join(joints_within)))
-    if found.untouched:
-        table.add_row("each on its own", str(sum(found.untouched.values())), Text(", ".join(found.untouched)))
-    if found.as_a_whole:
-        table.add_row("all together", str(found.as_a_whole), Text("in the world"))
+    parts = found.parts
+    if parts.others:
+        table.add_row("else, within the loops", str(parts.others), Text(", ".join(parts.of_others)))
+    if parts.untouched:
+        table.add_row("each on its own", str(sum(parts.untouched.values())), Text(", ".join(parts.untouched)))
+    if parts.as_a_whole:
+        table.add_row("all together", str(parts.as_a_whole), Text("in the world"))
     return table
 
 
 def _remarks(found: Mobility, equipment: Equipment | None) -> Iterator[str]:
-    for joint in found.stuck:
+    for joint in found.parts.stuck:
         yield f"cannot move: {joint}"
     for row, same in found.redundant.items():
         yield f"said twice: {row}; so do {', '.join(same)}"

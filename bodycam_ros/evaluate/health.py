@@ -67,19 +67,20 @@ def root_sigmas(root_covariance: Array) -> tuple[Array, Array]:
 
 
 def angle_ranges(solved: SolvedRecording) -> dict[str, tuple[float, float]]:
-    """Joint -> the least and the greatest of its angles [rad]."""
+    """Joint -> the least and the greatest of its angles [rad]; without those that slide."""
     angles = solved.motion.joint_angles
+    slide = {joint.name for joint in solved.urdf.joints if joint.slides}
     ends = zip(angles.min(axis=0).tolist(), angles.max(axis=0).tolist(), strict=True)
-    return dict(zip(solved.motion.joint_names, ends, strict=True))
+    return {name: pair for name, pair in zip(solved.motion.joint_names, ends, strict=True) if name not in slide}
 
 
 def jitter(solved: SolvedRecording) -> Array:
-    """Noise (T, S) of the segments' origins [m]: the fourth difference over time, divided by sqrt(70).
+    """Noise (T, S) of the body's segments' origins [m]: the fourth difference over time, divided by sqrt(70).
 
     For white noise its mean square is the noise's own, over three axes; a motion up to the third order in time leaves
     nothing. NaN at the ends and beside gaps.
     """
-    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.urdf.segments], axis=1)
+    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.urdf.body_segments], axis=1)
     noise = np.full(origins.shape[:2], np.nan)
     width = len(_FOURTH_DIFFERENCE)
     if len(origins) < width:

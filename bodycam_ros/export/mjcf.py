@@ -28,7 +28,7 @@ from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
 _LEVER_M = 0.05  # from a hinge's middle to each of the two points that hold its axis
 _STEPS = 9  # of each angle of a ball between its limits, to find the widest rotation
 _MOST_LEVELS = 200  # of bodies within each other: what writes XML goes down them by recursion
-_COLOURS = {"body": "0.85 0.82 0.75 1", "equipment": "0.5 0.55 0.5 1"}
+_COLOURS = {"body": "0.85 0.82 0.75 1", "equipment": "0.56 0.29 0.54 1"}
 
 
 def mjcf_text(body: BodyModel) -> str:

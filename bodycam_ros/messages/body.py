@@ -178,6 +178,7 @@ def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -
     parent_T_child = inverse(state.world_T_segment[parents]) @ state.world_T_segment[children]
     world_T_root = state.world_T_segment[body.segment_index[body.root]]
     joint_names = [joint.name for joint in body.tree_joints]
+    bones = [ends for ends, joint in zip(rows, body.tree_joints, strict=True) if joint.type != "free"]
     joints_observed = state.observed[parents] & state.observed[children]
     coupled = {} if state.equipment is None else {EQUIPMENT: equipment_message(make, state.stamp_ns, state.equipment)}
     return coupled | {
@@ -190,5 +191,5 @@ def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -
         ),
         "/odometry": odometry_message(make, state, body.root, output.root_velocity),
         "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, body.root, world_T_root)]),
-        "/skeleton": skeleton_message(make, state, rows),
+        "/skeleton": skeleton_message(make, state, bones),
     }

@@ -1,5 +1,7 @@
 """Limits of joint angles as rows: none within them, a pull back beyond."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
@@ -11,20 +13,19 @@ _SINGULAR = 1e-3
 
 
 class AngleLimits:
-    """The joints of a body's tree whose limits are known.
-
-    Attributes:
-        rows: their rows in ``BodyModel.tree_joints``.
-    """
+    """The joints of a body's tree whose limits are known."""
 
     def __init__(self, body: BodyModel) -> None:
         self._joints = body.tree_joints
-        self.rows = [row for row, joint in enumerate(self._joints) if joint.limits]
+        limited = [row for row, joint in enumerate(self._joints) if joint.limits]
+        self._balls = [row for row in limited if self._joints[row].type == "ball"]
+        self._hinges = [row for row in limited if self._joints[row].type == "hinge"]
+        self._order = EulerOrder(tuple(self._joints[row].angle_axes for row in self._balls))
 
     def middle(self, joint_motion: Array, share: float) -> Array:
         """The motion (J, 4, 4) with these joints a share of the way from zero to the middle of their limits."""
         motion = joint_motion.copy()
-        for row in self.rows:
+        for row in (*self._balls, *self._hinges):
             joint = self._joints[row]
             motion[row, :3, :3] = _rotation(joint, share * np.mean(joint.limits or (), axis=1))
         return motion
@@ -32,35 +33,33 @@ class AngleLimits:
     def beyond(self, joint_motion: Array) -> dict[str, tuple[float, float]]:
         """Joint angle beyond its limits -> the angle, and by how much it is beyond [rad]."""
         found = {}
-        for row in self.rows:
+        for row, angles in self._angles(joint_motion):
             joint = self._joints[row]
-            angles = _angles(joint, joint_motion[row, :3, :3])
-            for name, angle, excess in zip(joint.angle_names, angles, self._excess(joint, angles), strict=True):
+            for name, angle, excess in zip(joint.angle_names, angles, _excess(joint, angles), strict=True):
                 if excess:
                     found[name] = (float(angle), float(excess))
         return found
 
-    def excess_rows(self, row: int, joint_R: Array) -> tuple[Array, Array]:
-        """By how much a joint's angles are beyond their limits (A) [rad], and how that changes with its turn (A, 3)."""
-        joint = self._joints[row]
-        angles = _angles(joint, joint_R)
-        excess = self._excess(joint, angles)
-        if not excess.any():
-            return excess, np.zeros((len(excess), 3))
-        return excess, np.where(excess[:, None] != 0.0, _rates(joint, angles), 0.0)
+    def excess(self, joint_motion: Array) -> Iterator[tuple[int, Array, Array]]:
+        """Joints that are beyond their limits: row, by how much (A) [rad], and how that changes with a turn (A, 3)."""
+        for row, angles in self._angles(joint_motion):
+            excess = _excess(self._joints[row], angles)
+            if excess.any():
+                yield row, excess, np.where(excess[:, None] != 0.0, _rates(self._joints[row], angles), 0.0)
 
-    @staticmethod
-    def _excess(joint: Joint, angles: Array) -> Array:
-        low, high = np.array(joint.limits).T
-        excess: Array = np.maximum(angles - high, 0.0) + np.minimum(angles - low, 0.0)
-        return excess
+    def _angles(self, joint_motion: Array) -> Iterator[tuple[int, Array]]:
+        """Row and angles (A) [rad] of each joint."""
+        if self._balls:
+            angles = self._order.decompose(joint_motion[self._balls, :3, :3], np.zeros((len(self._balls), 3)))
+            yield from zip(self._balls, angles, strict=True)
+        for row in self._hinges:
+            yield row, np.atleast_1d(hinge_angle(joint_motion[row, :3, :3], self._joints[row].axis))
 
 
-def _angles(joint: Joint, R: Array) -> Array:
-    if joint.type == "hinge":
-        return np.atleast_1d(hinge_angle(R, joint.axis))
-    angles: Array = EulerOrder((joint.angle_axes,)).decompose(R[None], np.zeros((1, 3)))[0]
-    return angles
+def _excess(joint: Joint, angles: Array) -> Array:
+    low, high = np.array(joint.limits).T
+    excess: Array = np.maximum(angles - high, 0.0) + np.minimum(angles - low, 0.0)
+    return excess
 
 
 def _rotation(joint: Joint, angles: Array) -> Array:

@@ -43,7 +43,8 @@ class Descent:
         equipment = mechanism.equipment
         own = set() if equipment is None else {joint.name for joint in equipment.joints}
         moving = [freedom for freedom in mechanism.freedoms[1:] if freedom.columns.start in columns]
-        self._bent = [freedom for freedom in moving if freedom.kind == "joint" and freedom.name not in own]
+        row_of = {joint.name: row for row, joint in enumerate(mechanism.body.tree_joints)}
+        self._bent = {row_of[f.name]: f for f in moving if f.kind == "joint" and f.name not in own}
         self._lengths = [freedom for freedom in moving if freedom.kind == "length"]
 
     def run(self, start: Configuration, steps: int, kernel: float = np.inf) -> tuple[Configuration, float]:
@@ -113,17 +114,14 @@ class Descent:
         root = mechanism.freedoms[0].columns
         lean = log_so3(configuration.world_T_root[:3, :3])
         add(lean, slice(root.start, root.start + 3), turn_jacobian(lean), _LEAN_RAD)
-        row_of = {joint.name: row for row, joint in enumerate(mechanism.body.tree_joints)}
-        for freedom in self._bent:
-            row = row_of[freedom.name]
+        for row, freedom in self._bent.items():
+            bent = log_so3(configuration.joint_motion[row, :3, :3])
             turns = mechanism.tangents_of_joints[row][:3]
-            R = configuration.joint_motion[row, :3, :3]
-            bent = log_so3(R)
             add(bent, freedom.columns, turn_jacobian(bent) @ turns, _POSTURE_RAD)
-            if row in self._limits.rows:
-                excess, by_turn = self._limits.excess_rows(row, R)
-                if excess.any():
-                    add(excess, freedom.columns, by_turn @ turns, _LIMIT_RAD)
+        for row, excess, by_turn in self._limits.excess(configuration.joint_motion) if self._bent else ():
+            if row in self._bent:
+                turns = mechanism.tangents_of_joints[row][:3]
+                add(excess, self._bent[row].columns, by_turn @ turns, _LIMIT_RAD)
         for freedom in self._lengths:
             sigmas = np.maximum(mechanism.length_sigmas[freedom.name], _KNOWN_M)
             add(mechanism.longer_by(configuration, freedom.name), freedom.columns, np.eye(3), sigmas)

@@ -12,8 +12,8 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.mobility.angle_limits import AngleLimits
 from bodycam_ros.mobility.contradiction import Contradiction, without_contradictions
 from bodycam_ros.mobility.gruebler import GrueblerCount, gruebler_count
-from bodycam_ros.mobility.mechanism import Configuration, Freedom, Mechanism
-from bodycam_ros.mobility.null_motion import NullMotion, led_motions
+from bodycam_ros.mobility.mechanism import Configuration, Mechanism
+from bodycam_ros.mobility.null_motion import MotionParts, motion_parts
 from bodycam_ros.mobility.projection import constraints, projected
 from bodycam_ros.mobility.row_names import row_names
 from bodycam_ros.mobility.row_rank import dependent_rows, null_space, rank, unit_rows
@@ -21,7 +21,6 @@ from bodycam_ros.mobility.row_rank import dependent_rows, null_space, rank, unit
 _STEP, _STEPS = 0.12, 20  # [rad], or of a limb's length
 _WANDERINGS = 3
 _STILL_CLOSED = 1e-6  # [sigma]
-_MOVES = 1e-6
 _NOTICED_RAD = np.radians(1.0)
 
 
@@ -35,11 +34,7 @@ class Mobility:
         rank: how many of them are independent where the loops are closed.
         rank_along: least and greatest along motions that keep them closed.
         freedoms: how many there are in truth.
-        as_a_whole: of these, how many move everything in the world together.
-        untouched: joints that no loop concerns -> their freedoms.
-        motions: what goes with each joint of the equipment.
-        stuck: joints of the equipment that cannot move.
-        within_loops: other freedoms of joints that loops concern: how many, and of which joints.
+        parts: what moves with what.
         redundant: row -> rows that say the same.
         contradictions: loops that do not close; the rest is found without them.
         longer: what is unknown -> by how much it is more than said (3), and the sigma (3) [m].
@@ -51,11 +46,7 @@ class Mobility:
     rank: int
     rank_along: tuple[int, int]
     freedoms: int
-    as_a_whole: int
-    untouched: Mapping[str, int]
-    motions: tuple[NullMotion, ...]
-    stuck: tuple[str, ...]
-    within_loops: tuple[int, tuple[str, ...]]
+    parts: MotionParts
     redundant: Mapping[str, tuple[str, ...]]
     contradictions: tuple[Contradiction, ...]
     longer: Mapping[str, tuple[Array, Array]]
@@ -78,19 +69,13 @@ def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
     unit[:, mechanism.columns("length")] = 0.0
     names = row_names(mechanism, configuration, rows)
     free = _embedded(unit, moving)
-    whole = null_space(unit[:, mechanism.freedoms[0].columns]).shape[1]
-    parts = _parts(mechanism, unit, free, whole)
     return Mobility(
         count=gruebler_count(mechanism),
         rows=len(unit),
         rank=rank(unit),
         rank_along=_rank_along(mechanism, configuration, apart, free),
         freedoms=free.shape[1],
-        as_a_whole=whole,
-        untouched=parts[0],
-        motions=parts[1],
-        stuck=parts[2],
-        within_loops=parts[3],
+        parts=motion_parts(mechanism, unit, free),
         redundant={names[found.row]: tuple(names[row] for row in found.said_by) for found in dependent_rows(unit)},
         contradictions=contradictions,
         longer={
@@ -112,42 +97,6 @@ def _embedded(unit: Array, moving: NDArray[np.int_]) -> Array:
     return free
 
 
-def _parts(
-    mechanism: Mechanism, unit: Array, free: Array, whole: int
-) -> tuple[dict[str, int], tuple[NullMotion, ...], tuple[str, ...], tuple[int, tuple[str, ...]]]:
-    """The null space in parts: untouched joints, motions that the equipment leads, its stuck joints, and the rest."""
-    equipment = mechanism.equipment
-    own = [] if equipment is None else [joint.name for joint in equipment.joints]
-    moving = [f for f in mechanism.freedoms if f.kind != "length" and _width(f)]
-    joints = [f for f in moving if f.kind == "joint" or f.name in own]
-    untouched = {f.name: _width(f) for f in joints if not np.any(unit[:, f.columns])}
-    leading = [f for f in joints if f.name in own and f.name not in untouched]
-    concerned = [f for f in moving if f.name not in untouched and f not in leading]
-    if whole < 6 and equipment is not None:
-        # Where the machine stands, its place beside the body is that of the body in the world.
-        concerned = [freedom for freedom in concerned if freedom.name != equipment.name]
-    across = _without_whole(mechanism, unit, free)
-    motions, stuck, rest = led_motions(across, leading, concerned)
-    others = tuple(f.name for f in concerned if np.linalg.norm(rest[f.columns]) > _MOVES)
-    remaining = free.shape[1] - whole - sum(untouched.values()) - sum(motion.freedoms for motion in motions)
-    return untouched, motions, stuck, (remaining, others)
-
-
-def _without_whole(mechanism: Mechanism, unit: Array, free: Array) -> Array:
-    """Directions of the null space that do not move everything together."""
-    root = mechanism.freedoms[0].columns
-    together = null_space(unit[:, root])
-    embedded = np.zeros((len(free), together.shape[1]))
-    embedded[root] = together
-    _, values, Vt = np.linalg.svd((free.T @ embedded).T)
-    across: Array = free @ Vt[int((values > 1e-9).sum()) :].T
-    return across
-
-
-def _width(freedom: Freedom) -> int:
-    return int(freedom.columns.stop - freedom.columns.start)
-
-
 def _rank_along(mechanism: Mechanism, start: Configuration, apart: tuple[str, ...], free: Array) -> tuple[int, int]:
     """Least and greatest rank on some ways through what the constraints permit."""
     random = np.random.default_rng(1)
@@ -165,9 +114,7 @@ def _rank_along(mechanism: Mechanism, start: Configuration, apart: tuple[str, ..
             direction = direction / np.abs(direction).max()
             configuration = mechanism.moved(configuration, _STEP * units * direction)
             configuration = projected(mechanism, configuration, moving, apart, standing)
-            if (
-                np.abs(constraints(mechanism, configuration, apart, standing).residuals).max(initial=0.0)
-                > _STILL_CLOSED
-            ):
+            left = constraints(mechanism, configuration, apart, standing).residuals
+            if np.abs(left).max(initial=0.0) > _STILL_CLOSED:
                 break  # at the end of its reach
     return (min(found), max(found)) if found else (0, 0)

@@ -165,7 +165,7 @@ class BodyCovariance:
             Information (S, 6, 6) of each segment, and (P, 6, 6) between children and parents.
         """
         of_child = self._joint_information.copy()
-        of_child[expected.rows, :3, :3] += np.eye(3) / np.square(expected.sigmas)[:, None, None]
+        of_child[expected.rows, :3, :3] += np.eye(3) / np.square(expected.sigmas)[:, None, :]
         p, c = self._joint_parents, self._joint_children
         child_xi_parent = -adjoint(inverse(world_T_segment[c]) @ world_T_segment[p])
         crossed = of_child @ child_xi_parent

@@ -94,11 +94,11 @@ class BodyFactors:
                 continue
             noise = soft if tree_row in unseen else tight
             graph.add(_between(self.key(index, parent), self.key(index, child), pose, noise))
-        for row, rotation, sigma in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
+        for row, rotation, sigmas in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
             joint = self._body.tree_joints[row]
             parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
             measured = joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child
-            noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma, _NO_OPINION_M], 3))
+            noise = gtsam.noiseModel.Diagonal.Sigmas(np.concatenate([sigmas, np.full(3, _NO_OPINION_M)]))
             graph.add(_between(self.key(index, parent), self.key(index, child), measured, noise))
         return graph
 

@@ -65,19 +65,19 @@ class FootContacts:
         before, latest = window.instants[-2], window.instants[-1]
         passed_s = 1e-9 * (latest.stamp_ns - before.stamp_ns)
         poses, poses_before = window.poses(latest), window.poses(before)
-        for point, seen in self._followed(window, latest, poses):
+        for point in self._resting(window, latest, poses):
             row = point.row
             keys = key(before.index, row), key(latest.index, row)
-            graph.add(self._stays(point, keys, inverse(poses_before[row]) @ poses[row], passed_s, seen))
+            creep = self._settings.creep if latest.observed[row] else self._settings.blind_creep
+            graph.add(self._stays(point, keys, inverse(poses_before[row]) @ poses[row], passed_s * creep))
             if point.anchor is not None:
                 graph.add(self._anchored(point, keys[1], point.anchor, poses[row]))
         return graph
 
-    def _followed(self, window: BodyWindow, latest: Instant, poses: Array) -> list[tuple[RestingPoint, bool]]:
-        """The points that rest, and whether their feet are seen."""
+    def _resting(self, window: BodyWindow, latest: Instant, poses: Array) -> list[RestingPoint]:
+        """The points that rest at the latest instant."""
         since = self._since(window, latest)
         poses_since, took_s = window.poses(since), 1e-9 * (latest.stamp_ns - since.stamp_ns)
-        resting = []
         for point in self._points:
             seen = _known(latest, point.row)
             if not seen and not _known(latest, self._above[point.row]):
@@ -85,11 +85,9 @@ class FootContacts:
                 continue
             step = Step(poses[point.row], poses_since[point.row], took_s, latest.stamp_ns, seen)
             world_P_point = point.follow(step, self._floor or 0.0)
-            if point.since_ns is not None:
-                resting.append((point, seen))
-                if seen and latest.stamp_ns - point.since_ns >= _FIRM_NS:
-                    self._floor = min(float(world_P_point[2]), np.inf if self._floor is None else self._floor)
-        return resting
+            if seen and point.since_ns is not None and latest.stamp_ns - point.since_ns >= _FIRM_NS:
+                self._floor = min(float(world_P_point[2]), np.inf if self._floor is None else self._floor)
+        return [point for point in self._points if point.since_ns is not None]
 
     def _since(self, window: BodyWindow, latest: Instant) -> Instant:
         """The instant that speeds are taken from."""
@@ -97,16 +95,13 @@ class FootContacts:
         longest_ns = 1e9 * self._settings.speed_time
         return next((i for i in earlier if latest.stamp_ns - i.stamp_ns <= longest_ns), earlier[-1])
 
-    def _stays(
-        self, point: RestingPoint, keys: tuple[int, int], step: Array, passed_s: float, seen: bool
-    ) -> gtsam.BetweenFactorPose3:
+    def _stays(self, point: RestingPoint, keys: tuple[int, int], step: Array, sigma: float) -> gtsam.BetweenFactorPose3:
         """A ball joint at the point, between the foot at an instant and at the next, which turned by ``step``."""
         turn = step[:3, :3]
         measured = rigid(turn, point.place - turn @ point.place)
-        sigma = self._settings.creep * passed_s
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = _NO_OPINION_RAD**2 * np.eye(3)
-        covariance[3:, 3:] = sigma**2 * np.eye(3) if seen else _across(point.arm, sigma)
+        covariance[3:, 3:] = sigma**2 * np.eye(3) if point.anchor is None else _across(point.arm, sigma)
         foot_xi_point = adjoint(rigid(np.eye(3), point.place))
         noise = gtsam.noiseModel.Gaussian.Covariance(foot_xi_point @ covariance @ foot_xi_point.T)
         return gtsam.BetweenFactorPose3(*keys, gtsam.Pose3(measured), noise)

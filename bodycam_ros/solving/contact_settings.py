@@ -19,6 +19,12 @@ class ContactSettings:
         limits=(0.0001, 10.0),
         reason="of a point that rests: 2 mm from image to image at 30 Hz; standing feet of motion capture creep by 1",
     )
+    blind_creep: float = setting(
+        0.12,
+        unit="m/s",
+        limits=(0.0001, 10.0),
+        reason="the same of a foot whose camera is not registered: firmer, it turns feet that roll",
+    )
     rest_speed: float = setting(
         0.06, unit="m/s", limits=(0.001, 10.0), reason="a slower point of the sole has come to rest"
     )

@@ -83,7 +83,7 @@ class Coupling:
     Attributes:
         rows: (E) of the equipment's segments in the body.
         placed: whether it is known where the equipment is.
-        anchored: whether it was so at the instant before, too.
+        anchored: whether it has gone on from the instant before as was expected.
         lengths: (L) how far what was unknown is from where it was said to be [m].
         length_sigmas: (L) [m].
     """
@@ -262,11 +262,12 @@ class Coupling:
         prior = self._prior(predicted, dt_s, evidence)
         poses = prior.poses
         distances = self._watch.distances(looked, poses, self.lengths)
+        # What has gone on unseen in another way than expected begins anew where it is seen.
+        self.anchored = not self._watch.contradicted(distances, self.length_sigmas)
         if max(distances.values(), default=0.0) > _NEAR_M:
             poses = self._place.near(self._watch.held(looked), self.lengths, prior)
             distances = self._watch.distances(looked, poses, self.lengths)
         if 2 * self._watch.contradicted(distances, self.length_sigmas) > len(distances):
-            # Most of what is seen contradicts it: the equipment has gone on unseen, in another way than expected.
             elsewhere = self._place.around(looked, self.lengths, prior)
             anew = self._watch.distances(looked, elsewhere, self.lengths)
             if sum(anew.values()) < sum(distances.values()):

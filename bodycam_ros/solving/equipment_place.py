@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.geometry import inverse, rigid, transform_points
 from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints, Prior
 
 Array = NDArray[np.float64]
@@ -21,6 +21,9 @@ _KNOWN = np.repeat([0.35, 0.3], 3)
 
 _BODY_M = 0.003
 _STEPS_NEAR = 6
+
+_LEAST_LEVER_M = 0.01
+"""Points nearer to an axis than this do not feel a turn about it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +68,19 @@ class EquipmentPlace:
             return None
         starts = [self._hung_on_body(held, angles) for angles in self._angles()]
         best = min((self._fit.solve(start[None], lengths, held) for start in starts), key=_cost)
-        if (best.root_sigmas > _KNOWN).any():
+        if (best.root_sigmas > _KNOWN)[self._felt(best.poses[0])].any():
             return None
         return Placed(best.poses[0], best.root_sigmas)
+
+    def _felt(self, poses: Array) -> NDArray[np.bool_]:
+        """(6) which turns and shifts of the root a point that is held would feel: no turn of a bar about itself."""
+        root_T_world = inverse(poses[self._fit.row[self._equipment.root]])
+        points = []
+        for attachment in self._equipment.attachments:
+            root_T_segment = root_T_world @ poses[self._fit.row[attachment.equipment_segment]]
+            points.append(transform_points(root_T_segment, attachment.on_equipment))
+        about_axes = np.linalg.norm(np.cross(np.concatenate(points)[:, None], np.eye(3)), axis=2).max(axis=0)
+        return np.append(about_axes > _LEAST_LEVER_M, np.ones(3, bool))
 
     def near(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
         """Poses (E, 4, 4) fitted from a prediction."""

@@ -15,6 +15,7 @@ from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.coupling import Coupling
+from bodycam_ros.solving.equipment_fit import HeldPoints
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.recorded_instants import RecordedInstant
 from bodycam_ros.solving.smooth_motion import SegmentMotion
@@ -61,15 +62,26 @@ class RecordedEquipment:
         """What is published of an instant whose poses (S, 4, 4) have become others."""
         return self._coupling.report(world_T_segment, instant.recorded.holding)
 
+    def _held(self, instants: Sequence[RecordedInstant], poses: Array) -> HeldPoints:
+        """Where the body is seen to hold it, of poses (T, S, 4, 4)."""
+        points, holds = {}, {}
+        for attachment in self._coupling.equipment.attachments:
+            name, body = attachment.name, poses[:, self._body.segment_index[attachment.body_segment]]
+            points[name] = attachment.on_body @ np.swapaxes(body[:, :3, :3], 1, 2) + body[:, None, :3, 3]
+            holding = [instant.recorded.holding for instant in instants]
+            holds[name] = np.array([h is not None and h.engaged[name] and name in h.seen for h in holding], bool)
+        return HeldPoints(points, holds)
+
     def start(self, instants: Sequence[RecordedInstant], poses: Array) -> Array:
         """Start values (T, S, 4, 4): the equipment where it is known to stand, and its hinges on the way."""
         start, rows = poses.copy(), self._coupling.rows
         standing = self._coupling.standing
         if standing:
             start[:, standing.row] = standing.pose
-        chain = self._coupling.fit.chain
-        lengths = self._coupling.lengths
-        motions = chain.motions(start[:, rows], lengths)
+        chain, lengths = self._coupling.fit.chain, self._coupling.lengths
+        # By what holds it at each instant alone: the forward pass takes some to believe what it did not expect.
+        fitted = self._coupling.fit.solve(start[:, rows], lengths, self._held(instants, poses))
+        motions = chain.motions(fitted.poses, fitted.lengths)
         for f, motion in zip(chain.freedoms, motions, strict=True):
             if f.joint.name in self._coupling.keeping_joints:
                 driven = np.array([self._coupling.drives(f.joint, i.recorded.holding) for i in instants], bool)

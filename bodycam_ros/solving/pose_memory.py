@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import hinge_angle
+from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
@@ -73,7 +73,7 @@ class ExpectedJoints:
     Attributes:
         rows: (U) of the joints in ``BodyModel.tree_joints``.
         rotations: (U, 3, 3) joint rotations, within their limits.
-        sigmas: (U) how far a joint may be from it [rad].
+        sigmas: (U, 3) how far a joint may be from it, about the child's axes [rad].
         steps: (U, 3, 3) how the expectation turned since the instant before, in the child's frame.
         lead: (U) share, 0 to 1, by which a joint moves as expected rather than as it moved when it was last seen.
     """
@@ -86,7 +86,7 @@ class ExpectedJoints:
 
     def silenced(self, which: NDArray[np.bool_]) -> "ExpectedJoints":
         """The same with no opinion of some (U,) of the joints."""
-        return replace(self, sigmas=np.where(which, _NO_OPINION_RAD, self.sigmas))
+        return replace(self, sigmas=np.where(which[:, None], _NO_OPINION_RAD, self.sigmas))
 
 
 class PoseMemory:
@@ -119,9 +119,9 @@ class PoseMemory:
         )
         self._middle_R = middle_of_limits(body)
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
-        spans = np.array([_span(joint.limits, settings.sigma) for joint in body.tree_joints])
+        spans = np.array([_spans(joint, settings.sigma) for joint in body.tree_joints]).reshape(-1, 3)
         spans[self._machine] = 1.0
-        self._rest_variance = np.repeat(spans**2, 3)
+        self._rest_variance = np.ravel(spans**2)
         size = 3 * len(body.tree_joints)
         # Sums over the instants at which both of two components were seen: seconds, first component, product.
         self._unseen_s = np.zeros(len(body.tree_joints))
@@ -186,7 +186,7 @@ class PoseMemory:
         rows = np.flatnonzero(~seen)
         if len(rows) == 0:
             self._expected_before[:] = np.nan
-            return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0))
+            return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
         mean, covariance = self._gaussian()
         known, wanted = np.repeat(seen, 3), np.repeat(~seen, 3)
         noise = self._settings.noise**2
@@ -199,8 +199,9 @@ class PoseMemory:
         deviation = gain @ (self._vectors(rotations) - mean)[known]
         expected = mean.copy()
         expected[wanted] += np.clip(deviation, -reach, reach)
-        variances = np.diag(spread).reshape(-1, 3).max(axis=1)
-        sigmas = np.sqrt(np.maximum(variances, self._settings.min_sigma**2)) * self._caution(turning, dt_s)[rows]
+        variances = np.diag(spread).reshape(-1, 3)
+        caution = self._caution(turning, dt_s)[rows, None]
+        sigmas = np.sqrt(np.maximum(variances, self._settings.min_sigma**2)) * caution
         now = self.within_limits(self._rotations(expected))[rows]
         steps = np.swapaxes(self._expected_before[rows], -1, -2) @ now
         steps[np.isnan(steps).any(axis=(1, 2))] = np.eye(3)
@@ -252,8 +253,12 @@ class PoseMemory:
         return rotations
 
 
-def _span(limits: tuple[tuple[float, float], ...] | None, unknown: float) -> float:
-    """Spread of a joint [rad] as its range tells: people are within a quarter of it most of the time."""
-    if not limits:
-        return unknown
-    return max(0.25 * float(np.mean([high - low for low, high in limits])), 0.05)
+def _spans(joint: Joint, unknown: float) -> NDArray[np.float64]:
+    """Spread of a joint about its x, y and z [rad] as its range tells: people are within a quarter of it mostly."""
+    spans = np.full(3, unknown)
+    if joint.limits and joint.type == "ball":
+        for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
+            spans["xyz".index(axis)] = max(0.25 * (high - low), 0.05)
+    elif joint.limits:
+        spans[:] = max(0.25 * float(np.mean([high - low for low, high in joint.limits])), 0.05)
+    return spans

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
-from bodycam_ros.drawing.stick_figure import body_bones
+from bodycam_ros.drawing.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.solved.body_motion import MotionJoiner
-from bodycam_ros.solved.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics
+from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
+from bodycam_ros.solved.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot
 from bodycam_ros.solved.trajectory import nearest
+from bodycam_ros.solved.urdf_tree import UrdfTree
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # where a single instant does not tell
@@ -37,6 +37,7 @@ class Motion:
         angles: (T, A) [rad], [m] of places.
         registered: camera -> (stamps (K,) increasing [ns], world_T_camera (K, 4, 4) [m]) where it knew its own pose;
             only cameras of which the recording says so.
+        equipment: lines of what the recording has beside the body, and the body file does not, over the T instants.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -44,6 +45,7 @@ class Motion:
     angle_names: tuple[str, ...]
     angles: Array
     registered: Mapping[str, tuple[NDArray[np.int64], Array]]
+    equipment: tuple[Bone, ...] = ()
 
     @classmethod
     def standing(cls, body: BodyModel) -> "Motion":
@@ -88,33 +90,42 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
 
     Args:
         path: ros2 bag folder or .mcap file.
-        body: that it should be the motion of; joints of equipment that the bag tells of are left out.
+        body: that it should be the motion of.
 
     Raises:
         RecordingError: not a bag, or without joint states and odometry of the same instants.
         BodyError: the bag is of a body with other joints or another root.
     """
-    joiner = MotionJoiner(path, JointAngles(body).names, f"body {body.name}")
+    names = JointAngles(body).names
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
     with BagFile(path) as bag:
         _check_topics(bag)
+        robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
+        beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
+        joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
         for topic, _, message in bag.messages([*MOTION_TOPICS, *cameras]):
             if topic in MOTION_TOPICS:
                 joiner.add(topic, message)
             else:
                 poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
-        with_equipment = bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE
     motion = joiner.joined()
-    _check_body(joiner, body, path, with_equipment)
+    _check_body(joiner, body, path)
     return Motion(
         stamps_ns=motion.stamps_ns,
         world_T_root=motion.world_T_root,
-        angle_names=motion.joint_names,
-        angles=motion.joint_angles,
+        angle_names=names,
+        angles=motion.joint_angles[:, : len(names)],
         # Where some cameras' poses were recorded, a camera without one never knew where it was.
         registered={camera: _in_order(poses[camera]) for camera in body.mounts} if cameras else {},
+        equipment=_lines_beside(robot, motion) if robot is not None and beside else (),
     )
+
+
+def _lines_beside(robot: UrdfTree, motion: BodyMotion) -> tuple[Bone, ...]:
+    """Where the recording has what stands beside the body; corrections of the body do not move it."""
+    angles = dict(zip(motion.joint_names, motion.joint_angles.T, strict=True))
+    return tuple(equipment_lines(robot.forward_kinematics(motion.world_T_root, angles), robot.equipment))
 
 
 def _in_order(poses: dict[int, Array]) -> tuple[NDArray[np.int64], Array]:
@@ -133,8 +144,8 @@ def _check_topics(bag: BagFile) -> None:
             )
 
 
-def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path, with_equipment: bool) -> None:
-    if joiner.others and not with_equipment:
+def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
+    if joiner.others:
         raise BodyError(
             f"{path}: {JOINT_STATES} is of another body than the one given with --body: only the bag has "
             f"{', '.join(sorted(joiner.others))}"

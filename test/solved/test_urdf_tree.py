@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 import yourdfpy
-from known_walk import PARENTS, Walk
+from known_walk import PARENTS, Walk, walking_body
 
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import RecordingError
@@ -47,6 +47,22 @@ def test_equipment_hangs_on_the_body_that_it_stands_beside(ride: Walk) -> None:
     tree = UrdfTree.parse(urdf_text(ride.body), "test")
     assert tree.segments == ride.body.segments
     assert tree.parent_segments() == {**PARENTS, "frame": "pelvis", "crank": "frame"}
+    assert tree.body_segments == walking_body().segments
+    place = tuple(f"bicycle_at_{axis}" for axis in "xyz")
+    assert tree.moving_beside == (*place, "bicycle_y", "bicycle_z", "bicycle_x", "crank")
+    assert list(tree.equipment) == ["frame", "crank"] and tree.equipment["frame"] == ()
+    np.testing.assert_allclose(tree.equipment["crank"], [[0.17, 0.1, 0.0]], atol=1e-9)
+
+
+def test_a_joint_that_slides_alone_is_no_equipment() -> None:
+    tree = UrdfTree.parse(TURNED.replace("continuous", "prismatic"), "test")
+    assert tree.segments == ("base", "arm", "tool") and tree.body_segments == tree.segments
+    assert not tree.moving_beside
+
+
+def test_loops_that_are_none_are_refused_by_name(ride: Walk) -> None:
+    with pytest.raises(RecordingError, match="out: not a URDF that can be read: joint pedal_left"):
+        UrdfTree.parse(urdf_text(ride.body).replace("type: hinge", "type: glue"), "out")
 
 
 @pytest.mark.parametrize(

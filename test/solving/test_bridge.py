@@ -1,6 +1,9 @@
 """What is between two instants, where nobody saw anything."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.geometry import inverse, log_se3
@@ -30,3 +33,23 @@ def test_equipment_that_stands_in_the_world_stays_there_while_the_body_sways(rid
     wanted = ride.world_T_segment[12:15]
     assert np.linalg.norm(log_se3(inverse(poses) @ wanted), axis=-1).max() < 0.1
     assert ride.stamps_ns[12] - ride.stamps_ns[11] == FRAME_NS
+
+
+@pytest.mark.parametrize("seen", [("both", 1), ("both", -1), ("before", 1), ("after", 1)])
+def test_a_crank_turns_on_through_a_silence_of_a_turn_and_a_half(ride: Walk, seen: tuple[str, int]) -> None:
+    """Three turns in two seconds; 30 images of silence, at either end of which its angle is known up to whole turns."""
+    sides, direction = seen
+    path = ride.world_T_segment[::direction]
+    one_way = replace(ride, world_T_segment=path)
+    before = postures(one_way, [9, 10] if sides != "after" else [10])
+    after = postures(one_way, [40, 41] if sides != "before" else [40])
+    poses, _ = bridge(ride.body, before, after, ride.stamps_ns[11:40].tolist(), np.ones(6))
+    crank = ride.body.segment_index["crank"]
+    np.testing.assert_allclose(poses[:, crank, :3, :3], path[11:40, crank, :3, :3], rtol=0.0, atol=1e-6)
+
+
+def test_a_wheel_whose_speed_nobody_knows_takes_the_shorter_way(ride: Walk) -> None:
+    before, after = postures(ride, [10]), postures(ride, [14])
+    poses, _ = bridge(ride.body, before, after, ride.stamps_ns[11:14].tolist(), np.ones(6))
+    crank = ride.body.segment_index["crank"]
+    np.testing.assert_allclose(poses[1, crank, :3, :3], ride.world_T_segment[12, crank, :3, :3], rtol=0.0, atol=1e-9)

@@ -41,7 +41,7 @@ def expected_angle(memory: PoseMemory, phase: float) -> tuple[float, float]:
     """Angle about y [rad] and sigma that the memory expects of the left hip when the right one is seen."""
     expected = memory.expect(stride(phase), np.array([False, True]), NOBODY, DT_S)
     assert list(expected.rows) == [0]
-    return float(log_so3(expected.rotations)[0, 1]), float(expected.sigmas[0])
+    return float(log_so3(expected.rotations)[0, 1]), float(expected.sigmas[0].max())
 
 
 def test_a_hip_that_is_not_seen_swings_against_the_one_that_is(walker) -> None:
@@ -69,9 +69,8 @@ def test_a_blink_is_left_to_the_limbs_own_motion(walker) -> None:
 def test_a_limb_whose_rotation_is_measured_is_hardly_drawn(walker) -> None:
     memory = taught(walker, 6.0)
     turning = memory.expect(stride(1.0), np.array([False, True]), np.array([True, False]), DT_S)
-    assert (
-        turning.sigmas[0] > 5 * taught(walker, 6.0).expect(stride(1.0), np.array([False, True]), NOBODY, DT_S).sigmas[0]
-    )
+    blind = taught(walker, 6.0).expect(stride(1.0), np.array([False, True]), NOBODY, DT_S)
+    assert turning.sigmas[0].max() > 5 * blind.sigmas[0].max()
     assert turning.lead[0] == 0.0
 
 
