@@ -8,6 +8,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.cli.bench_solver import bench_solver
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.evaluate.endurance import Endurance, endure
 from bodycam_ros.evaluate.map_size_timing import MapSizeTiming, time_map_sizes
@@ -32,12 +33,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=0.0,
         help="also solve the recording to and fro for so long, and say whether time and memory stay the same",
     )
+    parser.add_argument(
+        "--solver",
+        action="store_true",
+        help="instead of all that, solve the recording's registrations in several ways and compare them: alone, in a "
+        "window, as a whole, and all of it once more with a quarter of the cameras dark in turn",
+    )
+    parser.add_argument("--truth", type=Path, help="with --solver: the recording's folder with its ground truth")
+    parser.add_argument("--picture", type=Path, help="with --solver and --truth: PNG to draw of it")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     settings = pipeline_settings(arguments)
+    if arguments.solver:
+        return bench_solver(arguments, settings)
     inputs = (arguments.recording, arguments.map, arguments.body)
     with Progress(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task("stages, one thread", total=None)

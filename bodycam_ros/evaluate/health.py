@@ -75,19 +75,24 @@ def angle_ranges(solved: SolvedRecording) -> dict[str, tuple[float, float]]:
 
 
 def jitter(solved: SolvedRecording) -> Array:
-    """Noise (T, S) of the body's segments' origins [m]: the fourth difference over time, divided by sqrt(70).
+    """Noise (T, S) of the body's segments' origins [m], see ``jitter_of``."""
+    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.urdf.body_segments], axis=1)
+    return jitter_of(origins, solved.stamps_ns, solved.instant_ns)
+
+
+def jitter_of(origins: Array, stamps_ns: NDArray[np.int64], instant_ns: float) -> Array:
+    """Noise (T, S) of points (T, S, 3) [m]: the fourth difference over time, divided by sqrt(70).
 
     For white noise its mean square is the noise's own, over three axes; a motion up to the third order in time leaves
     nothing. NaN at the ends and beside gaps.
     """
-    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.urdf.body_segments], axis=1)
     noise = np.full(origins.shape[:2], np.nan)
     width = len(_FOURTH_DIFFERENCE)
     if len(origins) < width:
         return noise
     windows = np.lib.stride_tricks.sliding_window_view(origins, width, axis=0)
     differences = np.linalg.norm(windows @ _FOURTH_DIFFERENCE, axis=-1) / np.linalg.norm(_FOURTH_DIFFERENCE)
-    even = np.abs(np.diff(solved.stamps_ns) - solved.instant_ns) <= _EVEN_SHARE * solved.instant_ns
+    even = np.abs(np.diff(stamps_ns) - instant_ns) <= _EVEN_SHARE * instant_ns
     all_even = np.asarray(np.lib.stride_tricks.sliding_window_view(even, width - 1).all(axis=-1), dtype=np.bool_)
     noise[width // 2 : -(width // 2)] = np.where(all_even[:, None], differences, np.nan)
     return noise

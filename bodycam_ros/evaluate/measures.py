@@ -76,7 +76,7 @@ def angle_errors(estimated: Array, true: Array) -> Array:
     A figure 7a: "the angle of the axis-angle representation normalized by the angle of the first frame". Blind to the
     axis, and at the mercy of the first frame: ``rotation_errors`` is neither.
     """
-    errors: Array = np.abs(_turned_since_start(estimated) - _turned_since_start(true))
+    errors: Array = np.abs(turned(estimated) - turned(true))
     return errors
 
 
@@ -102,7 +102,8 @@ def rotation_errors(estimated: Array, true: Array, A: Array, B: Array) -> Array:
     return _angle(A @ true @ B @ _transposed(estimated))
 
 
-def _turned_since_start(rotations: Array) -> Array:
+def turned(rotations: Array) -> Array:
+    """By how much (T,) [rad] rotations (T, 3, 3) have turned since the first (A figure 7a)."""
     return _angle(_transposed(rotations[:1]) @ rotations)
 
 

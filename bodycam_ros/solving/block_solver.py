@@ -6,6 +6,7 @@ must follow the estimate (a ball's present rotation, the motion over three insta
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import gtsam
 import numpy as np
@@ -37,6 +38,15 @@ class Block:
     fixed: gtsam.NonlinearFactorGraph
     joints: Callable[[Array], gtsam.NonlinearFactorGraph]
     motion: SmoothMotion
+
+
+class BlockSolver(Protocol):
+    """Solves a block; ``solve_block`` is one."""
+
+    def __call__(
+        self, block: Block, start: Array, most_steps: int, on_step: Callable[[], None] = lambda: None
+    ) -> Array:
+        """Poses (T, S, 4, 4) from start values (T, S, 4, 4)."""
 
 
 @dataclass

@@ -132,9 +132,9 @@ class BodySmoother:
         self._jumped: frozenset[int] = frozenset()
         if self._coupling:
             self._coupling.begin_anew()
-        self._outgoing = self._outlet()
+        self._outgoing = self.outgoing()
 
-    def _outlet(self) -> ForwardStates | WholeRecording:
+    def outgoing(self) -> ForwardStates | WholeRecording:
         """Where instants wait, once the window is done with them, until their states are published."""
         density, turn_sigma = self._uncertainty.density, self._evidence.blind_rotation_sigma
         if not self.settings.whole_recording:

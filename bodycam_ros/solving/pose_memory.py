@@ -129,6 +129,7 @@ class PoseMemory:
         self._seconds = np.zeros((size, size))
         self._sums = np.zeros((size, size))
         self._products = np.zeros((size, size))
+        self._learned: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def turning_time(self) -> float:
@@ -154,6 +155,7 @@ class PoseMemory:
 
     def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
+        self._learned = None
         seen = seen | self._machine
         kept = np.exp(-dt_s / self._settings.forget_after)
         angles = self._joint_angles.angles(rotations, self._rest_angles)
@@ -187,7 +189,8 @@ class PoseMemory:
         if len(rows) == 0:
             self._expected_before[:] = np.nan
             return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
-        mean, covariance = self._gaussian()
+        self._learned = self._learned or self._gaussian()
+        mean, covariance = self._learned
         known, wanted = np.repeat(seen, 3), np.repeat(~seen, 3)
         noise = self._settings.noise**2
         gain = np.linalg.solve(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.solving.back_end import BackEndError
-from bodycam_ros.solving.block_solver import Block, solve_block
+from bodycam_ros.solving.block_solver import Block, BlockSolver, solve_block
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.bridge import bridge
@@ -57,6 +57,7 @@ class WholeRecording:
 
     Attributes:
         bridged: instants without any image that were filled in.
+        solve: solves a block; another one may take its place, to be compared.
         unsolved: instants that stay as the forward pass had them, because their block could not be solved.
     """
 
@@ -76,6 +77,7 @@ class WholeRecording:
         self._equipment = equipment
         self._density, self._turn_sigma = density, turn_sigma
         self._settings, self._on_progress = settings, on_progress
+        self.solve: BlockSolver = solve_block
         self._waiting: list[RecordedInstant] = []
         self._published: deque[RecordedInstant] = deque(maxlen=_HELD)
         self._ends = np.array(
@@ -158,7 +160,7 @@ class WholeRecording:
             motion = self._equipment.motion(instants, self._motion)
         block = Block(first_key, self._fixed(instants, held), joints, SmoothMotion(motion, stamps_ns))
         self._on_progress(0.0)
-        poses = solve_block(block, start, _MOST_STEPS, on_step)
+        poses = self.solve(block, start, _MOST_STEPS, on_step)
         self._on_progress(1.0)
         return poses
 

@@ -1,4 +1,4 @@
-"""The whole recording solved from both sides: against the filter, one block, and across the borders of blocks."""
+"""The whole recording solved from both sides: against the filter, against one block, and across borders of blocks."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,80 @@
+"""Every way to solve the same registrations, on a body whose truth is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moving_body import STEP_NS, body_with_cameras, lenses, seen_by, true_poses
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.solver_comparison import SolverComparison, compare_solvers
+from bodycam_ros.evaluate.solver_picture import draw_solvers
+from bodycam_ros.evaluate.solver_runs import Way, dark_in_turn
+from bodycam_ros.evaluate.true_motion import TrueMotion
+from bodycam_ros.pipeline import PipelineSettings
+
+FRAMES = 75
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    return body_with_cameras()
+
+
+@pytest.fixture(scope="module")
+def truth(body: BodyModel) -> TrueMotion:
+    poses = np.array([true_poses(body, frame) for frame in range(FRAMES)])
+    stamps_ns = np.array([(frame + 1) * STEP_NS for frame in range(FRAMES)], np.int64)
+    parents = {joint.child: joint.parent for joint in body.joints}
+    return TrueMotion(
+        Path("walk"), stamps_ns, body.root, parents, dict(zip(body.segments, poses.swapaxes(0, 1), strict=True))
+    )
+
+
+@pytest.fixture(scope="module")
+def compared(body: BodyModel, truth: TrueMotion) -> SolverComparison:
+    rng = np.random.default_rng(5)
+    registered = [seen_by(body, camera, frame, rng) for frame in range(FRAMES) for camera in body.mounts]
+    return compare_solvers(body, lenses(body), registered, PipelineSettings(), truth)
+
+
+def test_the_whole_recording_is_as_good_as_the_full_batch(compared) -> None:
+    for runs in (compared.as_recorded, compared.dark):
+        offline, batch, window = (runs[way].errors for way in (Way.OFFLINE, Way.BATCH, Way.WINDOW))
+        for of in (lambda e: e.positions.mean(), lambda e: e.rotations.mean()):
+            assert of(offline) < 1.05 * of(batch) and of(offline) < 1.005 * of(window)
+        gaps = np.abs(runs[Way.OFFLINE].run.world_T_segment - runs[Way.BATCH].run.world_T_segment)
+        assert gaps.max() < 5e-4
+
+
+def test_what_came_after_tells_of_what_is_dark(compared) -> None:
+    alone, window, offline = (compared.dark[way].errors for way in (Way.ALONE, Way.WINDOW, Way.OFFLINE))
+    assert offline.rotations.mean() < 0.7 * min(window.rotations.mean(), alone.rotations.mean())
+    assert offline.positions.mean() < 0.95 * window.positions.mean() < 0.9 * alone.positions.mean()
+    assert all(len(one.run.stamps_ns) == FRAMES for one in compared.as_recorded.values())
+    assert all((one.run.solve_ms > 0.0).all() for one in compared.dark.values())
+
+
+def test_cameras_take_turns_in_the_dark(body) -> None:
+    rng = np.random.default_rng(5)
+    registered = [seen_by(body, camera, frame, rng) for frame in range(FRAMES) for camera in body.mounts]
+    dark = dark_in_turn(registered, each_s=0.5)
+    assert [matches.stamp_ns for matches in dark] == [matches.stamp_ns for matches in registered]
+    seen = np.array([matches.world_T_camera is not None for matches in dark]).reshape(FRAMES, -1)
+    assert (seen.sum(axis=1) == len(body.mounts) - 1).all() and (~seen).any(axis=0).all()
+
+
+def test_the_picture_is_drawn(compared, body, truth, tmp_path: Path) -> None:
+    path = tmp_path / "solvers.png"
+    draw_solvers(body, truth, compared, path)
+    assert path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 50_000
+
+
+def test_the_truth_of_another_recording_is_refused(body, truth) -> None:
+    later = TrueMotion(truth.path, truth.stamps_ns + 10**12, truth.root, truth.parents, truth.world_T_segment)
+    registered = [
+        seen_by(body, camera, frame, np.random.default_rng(0)) for frame in range(9) for camera in body.mounts
+    ]
+    with pytest.raises(RecordingError, match="walk is the truth of another recording"):
+        compare_solvers(body, lenses(body), registered, PipelineSettings(), later)
