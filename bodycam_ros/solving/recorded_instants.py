@@ -1,6 +1,6 @@
 """The instants of a recording that wait until they are solved together, and where a block of them ends."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -36,7 +36,7 @@ class Recorded:
     joints_turning: NDArray[np.bool_]
     turns: Mapping[int, Array]
     missing_ns: tuple[int, ...]
-    refused: Collection[str] = ()
+    refused: frozenset[str] = frozenset()
     holding: Holding | None = None
 
 
