@@ -10,7 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
-from bodycam_ros.solving.coupling import HeldJoint
+from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.joint_poses import JointPoses
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 

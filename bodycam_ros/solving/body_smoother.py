@@ -16,6 +16,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -36,13 +37,14 @@ from bodycam_ros.solving.coupling import Coupling
 from bodycam_ros.solving.equipment_recorded import RecordedEquipment
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.going_on import GoingOn
-from bodycam_ros.solving.motion import MotionSettings, orthonormal
+from bodycam_ros.solving.held_joint import HeldJoint
+from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
-from bodycam_ros.solving.start_poses import hung, led, turned_on_joint
+from bodycam_ros.solving.start_poses import hung, led, seated, turned_on_joint
 from bodycam_ros.solving.whole_recording import WholeRecording
 
 Array = NDArray[np.float64]
@@ -87,9 +89,10 @@ class BodySmoother:
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
+            there = ", ".join(cameras) or "there are none"
+            carried = ", ".join(body.mounts)
             raise BodyError(
-                f"body {body.name}: none of the recording's cameras ({', '.join(cameras) or 'there are none'}) is on "
-                f"it; it carries {', '.join(body.mounts)}"
+                f"body {body.name}: none of the recording's cameras ({there}) is on it; it carries {carried}"
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
@@ -97,13 +100,13 @@ class BodySmoother:
         self._trust_settings = trust or TrustSettings()
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        coupled = coupling.joint_names if coupling else frozenset[str]()
+        self._coupled = coupling.joint_names if coupling else frozenset[str]()
         kernel = coupling.settings.kernel if coupling else self.settings.outlier_sigmas
-        self._factors = BodyFactors(body, self.settings.outlier_sigmas, kernel, coupled)
+        self._factors = BodyFactors(body, self.settings.outlier_sigmas, kernel, self._coupled)
         self._window = BodyWindow(self._factors, self.settings)
         self._going_on = GoingOn(body, self._window, self._factors, self._motion, coupling)
         self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()
-        self._memory = PoseMemory(body, memory or PoseMemorySettings(), coupled)
+        self._memory = PoseMemory(body, memory or PoseMemorySettings(), self._coupled)
         self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
         self._joint_ends = np.array(
@@ -128,7 +131,7 @@ class BodySmoother:
         self._window.clear()
         self._published = -1
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
-        self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
+        self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings, self._coupled)
         self._jumped: frozenset[int] = frozenset()
         if self._coupling:
             self._coupling.begin_anew()
@@ -184,27 +187,23 @@ class BodySmoother:
         turning = known[self._joint_ends].all(axis=1)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
-        start = self._seat(path, trusted.seats)
+        start = seated(path, trusted.seats)
         self._jumped = trusted.jumped
-        if self._coupling:
-            self._coupling.follow(frame.stamp_ns, dt_s, start, trusted.evidence)
+        held, holding = self._couple(frame.stamp_ns, dt_s, start, trusted)
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
             "past": self._going_on.past(index, dt_s, path, start),
             "contacts": self._contacts.factors(self._window, self._factors.key),
+            "equipment": self._factors.equipment(index, start, held),
         }
-        if self._coupling:
-            held = self._coupling.joints(start, self._coupling.holding)
-            factors["equipment"] = self._factors.equipment(index, start, held)
-        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
+        turned_by = [turn for _, turn in turns]
+        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), turned_by, expected, held)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
-        silent_ns = self._silence.missing(frame)
-        silent_ns = silent_ns if index else ()
+        silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        holding = self._coupling.holding if self._coupling else None
         recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, holding)
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
         self._window.add(instant, factors)
@@ -258,12 +257,14 @@ class BodySmoother:
             rotations = led(rotations, before, expected)
         return hung(self.body, path, self._memory.within_limits(rotations), known)
 
-    def _seat(self, path: Array, seats: Mapping[int, Array]) -> Array:
-        """Start values (S, 4, 4): the path, except for segments that start where their cameras are."""
-        start = path.copy()
-        if seats:
-            start[list(seats)] = orthonormal(np.stack(list(seats.values())))
-        return start
+    def _couple(
+        self, stamp_ns: int, dt_s: float, start: Array, trusted: Trusted
+    ) -> tuple[list[HeldJoint], Holding | None]:
+        """What couples the body to its equipment, which is put into the start values (S, 4, 4), in place."""
+        if self._coupling is None:
+            return [], None
+        self._coupling.follow(stamp_ns, dt_s, start, trusted.evidence)
+        return self._coupling.joints(start, self._coupling.holding), self._coupling.holding
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
         """What cameras say that are not registered, and what the refused ones say when they are asked again."""

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.solving.attachment_watch import AttachmentWatch, Holding
-from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.camera_evidence import SegmentPose, poses_as_seen
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
 from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
 from bodycam_ros.solving.equipment_settings import EquipmentSettings
+from bodycam_ros.solving.held_joint import HeldJoint, held_joint
 from bodycam_ros.solving.motion import MotionSettings
 
 Array = NDArray[np.float64]
@@ -39,21 +39,6 @@ _FOLLOWED = np.repeat([0.1, 0.01], 3)
 
 _ANYHOW = 10.0
 """[rad], [m] of joints before anything is known of them."""
-
-
-@dataclass(frozen=True, eq=False)
-class HeldJoint:
-    """A joint of the equipment, or an attachment that holds, as the solver has it at one instant.
-
-    Attributes:
-        joint: of the equipment, or between it, as the parent, and the body.
-        information: (6, 6) of its residual in the child's axes.
-        soft: whether it gives way where cameras contradict it.
-    """
-
-    joint: Joint
-    information: Array
-    soft: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +165,9 @@ class Coupling:
         if self._begin_ns is None:
             self._begin_ns = stamp_ns
         seen = {self._body.segment_index[pose.segment] for pose in evidence.values()}
-        looked = self._watch.look(1e-9 * (stamp_ns - self._begin_ns), _seen_poses(self._body, path, evidence), seen)
+        looked = self._watch.look(
+            1e-9 * (stamp_ns - self._begin_ns), poses_as_seen(self._body, path, evidence.values()), seen
+        )
         self.anchored = self.placed
         if self.placed:
             path[self.rows] = self._follow(looked, path[self.rows], dt_s, evidence)
@@ -203,7 +190,12 @@ class Coupling:
         if holding is None:
             return own
         held = [a for a in self.equipment.attachments if holding.engaged[a.name]]
-        return own + [self._held_joint(a, path, a.name in holding.seen) for a in held]
+        return own + [
+            held_joint(
+                a, self.fit.lengths, self.lengths, self.length_sigmas, self._ends(a, path), a.name in holding.seen
+            )
+            for a in held
+        ]
 
     def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
         """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""
@@ -296,35 +288,11 @@ class Coupling:
             self._root_sigmas = np.maximum(fitted.root_sigmas, _STANDS)
             path[self.rows[self._root]] = self._world_T_root
 
+    def _ends(self, attachment: Attachment, world_T_segment: Array) -> tuple[Array, Array]:
+        """Poses (4, 4) of its segments of the body and of the equipment."""
+        row = self._body.segment_index
+        return world_T_segment[row[attachment.body_segment]], world_T_segment[row[attachment.equipment_segment]]
+
     def _deviation(self, attachment: Attachment, world_T_segment: Array) -> float:
-        body, equipment = (
-            world_T_segment[self._body.segment_index[segment]]
-            for segment in (attachment.body_segment, attachment.equipment_segment)
-        )
-        return float(self.fit.lengths.attachment(attachment, self.lengths).distances(body, equipment).mean())
-
-    def _held_joint(self, attachment: Attachment, path: Array, soft: bool) -> HeldJoint:
-        joint = attachment_joint(self.fit.lengths.attachment(attachment, self.lengths))
-        loose = self.fit.lengths.along_axes(attachment.name, self.length_sigmas)
-        if not loose.any():
-            return HeldJoint(joint, joint.information, soft)
-        # What is unknown lies along the equipment's axes, the joint's place in those of the body.
-        parent, child = (path[self._body.segment_index[name], :3, :3] for name in (joint.parent, joint.child))
-        joint_R_parent = (child @ joint.child_T_joint[:3, :3]).T @ parent
-        sigmas = np.array(joint.sigmas)
-        place = joint_R_parent @ np.diag(loose**2) @ joint_R_parent.T + np.diag(sigmas[3:] ** 2)
-        A = joint.square_root_information.copy()
-        A[3:] = np.linalg.cholesky(np.linalg.inv(place)).T @ (sigmas[3:, None] * A[3:])
-        return HeldJoint(joint, A.T @ A, soft)
-
-
-def _seen_poses(body: BodyModel, path: Array, evidence: Mapping[str, SegmentPose]) -> Array:
-    """The path (S, 4, 4) with segments where the surest of their cameras has them."""
-    poses = path.copy()
-    surest: dict[int, float] = {}
-    for seen in evidence.values():
-        row, spread = body.segment_index[seen.segment], float(np.trace(seen.covariance))
-        if spread < surest.get(row, np.inf):
-            surest[row] = spread
-            poses[row] = seen.world_T_segment
-    return poses
+        shifted = self.fit.lengths.attachment(attachment, self.lengths)
+        return float(shifted.distances(*self._ends(attachment, world_T_segment)).mean())

@@ -1,0 +1,60 @@
+"""What couples a body to its equipment at one instant, as the solver has it: a joint and its information."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.equipment.attachment_joint import attachment_joint
+from bodycam_ros.equipment.equipment import Attachment
+from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldJoint:
+    """A joint of the equipment, or an attachment that holds.
+
+    Attributes:
+        joint: of the equipment, or between it, as the parent, and the body.
+        information: (6, 6) of its residual in the child's axes.
+        soft: whether it gives way where cameras contradict it.
+    """
+
+    joint: Joint
+    information: Array
+    soft: bool
+
+
+def held_joint(
+    attachment: Attachment,
+    lengths: UnknownLengths,
+    shifts: Array,
+    sigmas: Array,
+    ends: tuple[Array, Array],
+    soft: bool,
+) -> HeldJoint:
+    """An attachment that holds (B eq. 15): as soft as its place is unknown.
+
+    Args:
+        attachment: as it is said to be.
+        lengths: what is unknown.
+        shifts: (L) where that is by now [m].
+        sigmas: (L) how well that is known [m].
+        ends: poses (4, 4) of its segments of the body and of the equipment.
+        soft: whether it gives way where cameras contradict it.
+    """
+    joint = attachment_joint(lengths.attachment(attachment, shifts))
+    unknown = lengths.along_axes(attachment.name, sigmas)
+    if not unknown.any():
+        return HeldJoint(joint, joint.information, soft)
+    # What is unknown lies along the equipment's axes, the joint's place in those of the body.
+    body, equipment = (pose[:3, :3] for pose in ends)
+    joint_R_equipment = (body @ joint.child_T_joint[:3, :3]).T @ equipment
+    own = np.array(joint.sigmas)
+    place = joint_R_equipment @ np.diag(unknown**2) @ joint_R_equipment.T + np.diag(own[3:] ** 2)
+    A = joint.square_root_information.copy()
+    A[3:] = np.linalg.cholesky(np.linalg.inv(place)).T @ (own[3:, None] * A[3:])
+    return HeldJoint(joint, A.T @ A, soft)
