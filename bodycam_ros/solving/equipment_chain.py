@@ -71,8 +71,7 @@ class EquipmentChain:
             world_T_joint = poses[:, self.row[joint.parent]] @ joint.parent_T_joint
             motion = inverse(world_T_joint) @ poses[:, self.row[joint.child]] @ joint.child_T_joint
             motion[:, :3, :3] = joint.permitted_rotation(motion[:, :3, :3])
-            if not f.twists[3:].any():
-                motion[:, :3, 3] = 0.0
+            motion[:, :3, 3] *= f.twists[3:].any(axis=1)
             motions.append(motion)
         return motions
 
@@ -109,7 +108,7 @@ def _freedom(joint: Joint) -> tuple[Array, Array]:
     free = sigmas > np.repeat([_HELD_RAD, _HELD_M], 3)
     loose = sigmas >= np.repeat([LOOSE_RAD, LOOSE_M], 3)
     # What a hinge or a weld holds softly is no freedom of a machine.
-    turns = {"ball": 3, "hinge": 1}.get(joint.type, 0)
+    turns = {"ball": 3, "free": 3, "hinge": 1}.get(joint.type, 0)
     free[:3] = loose[:3] = np.arange(3) < turns
     return axes[:, free], np.where(loose, np.inf, sigmas)[free]
 
