@@ -142,6 +142,11 @@ class PoseMemory:
         return self._middle_R
 
     @property
+    def machine(self) -> NDArray[np.bool_]:
+        """(J,) which joints are no person's; where they stand is always known well enough to tell of the others."""
+        return self._machine
+
+    @property
     def ever_seen(self) -> NDArray[np.bool_]:
         """(J,) which joints have been seen so far."""
         return np.asarray(np.diag(self._seconds)[::3] > 0.0)

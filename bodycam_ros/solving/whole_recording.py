@@ -208,7 +208,7 @@ class WholeRecording:
         return self._poses.expect(
             np.array([instant.state.stamp_ns for instant in instants]),
             np.array([self._body.joint_rotations(at) for at in poses]),
-            np.array([instant.recorded.joints_seen for instant in instants]),
+            np.array([instant.recorded.joints_seen for instant in instants]) | self._memory.machine,
             again,
         )
 
