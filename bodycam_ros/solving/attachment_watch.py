@@ -122,8 +122,10 @@ class AttachmentWatch:
 
     def begin(self, distances: Mapping[str, float], length_sigmas: Array) -> None:
         """The equipment was placed: what is too far from it is not held, as it seems."""
+        release = self._settings.release_distance
         for name, distance in distances.items():
-            self._watched[name].let_go = distance > self.limit(name, self._settings.release_distance, length_sigmas)
+            w = self._watched[name]
+            w.let_go = w.attachment.detected and distance > self.limit(name, release, length_sigmas)
 
     def contradicted(self, distances: Mapping[str, float], length_sigmas: Array) -> int:
         """How many of the attachments that should hold are seen too far away."""
