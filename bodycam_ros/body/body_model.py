@@ -100,11 +100,13 @@ class BodyModel:
 
     @cached_property
     def rows_below(self) -> dict[int, list[int]]:
-        """Row of each segment but the root -> rows of it and of all that hang on it."""
-        below = {self.segment_index[joint.child]: [self.segment_index[joint.child]] for joint in self.tree_joints}
-        for joint in reversed(self.tree_joints):
-            if joint.parent != self.root:
-                below[self.segment_index[joint.parent]] += below[self.segment_index[joint.child]]
+        """Row of each segment that hangs on another -> rows of it and of all that hang on it."""
+        row = self.segment_index
+        hanging = [joint for joint in self.tree_joints if joint.type != "free"]
+        below = {row[joint.child]: [row[joint.child]] for joint in hanging}
+        for joint in reversed(hanging):
+            if row[joint.parent] in below:
+                below[row[joint.parent]] += below[row[joint.child]]
         return below
 
     def joint_to_parent(self, segment: str) -> Joint | None:

@@ -42,12 +42,12 @@ def bench_solver(arguments: argparse.Namespace, settings: PipelineSettings) -> i
 
 
 def _table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
-    heads = ("cm", "worst", "°", "p95", "jitter mm", "ms", "p95", "MB")
+    heads = ("cm", "worst", "°", "p95", "jitter", "ms", "p95", "late", "MB")
     table = Table(
         "way",
         *heads,
         title=title,
-        caption="cm, °: mean error; ms: CPU of an instant, or its share of a block",
+        caption="cm, °: mean error; jitter [mm]; ms: CPU of an instant or its share; late [ms]",
     )
     for way, one in runs.items():
         errors, ms = one.errors, one.run.solve_ms
@@ -55,12 +55,13 @@ def _table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
         if errors is not None:
             degrees = np.degrees(errors.rotations)
             row = [
-                f"{100.0 * errors.positions.mean():.4f}",
+                f"{100.0 * errors.positions.mean():.3f}",
                 f"{100.0 * errors.positions.max():.2f}",
-                f"{degrees.mean():.4f}",
+                f"{degrees.mean():.3f}",
                 f"{np.percentile(degrees, 95):.2f}",
                 f"{1e3 * np.nanmean(errors.jitter):.3f}",
             ]
         p95 = "-" if way.at_once else f"{np.percentile(ms, 95):.1f}"
-        table.add_row(way.value, *row, f"{np.median(ms):.1f}", p95, f"{one.run.memory_mb:.0f}")
+        later = f"{one.run.latency_ms:.0f}" if np.isfinite(one.run.latency_ms) else "-"
+        table.add_row(way.value, *row, f"{np.median(ms):.1f}", p95, later, f"{one.run.memory_mb:.0f}")
     return table

@@ -34,7 +34,7 @@ cameras                   as in a body file, places in metres; default: none
 ========================= ============================================================================================
 of a segment
 ========================= ============================================================================================
-stands                    true: it does not move in the world at all
+stands                    true: it does not move in the world at all; the root only
 keeps_speed               true: it goes on at its speed while nobody sees it, as a wheel does; else it comes to rest
 angular_acceleration      [rad/s^2] how suddenly its turning changes; default: as the body's segments
 acceleration              [m/s^2] how suddenly its motion changes; default: as the body's segments
@@ -126,17 +126,14 @@ def _supplied_folder() -> Path:
 
 
 def _equipment(document: Any) -> Equipment:
-    check_keys(
-        document,
-        "an equipment file",
-        {"name", "root", "segments", "attachments"},
-        {"upright", "joints", "cameras"},
-    )
+    needed, optional = {"name", "root", "segments", "attachments"}, {"upright", "joints", "cameras"}
+    check_keys(document, "an equipment file", needed, optional)
     name, root = name_of(document["name"], "name"), name_of(document["root"], "root")
-    segments = table_of(document["segments"], "segments", _MOST_PARTS)
-    joints = table_of(document.get("joints") or {}, "joints", _MOST_PARTS)
-    attachments = table_of(document["attachments"], "attachments", _MOST_PARTS)
-    cameras = table_of(document.get("cameras") or {}, "cameras", _MOST_PARTS)
+    segments, joints, attachments, cameras = (
+        # A name with nothing but comments after it is an empty table.
+        table_of({} if (table := document.get(part)) is None else table, part, _MOST_PARTS)
+        for part in ("segments", "joints", "attachments", "cameras")
+    )
     equipment = Equipment(
         name=name,
         root=root,
@@ -197,6 +194,8 @@ def _check_parts(equipment: Equipment) -> None:
     if not equipment.attachments:
         raise BodyError("attachments: there is none, so nothing would couple a body to it")
     segments = tuple(equipment.segments)
+    if standing := [name for name, moves in equipment.segments.items() if moves.stands and name != equipment.root]:
+        raise BodyError(f"segment {standing[0]}: stands, which only the root {equipment.root} can; weld it to the root")
     for attachment in equipment.attachments:
         if attachment.equipment_segment not in segments:
             raise BodyError(

@@ -35,6 +35,8 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.solved.trajectory import interpolated
 
 COLOURS = {Way.ALONE: RIGHT, Way.SLIDING: RELATIVE, Way.WINDOW: LEFT, Way.OFFLINE: GOOD, Way.BATCH: CENTRE}
+"""The ways that are drawn: of those that wait for some frames only the one that waits longest."""
+
 _AXES = ("forward", "left", "up")
 _SHADES = (INK, LEFT, RIGHT)
 _UPPER, _LOWER = ("upper_arm", "forearm"), ("thigh", "shin")
@@ -104,7 +106,7 @@ class _Known:
 
 
 def _known(runs: Mapping[Way, MeasuredRun]) -> dict[Way, _Known]:
-    return {way: _Known(one.run, one.errors) for way, one in runs.items() if one.errors is not None}
+    return {way: _Known(one.run, one.errors) for way, one in runs.items() if way in COLOURS and one.errors is not None}
 
 
 def _share(one_of: int) -> str:

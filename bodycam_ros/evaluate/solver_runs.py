@@ -45,18 +45,27 @@ _HANGS = np.full(6, 0.5)  # [rad], [m] what no camera sees, and no past tells of
 
 
 class Way(Enum):
-    """How instants are solved, for people to read. Ours are ``WINDOW`` and ``OFFLINE``; LM is Levenberg-Marquardt."""
+    """How instants are solved, for people to read; LM is Levenberg-Marquardt.
+
+    Ours are those by iSAM2, which wait for some later frames, and ``OFFLINE``.
+    """
 
     ALONE = "alone"
     SLIDING = "window, LM"
-    WINDOW = "window, iSAM2"
-    OFFLINE = "offline, blocks"
+    FILTER = "iSAM2 + 0"
+    SHORT = "iSAM2 + 2"
+    WINDOW = "iSAM2 + 4"
+    OFFLINE = "offline"
     BATCH = "full batch, LM"
 
     @property
     def at_once(self) -> bool:
         """Whether many instants are solved together, so that none has a time of its own."""
         return self in (Way.OFFLINE, Way.BATCH)
+
+
+_LATER = {Way.FILTER: 0, Way.SHORT: 2, Way.WINDOW: 4}
+"""Frames that follow before an instant is answered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +78,7 @@ class SolverRun:
         world_T_segment: (T, S, 4, 4) poses, in the order of the body's segments.
         solve_ms: (T,) milliseconds of CPU of an instant; of ways that solve many at once each has its share.
         memory_mb: by which the process grew at most.
+        latency_ms: from an instant to its state, waiting for later ones and solving; infinite where all are waited for.
     """
 
     way: Way
@@ -76,6 +86,7 @@ class SolverRun:
     world_T_segment: Array
     solve_ms: Array
     memory_mb: float
+    latency_ms: float
 
 
 def body_frames(
@@ -141,7 +152,7 @@ def run_solver(
     if way is Way.ALONE:
         solved = [_alone(body, frame, settings, on_instant) for frame in frames]
         stamps_ns, poses, solve_ms = (np.array(column) for column in zip(*filter(None, solved), strict=True))
-        return SolverRun(way, stamps_ns, poses, solve_ms, _peak_mb(before))
+        return SolverRun(way, stamps_ns, poses, solve_ms, _peak_mb(before), float(np.median(solve_ms)))
     smoother = _smoother(way, body, cameras, settings)
     states, spent_s = [], []
     for frame in frames:
@@ -152,21 +163,21 @@ def run_solver(
     started_s = time.process_time()
     states += smoother.flush()
     last_s = time.process_time() - started_s
+    stamps_ns = np.array([state.stamp_ns for state in states])
+    latency_ms = float("inf")
     if way.at_once:
         spent_s = [(sum(spent_s) + last_s) / len(states)] * len(states)
-    return SolverRun(
-        way,
-        np.array([state.stamp_ns for state in states]),
-        np.array([state.world_T_segment for state in states]),
-        1e3 * np.array(spent_s),
-        _peak_mb(before),
-    )
+    else:
+        wait_ms = _LATER.get(way, settings.smoother.frames_behind) * 1e-6 * float(np.median(np.diff(stamps_ns)))
+        latency_ms = wait_ms + 1e3 * float(np.median(spent_s))
+    poses = np.array([state.world_T_segment for state in states])
+    return SolverRun(way, stamps_ns, poses, 1e3 * np.array(spent_s), _peak_mb(before), latency_ms)
 
 
 def _smoother(
     way: Way, body: BodyModel, cameras: Mapping[str, CameraModel], settings: PipelineSettings
 ) -> BodySmoother:
-    smoother = settings.smoother
+    smoother = replace(settings.smoother, output_delay=_LATER.get(way, settings.smoother.output_delay))
     if way is Way.SLIDING:
         smoother = replace(smoother, incremental=False)
     elif way is Way.OFFLINE:

@@ -15,6 +15,7 @@ from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
+from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
@@ -196,7 +197,10 @@ class _Output:
 
     def write_robot(self) -> None:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
-        text = text_message(self._make, urdf_text(self._limits.body))
+        body, coupled = self._limits.body, self.coupled.record()
+        if coupled is not None:
+            body = learned_body(body, coupled.lengths, coupled.values)
+        text = text_message(self._make, urdf_text(body))
         self._writer.write("/robot_description", self._begun_ns, text)
 
     def write_timings(self, timings: Mapping[str, ClockHistory]) -> None:

@@ -144,17 +144,8 @@ class BodySmoother:
             longest_s = self.settings.blind_hold if self._offline else 0.0
             return ForwardStates(self.body, longest_s, turn_sigma, density)
         equipment = RecordedEquipment(self.body, self._coupling, self._factors) if self._coupling else None
-        return WholeRecording(
-            self.body,
-            self._factors,
-            self._memory,
-            self._motion,
-            density,
-            turn_sigma,
-            self.settings,
-            self._on_progress,
-            equipment,
-        )
+        solved = self.body, self._factors, self._memory, self._motion
+        return WholeRecording(*solved, density, turn_sigma, self.settings, self._on_progress, equipment)
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
@@ -204,7 +195,7 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, holding)
+        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)

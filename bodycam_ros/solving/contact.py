@@ -43,6 +43,7 @@ class FootContacts:
         self._settings = settings or ContactSettings()
         feet = _feet(body, self._settings.segments.split()) if self._settings.enabled else []
         self._above = {body.segment_index[foot.child]: body.segment_index[foot.parent] for foot in feet}
+        self._cameras = {body.segment_index[foot.child]: body.cameras_on(foot.child) for foot in feet}
         self._points = [
             RestingPoint(body.segment_index[foot.child], foot.child_T_joint[:3, 3], arm, self._settings)
             for foot in feet
@@ -80,7 +81,11 @@ class FootContacts:
         poses_since, took_s = window.poses(since), 1e-9 * (latest.stamp_ns - since.stamp_ns)
         for point in self._points:
             seen = _known(latest, point.row)
-            if not seen and not _known(latest, self._above[point.row]):
+            # A camera that is not believed may be wrong, or see a foot that jumps: no time to hold on to it.
+            refused = not latest.observed[point.row] and any(
+                c in latest.recorded.refused for c in self._cameras[point.row]
+            )
+            if refused or not (seen or _known(latest, self._above[point.row])):
                 point.let_go()
                 continue
             step = Step(poses[point.row], poses_since[point.row], took_s, latest.stamp_ns, seen)

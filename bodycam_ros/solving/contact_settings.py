@@ -30,7 +30,10 @@ class ContactSettings:
     )
     leave_speed: float = setting(0.12, unit="m/s", limits=(0.001, 10.0), reason="a faster one rests no longer")
     speed_time: float = setting(
-        0.04, unit="s", limits=(0.001, 1.0), reason="speeds are taken over this time, or from one image to the next"
+        0.04,
+        unit="s",
+        limits=(0.001, 1.0),
+        reason="speeds are taken over this time, or from one image to the next; cameras that err by 5 mm need 0.1",
     )
     max_height: float = setting(
         0.1,

@@ -142,9 +142,24 @@ class PoseMemory:
         return self._middle_R
 
     @property
+    def machine(self) -> NDArray[np.bool_]:
+        """(J,) which joints are no person's; where they stand is always known well enough to tell of the others."""
+        return self._machine
+
+    @property
     def ever_seen(self) -> NDArray[np.bool_]:
         """(J,) which joints have been seen so far."""
         return np.asarray(np.diag(self._seconds)[::3] > 0.0)
+
+    @property
+    def forget_after(self) -> float:
+        """How long [s] a pose is remembered."""
+        return self._settings.forget_after
+
+    @property
+    def noise(self) -> float:
+        """Motion [rad] that says nothing of other joints."""
+        return self._settings.noise
 
     def asked_again(self) -> "PoseMemory":
         """The same memory at the beginning of a recording that it has seen: it is asked, and learns nothing more."""
@@ -162,7 +177,7 @@ class PoseMemory:
         moved = seen[self._joint_of_angle]
         self._low = np.where(moved, np.minimum(self._low, angles), self._low)
         self._high = np.where(moved, np.maximum(self._high, angles), self._high)
-        x = self._vectors(rotations)
+        x = self.vectors(rotations)
         mask = np.repeat(seen, 3).astype(float)
         both = dt_s * np.outer(mask, mask)
         self._seconds = kept * self._seconds + both
@@ -199,7 +214,7 @@ class PoseMemory:
         spread = covariance[np.ix_(wanted, wanted)] - gain @ covariance[np.ix_(known, wanted)]
         # A pose unlike all that were seen must not throw the others farther than they have ever been.
         reach = 2.0 * np.sqrt(np.diag(covariance)[wanted])
-        deviation = gain @ (self._vectors(rotations) - mean)[known]
+        deviation = gain @ (self.vectors(rotations) - mean)[known]
         expected = mean.copy()
         expected[wanted] += np.clip(deviation, -reach, reach)
         variances = np.diag(spread).reshape(-1, 3)
@@ -241,7 +256,8 @@ class PoseMemory:
         values, vectors = np.linalg.eigh(covariance)
         return mean, (vectors * np.maximum(values, 0.0)) @ vectors.T
 
-    def _vectors(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    def vectors(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rotation vectors (3 J) of joint rotations (J, 3, 3), from the middle of each joint's limits."""
         vectors = log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations)
         if self._machine.any():
             # A crank turns for ever, and legs follow it: sine and cosine instead of an angle that jumps.
@@ -250,6 +266,11 @@ class PoseMemory:
                 angle = hinge_angle(rotations[row], axis)
                 vectors[row, :2] = np.cos(angle), np.sin(angle)
         return vectors.ravel()
+
+    def rotation(self, row: int, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The rotation (3, 3) of one joint of the tree, of its vector (3,)."""
+        R: NDArray[np.float64] = self._middle_R[row] @ exp_so3(vector)
+        return R
 
     def _rotations(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         rotations: NDArray[np.float64] = self._middle_R @ exp_so3(vectors.reshape(-1, 3))

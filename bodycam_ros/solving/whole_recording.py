@@ -25,6 +25,7 @@ from bodycam_ros.solving.equipment_recorded import RecordedEquipment
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
 from bodycam_ros.solving.recorded_instants import RecordedInstant, border, known_by_turns
+from bodycam_ros.solving.recorded_poses import RecordedPoses
 from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import hung
@@ -78,6 +79,7 @@ class WholeRecording:
         self._density, self._turn_sigma = density, turn_sigma
         self._settings, self._on_progress = settings, on_progress
         self.solve: BlockSolver = solve_block
+        self._poses = RecordedPoses(memory)
         self._waiting: list[RecordedInstant] = []
         self._published: deque[RecordedInstant] = deque(maxlen=_HELD)
         self._ends = np.array(
@@ -121,6 +123,7 @@ class WholeRecording:
             )
             for instant, poses in zip(self._waiting, solved, strict=True)
         ]
+        self._poses.keep(held + count)
         published = self._with_bridges(states, count)
         for instant, state in zip(self._waiting[:count], states[:count], strict=True):
             self._published.append(replace(instant, state=state))
@@ -202,7 +205,12 @@ class WholeRecording:
                 self._body.joint_rotations(at), recorded.joints_seen, recorded.joints_turning, dt_s
             )
             again.append(expected.silenced(told[expected.rows]))
-        return again
+        return self._poses.expect(
+            np.array([instant.state.stamp_ns for instant in instants]),
+            np.array([self._body.joint_rotations(at) for at in poses]),
+            np.array([instant.recorded.joints_seen for instant in instants]) | self._memory.machine,
+            again,
+        )
 
     def _hang_again(
         self, instants: Sequence[RecordedInstant], start: Array, expected: Sequence[ExpectedJoints]

@@ -119,6 +119,7 @@ attachments:
         ("{acceleration: 5}", "{acceleration: 0}", "segment deck: acceleration must be a number from 0.01 to 1"),
         ("{acceleration: 5}", "{acceleration: fast}", "segment deck: acceleration must be a number"),
         ("{acceleration: 5}", "{stand: true}", "segment deck: has unknown 'stand'; known are .*stands"),
+        ("  stem:\n", "  stem: {stands: true}\n", "segment stem: stands, which only the root deck can"),
         ("{acceleration: 5}", "{stands: 5}", "segment deck: stands must be true or false, not 5"),
         ("{acceleration: 5}", "{stands: true, keeps_speed: true}", "segment deck: it stands, and so has no keeps"),
         ("parent: deck, child: stem", "parent: stem, child: stem", "joint head: joins segment stem to itself"),
@@ -154,6 +155,13 @@ def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new:
     assert old in SCOOTER
     with pytest.raises(BodyError, match=rf"scooter\.yaml: .*{complaint}"):
         read(tmp_path, SCOOTER.replace(old, new, 1))
+
+
+def test_only_comments_after_a_name_are_an_empty_table(tmp_path: Path) -> None:
+    start = SCOOTER.index("cameras:")
+    assert not read(tmp_path, SCOOTER[:start] + "cameras:\n  # lamp: not today\n").mounts
+    with pytest.raises(BodyError, match="cameras must be a table of names, not 0"):
+        read(tmp_path, SCOOTER[:start] + "cameras: 0\n")
 
 
 def test_equipment_that_nothing_holds_is_refused(tmp_path: Path) -> None:

@@ -68,6 +68,16 @@ def test_the_solver_finds_it_in_the_hands_of_that_person(name: str) -> None:
     assert bent_m(last.world_T_segment, poses) < 0.01
 
 
+def test_a_rowers_seat_is_on_its_rail_wherever_it_slides() -> None:
+    _, poses = held("rowing")
+    rowing = read_equipment("rowing")
+    index = coupled_body(BODY, rowing).segment_index
+    for output in solved(rowing, poses):
+        rail_T_seat = inverse(output.state.world_T_segment[index["rail"]]) @ output.state.world_T_segment[index["seat"]]
+        np.testing.assert_allclose(rail_T_seat[1:3, 3], 0.0, atol=2e-3)
+        np.testing.assert_allclose(rail_T_seat[:3, :3], np.eye(3), atol=0.01)
+
+
 def test_a_bar_that_is_3_m_away_is_named_and_bends_nobody() -> None:
     bicycle, (_, poses) = read_equipment("bicycle"), held("bicycle")
     away = [

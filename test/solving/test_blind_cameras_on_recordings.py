@@ -18,6 +18,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 ROOT = Path(__file__).parents[2]
 LEFT_LEG, LEFT_ARM = ("thigh_left", "shin_left", "foot_left"), ("upper_arm_left", "forearm_left")
@@ -36,8 +37,11 @@ class Walk:
     def seconds(self, stamp_ns: int) -> float:
         return 1e-9 * (stamp_ns - self.matches[0].stamp_ns)
 
-    def solve(self, changed: Change = lambda m: m) -> tuple[SkeletonPipeline, list[BodyState]]:
-        skeleton = SkeletonPipeline(self.body, self.cameras, PipelineSettings())
+    def solve(
+        self, changed: Change = lambda m: m, smoother: SmootherSettings | None = None
+    ) -> tuple[SkeletonPipeline, list[BodyState]]:
+        settings = PipelineSettings(smoother=smoother or SmootherSettings())
+        skeleton = SkeletonPipeline(self.body, self.cameras, settings)
         outputs, last_ns = [], dict[str, int]()
         for matches in filter(None, map(changed, self.matches)):
             if last_ns.get(matches.camera) != matches.previous_stamp_ns:  # the image before is not there any more
@@ -207,6 +211,26 @@ def test_an_arm_that_is_not_found_for_two_seconds_is_known_once_it_is(walk, usua
     _, states = walk.solve(walk.blinded(LEFT_ARM, 0.0, 2.0, lambda m: unseen(m, turning=True)))
     _, rotations = errors(walk, states, usual).of(walk.body, LEFT_ARM, 0.0, 2.0)
     assert rotations.max() < 2.0
+
+
+@pytest.mark.parametrize(
+    ("cameras", "start_s", "end_s", "turning", "mean_deg", "mean_cm"),
+    [
+        (LEFT_LEG, 2.0, 4.0, True, 1.0, 0.6),
+        ((*LEFT_LEG, "thigh_right"), 2.0, 4.0, False, 13.0, 10.0),
+        (LEFT_ARM, 1.0, 5.5, False, 12.0, 2.2),
+    ],
+)
+def test_the_whole_recording_knows_more_of_blind_limbs(
+    walk, usual, cameras: tuple[str, ...], start_s: float, end_s: float, turning: bool, mean_deg: float, mean_cm: float
+) -> None:
+    """One pass forward errs by 1.3 deg and 0.46 cm where it sees texture; else by 14 deg, 12 cm (leg), 2.3 cm (arm)."""
+    limb = [camera for camera in cameras if camera != "thigh_right"]
+    blind = walk.blinded(cameras, start_s, end_s, lambda m: unseen(m, turning))
+    _, states = walk.solve(blind, SmootherSettings(output_delay="offline"))
+    assert [state.stamp_ns for state in states] == [state.stamp_ns for state in usual]
+    positions, rotations = errors(walk, states, usual).of(walk.body, limb, start_s, end_s)
+    assert rotations.mean() < mean_deg and 100.0 * positions.mean() < mean_cm
 
 
 @pytest.mark.parametrize("start_s", [1.0, 2.0, 3.0])

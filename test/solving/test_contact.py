@@ -132,6 +132,26 @@ def test_without_the_shin_a_blind_foot_is_a_guess_that_nothing_holds(body: BodyM
     assert standing == {False}
 
 
+def test_a_foot_is_let_go_while_its_camera_is_not_believed(body: BodyModel) -> None:
+    rng = np.random.default_rng(0)
+    contacts = FootContacts(body)
+    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    standing = {}
+    for frame in FLAT:
+        said = frame_of(body, frame, rng, ALL, 0.0)
+        if frame == 12:
+            foot_camera = said.matches["foot"]
+            assert foot_camera.world_T_camera is not None
+            jumped = rigid(np.eye(3), np.array([0.5, 0.0, 0.0])) @ foot_camera.world_T_camera
+            said = replace(said, matches={**said.matches, "foot": replace(foot_camera, world_T_camera=jumped)})
+        smoother.update(said)
+        # Of the latest two instants before this one.
+        standing[frame - 1] = [point.since_ns is not None for point in contacts._points]
+    assert smoother.refusals.counts == {"foot": 1}
+    assert standing[11] == standing[15] == [True, True]
+    assert standing[12] == [False, False]
+
+
 def test_a_body_without_feet_has_nothing_that_stands(body: BodyModel) -> None:
     feet = ContactSettings(segments="foot_right")
     assert np.array_equal(solved(body, OFF), solved(body, feet))
