@@ -125,8 +125,10 @@ class AttachmentWatch:
 
     def begin(self, distances: Mapping[str, float], length_sigmas: Array) -> None:
         """The equipment was placed: what is too far from it is not held, as it seems."""
+        release = self._settings.release_distance
         for name, distance in distances.items():
-            self._watched[name].let_go = distance > self.limit(name, self._settings.release_distance, length_sigmas)
+            w = self._watched[name]
+            w.let_go = w.attachment.detected and distance > self.limit(name, release, length_sigmas)
 
     def astray(self, distances: Mapping[str, float], length_sigmas: Array) -> bool:
         """Whether any attachment is seen farther apart than it may well be, so that a fit would say more."""

@@ -110,7 +110,10 @@ def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Arr
             filled[last:] += 2.0 * np.pi * np.round((filled[first] - filled[last]) / (2.0 * np.pi))
             continue
         whole_s = stamps_s[last] - stamps_s[first]
-        leaving, arriving = _speed(filled, stamps_s, driven, first, -1), _speed(filled, stamps_s, driven, last, 1)
+        speeds = _speed(filled, stamps_s, driven, first, -1), _speed(filled, stamps_s, driven, last, 1)
+        # An instant that is known alone has no speed; the other end tells it.
+        told = [speed for speed in speeds if speed is not None] or [0.0]
+        leaving, arriving = told[0], told[-1]
         expected = filled[first] + 0.5 * whole_s * (leaving + arriving)
         filled[last:] += 2.0 * np.pi * np.round((expected - filled[last]) / (2.0 * np.pi))
         u = (stamps_s[first + 1 : last] - stamps_s[first]) / whole_s
@@ -123,13 +126,13 @@ def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Arr
     return filled
 
 
-def _speed(angles: Array, stamps_s: Array, driven: NDArray[np.bool_], place: int, side: int) -> float:
-    """The speed [rad/s] at one end of a stretch, by the instants beyond it; zero if there are none."""
+def _speed(angles: Array, stamps_s: Array, driven: NDArray[np.bool_], place: int, side: int) -> float | None:
+    """The speed [rad/s] at one end of a stretch, by the instants beyond it; None if there are none."""
     end = place
     while 0 <= end + side < len(driven) and driven[end + side] and abs(end + side - place) <= _SPEED_INSTANTS:
         end += side
     if end == place:
-        return 0.0
+        return None
     beyond = np.arange(min(place, end), max(place, end) + 1)
     steps = np.diff(np.unwrap(angles[beyond])) / np.diff(stamps_s[beyond])
     return float(steps.mean())
