@@ -144,7 +144,7 @@ class RecordedPoses:
             return None
         X, Y = known.features[seen][:, told], known.features[seen, wanted]
         away_s = 1e-9 * np.abs(known.stamps_ns[seen] - middle_ns).astype(np.float64)
-        share = np.exp(-away_s / _FADES_S)
+        share: Array = np.exp(-away_s / _FADES_S)
         share /= share.sum()
         x_mean, y_mean = share @ X, share @ Y
         A = X - x_mean
