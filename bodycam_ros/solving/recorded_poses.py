@@ -149,7 +149,8 @@ class RecordedPoses:
         x_mean, y_mean = share @ X, share @ Y
         A = X - x_mean
         noise = self._memory.noise**2 * np.eye(A.shape[1])
-        weights = np.linalg.solve(A.T @ (share[:, None] * A) + noise, A.T @ (share[:, None] * (Y - y_mean)))
+        W = A.T * share
+        weights = np.asarray(np.linalg.solve(W @ A + noise, W @ (Y - y_mean)), np.float64)
         return _Fit(told, weights, y_mean - x_mean @ weights)
 
     def _within_limits(self, rotations: Array, expected: ExpectedJoints, told: Array) -> Array:
