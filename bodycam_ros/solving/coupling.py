@@ -185,14 +185,20 @@ class Coupling:
 
         A place that is not known yet is as soft as that.
         """
-        own = [HeldJoint(joint, joint.information, False) for joint in self._own]
+        own = [HeldJoint(joint, joint.information) for joint in self._own]
         if holding is None:
             return own
-        held = [a for a in self.equipment.attachments if holding.engaged[a.name]]
         return own + [
-            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), a.name in holding.seen)
-            for a in held
+            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), self._kernel(a, holding))
+            for a in self.equipment.attachments
+            if holding.engaged[a.name]
         ]
+
+    def _kernel(self, attachment: Attachment, holding: Holding) -> float:
+        """Sigmas from which on an attachment gives way: unseen, nobody has let it go, and it may begin far off."""
+        if attachment.name in holding.seen:
+            return self.settings.kernel
+        return max(self.settings.kernel, self.settings.release_distance / float(attachment.sigmas.min()))
 
     def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
         """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""
