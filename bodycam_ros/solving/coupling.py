@@ -7,7 +7,6 @@ seen so far, now and then.
 """
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
 from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
-from bodycam_ros.solving.held_joint import HeldJoint, held_joint
+from bodycam_ros.solving.held_joint import HeldJoint, Standing, held_joint
 from bodycam_ros.solving.motion import MotionSettings
 
 Array = NDArray[np.float64]
@@ -37,21 +36,6 @@ _FOLLOWED = np.repeat([0.1, 0.01], 3)
 
 _ANYHOW = 10.0
 """[rad], [m] of joints before anything is known of them."""
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """What stands still.
-
-    Attributes:
-        row: of its segment in the body.
-        pose: (4, 4) world_T_segment.
-        sigmas: (6) of it [rad], [m].
-    """
-
-    row: int
-    pose: Array
-    sigmas: Array
 
 
 class Coupling:

@@ -1,4 +1,4 @@
-"""What couples a body to its equipment at one instant, as the solver has it: a joint and its information."""
+"""What couples a body to its equipment at one instant, as the solver has it: joints, and where something stands."""
 
 from dataclasses import dataclass
 
@@ -23,6 +23,21 @@ class HeldJoint:
     joint: Joint
     information: Array
     kernel: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands still.
+
+    Attributes:
+        row: of its segment in the body.
+        pose: (4, 4) world_T_segment.
+        sigmas: (6) of it [rad], [m].
+    """
+
+    row: int
+    pose: Array
+    sigmas: Array
 
 
 def held_joint(joint: Joint, unknown: Array, ends: tuple[Array, Array], kernel: float) -> HeldJoint:
