@@ -1,23 +1,25 @@
 """What the cameras on an athlete say, with noise and losses, and what the solver makes of it."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
+from bodycam_ros.solving.equipment_settings import EquipmentSettings
 from moving_body import lenses
 from numpy.typing import NDArray
 
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.coupling import Coupling
-from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]
@@ -110,18 +112,28 @@ class Solved:
         poses: (T, S, 4, 4) of the body's segments.
         equipment_poses: (T, E, 4, 4), none without equipment.
         lengths: what was unknown, name -> what it is and its sigma [m].
+        reports: (T) what is published of the equipment, none without it.
     """
 
     athlete: Athlete
     poses: Array
     equipment_poses: Array
     lengths: Mapping[str, tuple[float, float]]
+    reports: Sequence[EquipmentReport]
 
     @cached_property
     def position_errors(self) -> Array:
         """(T, S) distances of the segments' origins from the truth [m]."""
         errors: Array = np.linalg.norm((self.poses - self.athlete.poses)[..., :3, 3], axis=-1)
         return errors
+
+    def engaged(self, name: str) -> NDArray[np.bool_]:
+        """(T) whether an attachment held."""
+        return np.array([report.engaged[report.attachments.index(name)] for report in self.reports], bool)
+
+    def deviations(self, name: str) -> Array:
+        """(T) how far its points are said to be from each other [m]."""
+        return np.array([report.deviations[report.attachments.index(name)] for report in self.reports])
 
     def attachment_gaps(self, name: str, true_equipment: bool = False) -> Array:
         """(T) mean distance of an attachment's points on the body from where the equipment has them [m].
@@ -138,11 +150,18 @@ class Solved:
         return np.array([attachment.distances(a, b).mean() for a, b in zip(mine, its, strict=True)])
 
 
-def solved(athlete: Athlete, sight: Sight, equipment: Equipment | None = None, seed: int = 0) -> Solved:
+def solved(
+    athlete: Athlete,
+    sight: Sight,
+    equipment: Equipment | None = None,
+    seed: int = 0,
+    settings: SmootherSettings | None = None,
+    live: bool = False,
+) -> Solved:
     """Solve what the cameras say, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
-    coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
-    smoother = BodySmoother(body, lenses(athlete.body), offline=True, coupling=coupling)
+    coupling = Coupling(body, equipment, EquipmentSettings(), MotionSettings()) if equipment else None
+    smoother = BodySmoother(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
     states = [state for frame in frames(athlete, sight, seed) for state in smoother.update(frame)]
     states += smoother.flush()
     assert [state.stamp_ns for state in states] == [stamp_ns(instant) for instant in range(len(athlete.times))]
@@ -152,7 +171,8 @@ def solved(athlete: Athlete, sight: Sight, equipment: Equipment | None = None, s
     if coupling:
         said = coupling.fit.lengths.names, coupling.fit.lengths.said + coupling.lengths, coupling.length_sigmas
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
-    return Solved(athlete, poses[:, :count], poses[:, count:], lengths)
+    reports = [state.equipment for state in states if state.equipment]
+    return Solved(athlete, poses[:, :count], poses[:, count:], lengths, reports)
 
 
 def leg_errors(done: Solved) -> Array:
