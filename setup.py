@@ -78,11 +78,13 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     # bodycam_ros/msg links to msg_defs/msg: recordings are read and written without ROS, but with its messages.
-    package_data={NAME: ["msg/*.msg", "py.typed"]},
+    # bodycam_ros/equipment/supplied links to config/equipment: what is supplied is found by its name.
+    package_data={NAME: ["msg/*.msg", "py.typed"], f"{NAME}.equipment": ["supplied/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", glob("config/*.yaml") + glob("config/*.xml")),
+        (f"share/{NAME}/config/equipment", glob("config/equipment/*.yaml")),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=[

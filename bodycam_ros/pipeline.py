@@ -17,6 +17,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -38,6 +41,8 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
+from bodycam_ros.solving.contact_settings import ContactSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
@@ -78,7 +83,9 @@ class PipelineSettings(SettingsGroups):
     trust: TrustSettings = TrustSettings()
     memory: PoseMemorySettings = PoseMemorySettings()
     covariance: CovarianceSettings = CovarianceSettings()
+    contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
+    coupling: CouplingSettings = CouplingSettings()
     verdict: VerdictSettings = VerdictSettings()
 
 
@@ -119,9 +126,11 @@ class SkeletonPipeline:
         settings: of all stages.
         live: whether the cameras are heard while they see, see ``FrameAssembler``.
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+        equipment: what the body rides, holds or stands on.
         on_together: told the share that is done while all instants are solved together.
 
     Attributes:
+        body: with the equipment, if any.
         instants: brings the cameras to common instants.
         assembler: puts together what they say of one.
 
@@ -137,11 +146,13 @@ class SkeletonPipeline:
         settings: PipelineSettings,
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+        equipment: Equipment | None = None,
         on_together: Callable[[float], None] = lambda share: None,
     ) -> None:
         if live:
             settings.smoother.check_live()
-        self.body = body
+        self._equipment = equipment and fitted_equipment(equipment, body)
+        self.body = body = coupled_body(body, self._equipment)
         self._cameras = dict(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
@@ -155,8 +166,11 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         # Loads gtsam, which trackers and registrations do without.
         from bodycam_ros.solving.body_smoother import BodySmoother
+        from bodycam_ros.solving.contact import FootContacts
+        from bodycam_ros.solving.coupling import Coupling
 
         of = self._settings
+        coupling = Coupling(self.body, self._equipment, of.coupling, of.motion) if self._equipment else None
         self._smoother = BodySmoother(
             self.body,
             self._cameras,
@@ -168,6 +182,8 @@ class SkeletonPipeline:
             of.covariance,
             of.pose_fit,
             offline=not self._live,
+            coupling=coupling,
+            contacts=FootContacts(self.body, of.contact),
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)

@@ -1,6 +1,7 @@
 """The live graph: a tracker for each camera of the body, the registration and the solver, and a bag if one is given.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
+ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml equipment:=bicycle
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP rig:=rig.yaml body:=body.yaml    then call /skeleton_solver/calibrate
 """
 
@@ -42,6 +43,11 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="false",
                 choices=list(TRUTH),
                 description="with rig: replace a body that is there already",
+            ),
+            DeclareLaunchArgument(
+                "equipment",
+                default_value="",
+                description="what the person rides, holds or stands on: a YAML file, or the name of a supplied one",
             ),
             DeclareLaunchArgument(
                 "cameras", default_value="", description="names with commas; all of the body if empty"
@@ -90,6 +96,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         Path(value("rig")) if value("rig") else None,
         TRUTH[value("overwrite_body")],
         Path(value("grown_map")) if value("grown_map") else None,
+        value("equipment"),
     )
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):

@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import pytest
+from known_ride import make_ride
 from known_walk import Walk, make_walk
 from made_once import made_once
 from rider import rider_body
@@ -90,3 +91,9 @@ def rider() -> BodyModel:
 def walk() -> Walk:
     """A body that walks in a way that is known exactly."""
     return make_walk()
+
+
+@pytest.fixture(scope="session")
+def ride() -> Walk:
+    """The same body on a bicycle, whose crank it turns."""
+    return make_ride()

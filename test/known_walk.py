@@ -61,12 +61,12 @@ class Walk:
 
     def bent(self, joint: str, degrees: NDArray[np.float64]) -> "Walk":
         """A hinge or the first axis of a ball turned by more (T,); what hangs on it moves along."""
-        rotations = self.body.joint_rotations(self.world_T_segment)
+        joint_poses = self.body.joint_poses(self.world_T_segment)
         row = [j.name for j in self.body.tree_joints].index(joint)
         turn = exp_so3(np.radians(degrees)[:, None] * np.array([0.0, 1.0, 0.0]))
-        rotations[:, row] = rotations[:, row] @ turn
+        joint_poses[:, row, :3, :3] = joint_poses[:, row, :3, :3] @ turn
         root = self.world_T_segment[:, self.body.segment_index[self.body.root]]
-        return replace(self, world_T_segment=self.body.forward_kinematics(root, rotations))
+        return replace(self, world_T_segment=self.body.forward_kinematics(root, joint_poses))
 
 
 def walking_body() -> BodyModel:
@@ -114,7 +114,7 @@ def write_truth(walk: Walk, folder: Path) -> Path:
     """Write the folder of a recording with the truth of a walk."""
     (folder / "truth" / "segments").mkdir(parents=True)
     (folder / "rig.yaml").write_text(yaml.safe_dump({"segments": {"pelvis": None, **PARENTS}}))
-    for row, segment in enumerate(walk.body.segments):
+    for row, segment in enumerate(("pelvis", *PARENTS)):
         lines = ["# time x y z qx qy qz qw"]
         for stamp_ns, pose in zip(walk.stamps_ns.tolist(), walk.world_T_segment[:, row], strict=True):
             numbers = [*pose[:3, 3], *quaternion_xyzw(pose[:3, :3])]

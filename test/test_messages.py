@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from held_ride import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
@@ -18,6 +19,7 @@ from bodycam_ros.messages.body import (
     skeleton_message,
     transforms_message,
 )
+from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import stamp_ns, time_message
 from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
@@ -350,6 +352,18 @@ def test_diagnostics_and_text(library: tuple[MessageFactory, Send]) -> None:
     assert (warned.name, warned.message) == ("tracker: head", "few tracks")
     assert (warned.values[0].key, warned.values[0].value) == ("tracks", "7")
     assert send(text_message(make, "<robot/>")).data == "<robot/>"
+
+
+def test_equipment_survives_the_wire(library: tuple[MessageFactory, Send]) -> None:
+    make, send = library
+    for said in (report(0), report(30)):
+        message = send(equipment_message(make, STAMP_NS, said))
+        assert (stamp_ns(message.header.stamp), message.header.frame_id) == (STAMP_NS, "map")
+        heard = equipment_report(message)
+        for field in fields(said):
+            np.testing.assert_array_equal(getattr(heard, field.name), getattr(said, field.name))
+    with pytest.raises(ValueError):
+        equipment_report(make("bodycam_msgs/msg/EquipmentState", attachments=["pedal"]))
 
 
 def test_unknown_fields_are_refused() -> None:

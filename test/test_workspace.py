@@ -22,6 +22,10 @@ sent = FeatureTracks(keyframe=True)
 assert deserialize_message(serialize_message(sent), FeatureTracks) == sent
 print(bodycam_msgs.__file__, bodycam_ros.__file__, get_package_prefix("bodycam_msgs"), sep="\\n")
 print(get_package_share_directory("bodycam_ros") + "/launch/bodycam.launch.py")
+from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
+assert [read_equipment(name).name for name in supplied_equipment()] == list(supplied_equipment())
+print(get_package_share_directory("bodycam_ros") + "/config/equipment/bicycle.yaml")
+print(equipment_path("bicycle"))
 """
 
 
@@ -54,7 +58,7 @@ def test_a_clone_under_src_builds_both_packages_without_flags(tmp_path: Path) ->
     looked = sourced(f"python3 -c '{LOOK}'")
     assert looked.returncode == 0, looked.stderr
     found = [Path(line) for line in looked.stdout.splitlines()]
-    assert len(found) == 4 and all(path.is_relative_to(tmp_path / "install") and path.exists() for path in found)
+    assert len(found) == 6 and all(path.is_relative_to(tmp_path / "install") and path.exists() for path in found)
 
     # Where `ros2 run` and launch files look; a node gets as far as its parameters.
     executables = tmp_path / "install/bodycam_ros/lib/bodycam_ros"

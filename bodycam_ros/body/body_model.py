@@ -89,6 +89,26 @@ class BodyModel:
         """Joints that close a loop; the solver obeys them, the URDF cannot show them."""
         return tuple(joint for joint in self.joints if joint not in self.tree_joints)
 
+    @cached_property
+    def equipment_segments(self) -> frozenset[str]:
+        """Segments that are no part of the body: those on a free joint, beside it, and all that hang on these."""
+        beside: set[str] = set()
+        for joint in self.tree_joints:
+            if joint.type == "free" or joint.parent in beside:
+                beside.add(joint.child)
+        return frozenset(beside)
+
+    @cached_property
+    def rows_below(self) -> dict[int, list[int]]:
+        """Row of each segment that hangs on another -> rows of it and of all that hang on it."""
+        row = self.segment_index
+        hanging = [joint for joint in self.tree_joints if joint.type != "free"]
+        below = {row[joint.child]: [row[joint.child]] for joint in hanging}
+        for joint in reversed(hanging):
+            if row[joint.parent] in below:
+                below[row[joint.parent]] += below[row[joint.child]]
+        return below
+
     def joint_to_parent(self, segment: str) -> Joint | None:
         """The joint that hangs a segment on its parent; None for the root."""
         return next((joint for joint in self.tree_joints if joint.child == segment), None)

@@ -18,14 +18,15 @@ of a joint
 ========================= ============================================================================================
 parent, child             segments; the joint that is first to name a child hangs it on its parent, later ones close
                           loops
-type                      ball, hinge or weld
+type                      ball, hinge, weld or free, which holds nothing: its child is a machine that stands beside the
+                          body
 origin_in_parent          [x, y, z] of the joint in the parent segment [m]
 orientation_in_parent     quaternion x y z w of the joint's axes in the parent segment; default: the segment's axes
 origin_in_child           [x, y, z] of the joint in the child segment [m]; default: the child's origin
 orientation_in_child      quaternion x y z w of the joint's axes in the child segment; default: the segment's axes
 axis                      of a hinge: its direction in the joint's axes
-angle_axes                of a ball: the intrinsic order of its three angles, the child's long axis in the middle;
-                          default yzx
+angle_axes                of a ball or a free joint: the intrinsic order of its three angles, the child's long axis in
+                          the middle; default yzx
 limits                    of a hinge [low, high], of a ball three such pairs in the order of angle_axes [rad];
                           default: unknown
 sigmas                    6 numbers, rotation [rad] then translation [m], instead of those of the type; a hinge's
@@ -38,6 +39,8 @@ the range of motion told of its rows may follow: ``readout_time``, from the firs
 """
 
 import math
+from collections.abc import Iterable, Set
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -72,11 +75,25 @@ def body_from_yaml(text: str) -> BodyModel:
     return _body(yaml_document(text, "body file", BodyError))
 
 
+def joints_from_yaml(text: str) -> tuple[Joint, ...]:
+    """The joints that a YAML document holds, a table of them as in a body file.
+
+    Raises:
+        BodyError: it is not YAML, or describes no joints; the message names the place in it.
+    """
+    return _joints(yaml_document(text, "table of joints", BodyError))
+
+
+def joints_text(joints: Iterable[Joint]) -> str:
+    """Joints as YAML, a line each: a body file's table of them."""
+    return "".join(f"{_line(joint.name)}: {_line(_joint_entry(joint))}\n" for joint in joints)
+
+
 def yaml_text(body: BodyModel) -> str:
     """The body as YAML, a line per joint and per camera."""
     parts = [f"name: {_line(body.name)}\n", f"root: {_line(body.root)}\n", f"segments: {_line(list(body.segments))}\n"]
     parts.append("joints:\n" if body.joints else "joints: {}\n")
-    parts += [f"  {_line(joint.name)}: {_line(_joint_entry(joint))}\n" for joint in body.joints]
+    parts.append(indent(joints_text(body.joints), "  "))
     parts.append("cameras:\n" if body.mounts else "cameras: {}\n")
     parts += [f"  {_line(camera)}: {_line(_mount_entry(mount))}\n" for camera, mount in body.mounts.items()]
     if body.report:
@@ -87,11 +104,7 @@ def yaml_text(body: BodyModel) -> str:
 def _body(document: Any) -> BodyModel:
     check_keys(document, "a body file", _BODY_KEYS, {"report"})
     joints, cameras = document["joints"], document["cameras"]
-    for name, table in (("joints", joints), ("cameras", cameras)):
-        if not isinstance(table, dict):
-            raise BodyError(f"{name} must be a table of names, not {shown(table)}; write {{}} for none")
-        if len(table) > _MOST_PARTS:
-            raise BodyError(f"{name}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
+    _check_table(cameras, "cameras")
     report = document.get("report") or {}
     if not isinstance(report, dict):
         raise BodyError(f"report must be a table, not {shown(report)}")
@@ -102,15 +115,32 @@ def _body(document: Any) -> BodyModel:
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),
         segments=tuple(name_of(segment, "segments") for segment in segments),
-        joints=tuple(_joint(name_of(name, "joints"), entry) for name, entry in joints.items()),
-        mounts={name_of(name, "cameras"): _mount(name, entry) for name, entry in cameras.items()},
+        joints=_joints(joints),
+        mounts={name_of(name, "cameras"): mount_of(name, entry) for name, entry in cameras.items()},
         report=report,
     )
 
 
-def _joint(name: str, entry: Any) -> Joint:
+def _joints(table: Any) -> tuple[Joint, ...]:
+    _check_table(table, "joints")
+    return tuple(joint_of(name_of(name, "joints"), entry) for name, entry in table.items())
+
+
+def _check_table(table: Any, name: str) -> None:
+    if not isinstance(table, dict):
+        raise BodyError(f"{name} must be a table of names, not {shown(table)}; write {{}} for none")
+    if len(table) > _MOST_PARTS:
+        raise BodyError(f"{name}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
+
+
+def joint_of(name: str, entry: Any, further_keys: Set[str] = frozenset()) -> Joint:
+    """The joint that a table describes; ``further_keys`` of it are somebody else's.
+
+    Raises:
+        BodyError: it describes none; the message names the joint.
+    """
     where = f"joint {name}"
-    check_keys(entry, where, _JOINT_KEYS, _JOINT_OPTIONS)
+    check_keys(entry, where, _JOINT_KEYS, _JOINT_OPTIONS | further_keys)
     if entry["type"] == "hinge" and "axis" not in entry:
         raise BodyError(f"{where}: a hinge needs its axis, such as [0.0, 1.0, 0.0]")
     options: dict[str, Any] = {}
@@ -132,7 +162,12 @@ def _joint(name: str, entry: Any) -> Joint:
     )
 
 
-def _mount(name: str, entry: Any) -> CameraMount:
+def mount_of(name: str, entry: Any) -> CameraMount:
+    """The place of a camera that a table describes.
+
+    Raises:
+        BodyError: it describes none; the message names the camera.
+    """
     where = f"camera {name}"
     check_keys(entry, where, _CAMERA_KEYS, _READOUT_KEYS)
     return CameraMount(
@@ -178,7 +213,7 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
         entry["orientation_in_child"] = _rounded(quaternion_xyzw(joint.child_T_joint[:3, :3]))
     if joint.type == "hinge":
         entry["axis"] = _rounded(joint.axis)
-    if joint.type == "ball":
+    if joint.type in ("ball", "free"):
         entry["angle_axes"] = joint.angle_axes
     if joint.sigmas != default_sigmas(joint.type):
         entry["sigmas"] = list(joint.sigmas or ())

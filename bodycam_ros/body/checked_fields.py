@@ -1,5 +1,7 @@
-"""Values of a body file, checked one by one; ``where`` begins the message: "joint spine: axis"."""
+"""Values of a body or equipment file, checked one by one; ``where`` begins the message: "joint spine: axis"."""
 
+import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -38,6 +40,45 @@ def name_of(value: Any, where: str) -> str:
         raise BodyError(f"{where} must be a name, not {shown(value)}; put a number that is meant as a name in quotes")
     if len(value) > _LONGEST_NAME or not value.isprintable():
         raise BodyError(f"{where} must be a name of at most {_LONGEST_NAME} printable characters, not {shown(value)}")
+    return value
+
+
+def number_of(value: Any, where: str, least: float, most: float) -> float:
+    """Return a number from ``least`` to ``most``.
+
+    Raises:
+        BodyError: it is none.
+    """
+    number = math.nan
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        with suppress(ValueError, OverflowError):
+            number = float(value)  # PyYAML reads 1e-4 as text
+    if not least <= number <= most:
+        raise BodyError(f"{where} must be a number from {least:g} to {most:g}, not {shown(value)}")
+    return number
+
+
+def truth_of(value: Any, where: str) -> bool:
+    """Return true or false.
+
+    Raises:
+        BodyError: it is neither.
+    """
+    if not isinstance(value, bool):
+        raise BodyError(f"{where} must be true or false, not {shown(value)}")
+    return value
+
+
+def table_of(value: Any, where: str, most: int) -> dict[Any, Any]:
+    """Return a table of at most so many names.
+
+    Raises:
+        BodyError: it is no table, or a larger one.
+    """
+    if not isinstance(value, dict):
+        raise BodyError(f"{where} must be a table of names, not {shown(value)}")
+    if len(value) > most:
+        raise BodyError(f"{where}: {len(value)} are more than there can be; at most {most}")
     return value
 
 

@@ -1,7 +1,7 @@
 """A joint: where it sits on two segments, and what it lets them do as one 6-vector of sigmas (DESIGN 4.2).
 
-A joint has a frame on each of its two segments. Ball, hinge, weld and free differ only in which of the six sigmas between
-those frames are loose, so the solver needs no code of its own for any of them: ``measured_relative_pose`` and
+A joint has a frame on each of its two segments. Ball, hinge, weld and free differ only in which of the six sigmas
+between those frames are loose, so the solver needs no code of its own for any of them: ``measured_relative_pose`` and
 ``information`` are the two arguments of a ``BetweenFactorPose3``.
 """
 
@@ -94,6 +94,8 @@ class Joint:
             raise BodyError(f"{where}: sigmas must be 6 positive numbers, rotation [rad] then translation [m]")
         object.__setattr__(self, "sigmas", tuple(sigmas))
         if self.limits is not None:
+            if self.type == "free":
+                raise BodyError(f"{where}: a free joint holds nothing, so it has no limits")
             if len(self.limits) != len(self.angle_names):
                 raise BodyError(f"{where}: limits must be {len(self.angle_names)} pairs, not {len(self.limits)}")
             if not all(low < high for low, high in self.limits):
@@ -101,7 +103,7 @@ class Joint:
 
     @cached_property
     def angle_names(self) -> tuple[str, ...]:
-        """Names of its joint angles: three of a ball, one of a hinge, none of a weld; of a free joint x, y, z [m] first."""
+        """Names of its angles: three of a ball, one of a hinge, none of a weld; of a free joint x, y, z [m] first."""
         if self.type in ("ball", "free"):
             angles = tuple(f"{self.name}_{axis}" for axis in self.angle_axes)
             return angles if self.type == "ball" else (*(f"{self.name}_at_{axis}" for axis in "xyz"), *angles)
@@ -120,7 +122,7 @@ class Joint:
         """
         joint_xi_child = adjoint(self.joint_T_child)
         along_axis = np.eye(6)
-        along_axis[:3, :3] = self._axes_across_the_hinge()
+        along_axis[:3, :3] = self.axes_of_rotation
         A: Array = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ joint_xi_child
         return A
 
@@ -189,7 +191,8 @@ class Joint:
         pose: Array = self.parent_T_joint @ self.joint_T_child
         return pose
 
-    def _axes_across_the_hinge(self) -> Array:
+    @property
+    def axes_of_rotation(self) -> Array:
         """(3, 3) rows: the hinge's axis and two directions across it; the joint's own axes for other types."""
         if self.type != "hinge":
             return np.eye(3)

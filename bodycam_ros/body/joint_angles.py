@@ -1,7 +1,8 @@
 """Joint angles: the rotations of a body's joints as one vector of continuous angles, and back.
 
 A ball joint is three angles whose middle axis is the child's long axis (DESIGN 3), named ``<joint>_<axis>`` in the
-order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld is none.
+order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld is none. A free joint is a place,
+``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant where this says "angles".
 """
 
 from dataclasses import replace
@@ -33,16 +34,19 @@ _GENERATORS = np.array(
 
 
 class JointAngles:
-    """Where each joint's angles stand in the vector of all (A) angles of a body."""
+    """Where each joint's angles [rad], and a free joint's place [m], stand in the vector of all (A) of a body."""
 
     def __init__(self, body: BodyModel) -> None:
         self.body = body
         self.names: tuple[str, ...] = tuple(name for joint in body.tree_joints for name in joint.angle_names)
-        self._balls = [row for row, joint in enumerate(body.tree_joints) if joint.type == "ball"]
+        self._balls = [row for row, joint in enumerate(body.tree_joints) if joint.type in ("ball", "free")]
         self._hinges = [row for row, joint in enumerate(body.tree_joints) if joint.type == "hinge"]
         column_of = {name: column for column, name in enumerate(self.names)}
         columns = [[column_of[name] for name in joint.angle_names] for joint in body.tree_joints]
-        self._ball_columns = np.array([columns[row] for row in self._balls], dtype=int).reshape(-1, 3)
+        # Of a free joint's six the last three are a ball's.
+        self._ball_columns = np.array([columns[row][-3:] for row in self._balls], dtype=int).reshape(-1, 3)
+        self._free = [row for row, joint in enumerate(body.tree_joints) if joint.type == "free"]
+        self._place_columns = np.array([columns[row][:3] for row in self._free], dtype=int).reshape(-1, 3)
         self._hinge_columns = np.array([columns[row][0] for row in self._hinges], dtype=int)
         self._hinge_axes = np.array([body.tree_joints[row].axis for row in self._hinges]).reshape(-1, 3)
         self._order = EulerOrder(tuple(body.tree_joints[row].angle_axes for row in self._balls))
@@ -56,14 +60,42 @@ class JointAngles:
             rotations[..., row, :, :] = self.body.tree_joints[row].hinge_rotation(angles[..., column])
         return rotations
 
-    def angles(self, joint_rotations: Array, previous: Array) -> Array:
-        """Angles (A) [rad] of joint rotations (J, 3, 3), nearest to the previous angles (A) [rad]."""
+    def poses(self, angles: NDArray[np.floating]) -> Array:
+        """``rotations`` as poses (..., J, 4, 4), with the places of free joints' children in their parents."""
+        poses = np.zeros((*angles.shape[:-1], len(self.body.tree_joints), 4, 4))
+        poses[..., :3, :3], poses[..., 3, 3] = self.rotations(angles), 1.0
+        places = poses[..., :3, 3]
+        places[..., self._free, :] = angles[..., self._place_columns]
+        return poses
+
+    def angles(self, joint_motion: Array, previous: Array) -> Array:
+        """Angles (A) of joint rotations (J, 3, 3) or poses (J, 4, 4), nearest to the previous angles (A).
+
+        Rotations say nothing of where the child of a free joint is: it stays where it was.
+        """
+        joint_rotations = joint_motion[:, :3, :3]
         angles = np.empty(len(self.names))
+        has_places = joint_motion.shape[-1] == 4
+        angles[self._place_columns] = joint_motion[self._free, :3, 3] if has_places else previous[self._place_columns]
         balls = self._order.decompose(joint_rotations[self._balls], previous[self._ball_columns])
         angles[self._ball_columns] = balls
         hinges = hinge_angle(joint_rotations[self._hinges], self._hinge_axes)
         angles[self._hinge_columns] = nearest_turn(hinges, previous[self._hinge_columns])
         return angles
+
+
+def angle_limits(body: BodyModel) -> tuple[Array, Array]:
+    """Low and high (A) [rad] of all joint angles; infinite where no limit is known."""
+    pairs = [pair for joint in body.tree_joints for pair in joint.limits or _unbounded(joint)]
+    limits = np.array(pairs, dtype=np.float64).reshape(-1, 2)
+    return limits[:, 0], limits[:, 1]
+
+
+def middle_of_limits(body: BodyModel) -> Array:
+    """Joint rotations (J, 3, 3) in the middle of their limits; at zero where there are none."""
+    low, high = angle_limits(body)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    return JointAngles(body).rotations(0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0))
 
 
 class JointAngleTracker:
@@ -84,16 +116,17 @@ class JointAngleTracker:
         self._previous = np.zeros(len(self.names))
 
     def angles(self, world_T_segment: Array) -> Array:
-        """Angles (A) [rad] of the segments' poses (S, 4, 4), the next instant after the last call's."""
-        rotations = self._body.joint_rotations(world_T_segment)
-        self._previous = self._joint_angles.angles(rotations, self._previous)
+        """Angles (A) of the segments' poses (S, 4, 4), the next instant after the last call's."""
+        joint_poses = self._body.joint_poses(world_T_segment)
+        self._previous = self._joint_angles.angles(joint_poses, self._previous)
         return self._previous.copy()
 
 
 class SeenLimits:
     """The body with limits that hold: widened by every joint angle that was seen beyond them.
 
-    A range of motion is what a person did on one day; the next day they reach farther.
+    A range of motion is what a person did on one day; the next day they reach farther. Joints without limits, free ones
+    among them, have none to keep.
 
     Attributes:
         body: with its limits as wide as they have been seen.

@@ -1,18 +1,26 @@
 """The body as URDF: for robot_state_publisher, RViz and every tool that reads robots.
 
 Links are named as the segments and start at the joint to their parent; the zero pose is the N-pose. A ball joint is
-three revolute joints through two links without mass or shape (DESIGN 3). Cameras are fixed links
-``<cam>_optical_frame``, so their TF comes for free. Joints that close loops are left out: URDF knows trees only.
+three revolute joints through two links without mass or shape (DESIGN 3); a free joint, on which a machine stands beside
+the body, three prismatic ones and then three continuous ones, so that the robot has one root. Cameras are fixed links
+``<cam>_optical_frame``, so their TF comes for free.
+
+URDF knows trees only. The joints that close loops are in an element of our own, ``<bodycam_loops>``, which other
+readers pass over; its text is their table as a body YAML has it.
 """
 
 import xml.etree.ElementTree as ET
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_yaml import joints_text
 from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
+from bodycam_ros.body.urdf_document import LOOPS
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 
@@ -21,18 +29,31 @@ CAMERA_SUFFIX = "_optical_frame"
 
 UNKNOWN_LIMITS = (-2.0 * np.pi, 2.0 * np.pi)  # [rad] of a ball's angle: URDF wants some; a swung arm passes pi
 
+_FARTHEST_M = 1000.0  # of what stands beside the body, along an axis: URDF wants limits of what slides
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
-_NO_LIMIT = "1000"  # of effort [N m] and velocity [rad/s], which URDF wants too: nobody is that strong or quick
+_NO_LIMIT = "1000"  # of effort [N m, N] and velocity [rad/s, m/s], which URDF wants too: nobody is that strong or quick
 _DECIMALS = 12  # below any reader's rounding
-_BONE_RADIUS_M = 0.025
-_JOINT_RADIUS_M = 0.04
 _CAMERA_SIZE_M = np.array([0.06, 0.04, 0.02])  # an action camera: wide, high, deep
-_COLOURS = {"bone": (0.85, 0.82, 0.75, 1.0), "joint": (0.25, 0.45, 0.7, 1.0), "camera": (0.15, 0.15, 0.15, 1.0)}
+_COLOURS = {
+    "bone": (0.85, 0.82, 0.75, 1.0),
+    "joint": (0.25, 0.45, 0.7, 1.0),
+    "camera": (0.15, 0.15, 0.15, 1.0),
+    "equipment": (0.56, 0.29, 0.54, 1.0),
+}
+_SAYS_LOOPS = (
+    " A URDF is a tree: the joints below, which close loops, are left open. They are written as in a body YAML. "
+)
 
 
 def optical_frame(camera: str) -> str:
     """Frame id of a camera's optical frame."""
     return f"{camera}{CAMERA_SUFFIX}"
+
+
+def xml_numbers(values: NDArray[np.floating]) -> str:
+    """Numbers as an attribute has them, with more decimals than any reader keeps."""
+    # Adding zero turns -0.0 into 0.0.
+    return " ".join(repr(round(float(value), _DECIMALS) + 0.0) for value in values)
 
 
 def urdf_text(body: BodyModel) -> str:
@@ -43,31 +64,32 @@ def urdf_text(body: BodyModel) -> str:
     """
     robot = ET.Element("robot", name=body.name)
     for name, rgba in _COLOURS.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=_numbers(np.array(rgba)))
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=xml_numbers(np.array(rgba)))
     for segment in body.segments:
         _add_segment(robot, body, segment)
     for joint in body.tree_joints:
         _add_joint(robot, joint)
     for camera, mount in body.mounts.items():
-        _add_visual(_add_link(robot, optical_frame(camera)), "box", "camera", np.eye(4), size=_numbers(_CAMERA_SIZE_M))
+        _add_visual(
+            _add_link(robot, optical_frame(camera)), "box", "camera", np.eye(4), size=xml_numbers(_CAMERA_SIZE_M)
+        )
         _add_fixed(robot, f"{camera}_mount", mount.segment, optical_frame(camera), mount.segment_T_camera)
     _check_names(robot)
+    if body.loop_joints:
+        robot.append(ET.Comment(_SAYS_LOOPS))
+        ET.SubElement(robot, LOOPS).text = f"\n{joints_text(body.loop_joints)}"
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
 def _add_joint(robot: ET.Element, joint: Joint) -> None:
-    """The joint's chain from parent to child: three revolute joints, one, or a fixed one."""
+    """The joint's chain from parent to child: three revolute joints or one, a fixed one, or six of a free joint."""
     aligned = np.array_equal(joint.child_T_joint, np.eye(4))
     last_link = joint.child if aligned else f"{joint.name}_joint_frame"
-    axes = [_AXES[axis] for axis in joint.angle_axes] if joint.type == "ball" else [joint.axis]
     links = [joint.parent, *(f"{name}_link" for name in joint.angle_names[:-1]), last_link]
     origin = joint.parent_T_joint
-    for index, name in enumerate(joint.angle_names):
-        limits = None if joint.limits is None else joint.limits[index]
-        _add_revolute(
-            robot, name, (links[index], links[index + 1]), origin, axes[index], limits or _default_limits(joint)
-        )
+    for name, motion, ends in zip(joint.angle_names, _motions(joint), pairwise(links), strict=False):
+        _add_moving(robot, name, ends, origin, motion)
         origin = np.eye(4)
     if joint.type == "weld":
         _add_fixed(robot, joint.name, joint.parent, last_link, origin)
@@ -78,18 +100,32 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
         _add_fixed(robot, f"{joint.name}_to_{joint.child}", last_link, joint.child, joint.joint_T_child)
 
 
-def _default_limits(joint: Joint) -> tuple[float, float] | None:
-    """A hinge of unknown limits may be a crank, which turns for ever."""
-    return UNKNOWN_LIMITS if joint.type == "ball" else None
+_Motion = tuple[str, Array, tuple[float, float] | None]
+"""Type, axis and limits of a URDF joint that moves."""
 
 
-def _add_revolute(
-    robot: ET.Element, name: str, links: tuple[str, str], origin: Array, axis: Array, limits: tuple[float, float] | None
-) -> None:
-    element = _add_connection(robot, name, "continuous" if limits is None else "revolute", links, origin)
-    ET.SubElement(element, "axis", xyz=_numbers(axis))
+def _motions(joint: Joint) -> list[_Motion]:
+    """How each of ``Joint.angle_names`` moves."""
+    if joint.type == "weld":
+        return []
+    if joint.type == "hinge":
+        # A hinge of unknown limits may be a crank, which turns for ever.
+        return [("revolute", joint.axis, joint.limits[0]) if joint.limits else ("continuous", joint.axis, None)]
+    about = [_AXES[axis] for axis in joint.angle_axes]
+    if joint.type == "ball":
+        return [("revolute", *pair) for pair in zip(about, joint.limits or (UNKNOWN_LIMITS,) * 3, strict=True)]
+    sliding = [("prismatic", axis, (-_FARTHEST_M, _FARTHEST_M)) for axis in _AXES.values()]
+    return [*sliding, *(("continuous", axis, None) for axis in about)]
+
+
+def _add_moving(robot: ET.Element, name: str, links: tuple[str, str], origin: Array, motion: _Motion) -> None:
+    kind, axis, limits = motion
+    element = _add_connection(robot, name, kind, links, origin)
+    ET.SubElement(element, "axis", xyz=xml_numbers(axis))
     bounds = (
-        {} if limits is None else {"lower": _numbers(np.array(limits[:1])), "upper": _numbers(np.array(limits[1:]))}
+        {}
+        if limits is None
+        else {"lower": xml_numbers(np.array(limits[:1])), "upper": xml_numbers(np.array(limits[1:]))}
     )
     ET.SubElement(element, "limit", {**bounds, "effort": _NO_LIMIT, "velocity": _NO_LIMIT})
 
@@ -109,27 +145,13 @@ def _add_connection(
 
 
 def _add_segment(robot: ET.Element, body: BodyModel, segment: str) -> None:
-    """A ball at the joint, and a bone from there to each joint that hangs on the segment, or else to its tip."""
+    """A ball at the segment's origin, and bones from there."""
     link = _add_link(robot, segment)
-    _add_visual(link, "sphere", "joint", np.eye(4), radius=str(_JOINT_RADIUS_M))
-    ends = [joint.parent_T_joint[:3, 3] for joint in body.tree_joints if joint.parent == segment]
-    for end in ends or [_tip(body, segment)]:
-        length = float(np.linalg.norm(end))
-        if length > _BONE_RADIUS_M:
-            size = {"radius": str(_BONE_RADIUS_M), "length": _numbers(np.array([length]))}
-            _add_visual(link, "cylinder", "bone", _halfway_along(end), **size)
-
-
-def _tip(body: BodyModel, segment: str) -> Array:
-    """(3,) where a segment without further joints is drawn to: along its long axis, as far as its cameras reach."""
-    joint = body.joint_to_parent(segment)
-    cameras = [body.mounts[camera].segment_T_camera[:3, 3] for camera in body.cameras_on(segment)]
-    if joint is None or not cameras:
-        return np.zeros(3)
-    long_axis = _AXES[joint.angle_axes[1]]
-    reach = max((float(position @ long_axis) for position in cameras), key=abs)
-    tip: Array = reach * long_axis
-    return tip
+    bone, ball = ("equipment",) * 2 if segment in body.equipment_segments else ("bone", "joint")
+    _add_visual(link, "sphere", ball, np.eye(4), radius=str(JOINT_RADIUS_M))
+    for end in bone_ends(body, segment):
+        size = {"radius": str(BONE_RADIUS_M), "length": xml_numbers(np.array([np.linalg.norm(end)]))}
+        _add_visual(link, "cylinder", bone, _halfway_along(end), **size)
 
 
 def _halfway_along(end: Array) -> Array:
@@ -156,7 +178,7 @@ def _add_visual(link: ET.Element, shape: str, colour: str, link_T_shape: Array, 
 
 
 def _add_origin(element: ET.Element, pose: Array) -> None:
-    ET.SubElement(element, "origin", xyz=_numbers(pose[:3, 3]), rpy=_numbers(_roll_pitch_yaw(pose[:3, :3])))
+    ET.SubElement(element, "origin", xyz=xml_numbers(pose[:3, 3]), rpy=xml_numbers(_roll_pitch_yaw(pose[:3, :3])))
 
 
 def _roll_pitch_yaw(R: Array) -> Array:
@@ -166,11 +188,6 @@ def _roll_pitch_yaw(R: Array) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     return np.array([roll, pitch, yaw])
-
-
-def _numbers(values: NDArray[np.floating]) -> str:
-    # Adding zero turns -0.0 into 0.0.
-    return " ".join(repr(round(float(value), _DECIMALS) + 0.0) for value in values)
 
 
 def _check_names(robot: ET.Element) -> None:

@@ -20,10 +20,14 @@ from bodycam_ros.geometry import Array, rigid
 MOST_LETTERS = 4_000_000
 """Of a document; that of a person with 16 cameras has 20,000."""
 
+LOOPS = "bodycam_loops"
+"""Tag of the element whose text is the joints that close loops."""
+
 _MOST_LEVELS = 50
 _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
-_TURNING = ("revolute", "continuous")
+_MOVING = ("revolute", "continuous", "prismatic")
+_LIMITED = ("revolute", "prismatic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +39,8 @@ class UrdfJoint:
         parent, child: links.
         parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
         axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-        limits: (low, high) [rad] of a revolute joint; None for others.
+        limits: (low, high) of a revolute joint [rad] or a prismatic one [m]; None for others.
+        slides: whether it moves along its axis, not about it.
     """
 
     name: str
@@ -44,6 +49,7 @@ class UrdfJoint:
     parent_T_joint: Array
     axis: Array | None
     limits: tuple[float, float] | None
+    slides: bool = False
 
     @classmethod
     def read(cls, element: ET.Element) -> "UrdfJoint":
@@ -55,20 +61,20 @@ class UrdfJoint:
         name, kind = element.attrib.get("name", ""), element.attrib.get("type", "")
         if not name:
             raise ValueError("a joint has no name")
-        if kind not in (*_TURNING, "fixed"):
+        if kind not in (*_MOVING, "fixed"):
             raise ValueError(
-                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_TURNING)} and fixed joints"
+                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_MOVING)} and fixed joints"
             )
         parent, child = (_link(element, role) for role in ("parent", "child"))
         if not parent or not child:
             raise ValueError(f"joint {name} lacks its parent or child link")
         try:
             origin = _origin(element.find("origin"))
-            axis = _axis(element.find("axis")) if kind in _TURNING else None
-            limits = _limits(element.find("limit")) if kind == "revolute" else None
+            axis = _axis(element.find("axis")) if kind in _MOVING else None
+            limits = _limits(element.find("limit")) if kind in _LIMITED else None
         except ValueError as error:
             raise ValueError(f"joint {name}: {error}") from error
-        return cls(name, parent, child, origin, axis, limits)
+        return cls(name, parent, child, origin, axis, limits, kind == "prismatic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +87,7 @@ class UrdfDocument:
         links: names, in the order of the document.
         drawn: those that have a shape.
         joints: parents first, else in the order of the document.
+        loops: what it says, in YAML, of the joints that close loops, which it cannot show; mostly nothing.
     """
 
     name: str
@@ -88,6 +95,7 @@ class UrdfDocument:
     links: tuple[str, ...]
     drawn: frozenset[str]
     joints: tuple[UrdfJoint, ...]
+    loops: str = ""
 
     @classmethod
     def parse(cls, text: str) -> "UrdfDocument":
@@ -111,7 +119,18 @@ class UrdfDocument:
         if len(roots) != 1:
             raise BodyError(f"a body has one root link, this has {_some(roots) or 'none'}")
         drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
-        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, _parents_first(joints, roots[0]))
+        ordered = _parents_first(joints, roots[0])
+        loops = robot.findtext(LOOPS, default="")
+        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, ordered, loops)
+
+
+def said_loops(text: str) -> str:
+    """What a document says of the joints that close loops, whatever else is in it; empty if nothing.
+
+    Raises:
+        BodyError: it is not XML.
+    """
+    return _elements(text).findtext(LOOPS, default="").strip()
 
 
 def _elements(text: str) -> ET.Element:
@@ -131,6 +150,7 @@ def _elements(text: str) -> ET.Element:
         builder.end(tag)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
         parser.Parse(text, True)

@@ -1,26 +1,31 @@
 """A body from URDF: what ``urdf`` wrote, read back.
 
-URDF carries segments, tree joints with their limits, and camera mounts. It cannot carry joints that close loops, own
-sigmas of joints, and the report; a body that must keep these is kept as YAML. Joints come in the order of the tree.
+URDF carries segments, tree joints with their limits, and camera mounts; the joints that close loops come along in an
+element of our own. It cannot carry own sigmas of tree joints, and the report; a body that must keep these is kept as
+YAML. Joints come in the order of the tree, those that close loops last.
 Links and joints are told apart by the names and the structure that ``urdf`` gives them, so a document that another
 program wrote out again, with other visuals or without, reads as the same body.
 """
 
 from collections import defaultdict
 from collections.abc import Sequence, Set
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.body_yaml import joints_from_yaml
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, UNKNOWN_LIMITS
-from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
+from bodycam_ros.body.urdf_document import LOOPS, UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
 
 _EXACT = 1e-9  # rounding of the document
 _INNER_LINK, _CHILD_FRAME = "_link", "_joint_frame"
+_SLIDES = {"weld": [], "hinge": [False], "ball": [False] * 3, "free": [True] * 3 + [False] * 3}
+"""Joint type -> whether each of its moving URDF joints slides."""
 
 
 def body_from_urdf(text: str) -> BodyModel:
@@ -34,7 +39,7 @@ def body_from_urdf(text: str) -> BodyModel:
 
 
 def _inner_links(joints: Sequence[UrdfJoint]) -> set[str]:
-    """Links inside a joint: between the angles of a ball, or between a joint and a child frame that is turned."""
+    """Links inside a joint: between the angles of one, or between a joint and a child frame that is turned."""
     after_angle = {
         joint.child for joint in joints if joint.axis is not None and joint.child == f"{joint.name}{_INNER_LINK}"
     }
@@ -69,7 +74,7 @@ class _Structure:
             name=document.name,
             root=document.root,
             segments=tuple(segments),
-            joints=tuple(_joint(chain) for chain in chains if not _is_camera(chain)),
+            joints=(*(_joint(chain) for chain in chains if not _is_camera(chain)), *_loops(document)),
             mounts=mounts,
         )
 
@@ -87,6 +92,15 @@ class _Structure:
         return chain
 
 
+def _loops(document: UrdfDocument) -> tuple[Joint, ...]:
+    if not document.loops.strip():
+        return ()
+    try:
+        return joints_from_yaml(document.loops)
+    except BodyError as error:
+        raise BodyError(f"<{LOOPS}>: {error}") from error
+
+
 def _is_camera(chain: Sequence[UrdfJoint]) -> bool:
     if not chain[-1].child.endswith(CAMERA_SUFFIX):
         return False
@@ -98,13 +112,15 @@ def _is_camera(chain: Sequence[UrdfJoint]) -> bool:
 def _joint(chain: Sequence[UrdfJoint]) -> Joint:
     """The joint that a chain stands for: angles, and then perhaps a child frame that is not the joint's."""
     moving = [joint for joint in chain if joint.axis is not None]
+    slides = [joint.slides for joint in moving]
     fixed = [joint for joint in chain[len(moving) :] if joint.axis is None]
     ends = 1 if moving else 2
-    if len(moving) + len(fixed) != len(chain) or len(moving) not in (0, 1, 3) or len(fixed) > ends:
-        kinds = ", ".join(f"{joint.name} {'fixed' if joint.axis is None else 'turning'}" for joint in chain)
+    if len(moving) + len(fixed) != len(chain) or slides not in _SLIDES.values() or len(fixed) > ends:
+        kinds = ", ".join(f"{joint.name} {_kind(joint)}" for joint in chain)
         raise BodyError(
             f"between segments {chain[0].parent} and {chain[-1].child} there are joints {kinds}; a body has balls "
-            "(three turning), hinges (one turning) and welds (one fixed), and after any a fixed one at most"
+            "(three turning), hinges (one turning), welds (one fixed) and free joints (three sliding, three turning), "
+            "and after any a fixed one at most"
         )
     at_child = fixed[len(fixed) - 1] if len(fixed) == ends else None
     place: dict[str, Any] = {
@@ -113,12 +129,31 @@ def _joint(chain: Sequence[UrdfJoint]) -> Joint:
         "parent_T_joint": chain[0].parent_T_joint,
         "child_T_joint": np.eye(4) if at_child is None else inverse(at_child.parent_T_joint),
     }
-    if len(moving) == 3:
+    if slides == _SLIDES["free"]:
+        return _free(moving, place)
+    if slides == _SLIDES["ball"]:
         return _ball(moving, place)
     if moving:
         limits = None if moving[0].limits is None else (moving[0].limits,)
         return Joint(name=moving[0].name, type="hinge", **place, axis=_axis(moving[0]), limits=limits)
     return Joint(name=chain[0].name, type="weld", **place)
+
+
+def _kind(joint: UrdfJoint) -> str:
+    return "fixed" if joint.axis is None else "sliding" if joint.slides else "turning"
+
+
+def _free(moving: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:
+    """The joint of a place and the angles of a ball; whatever limits there are, it keeps none."""
+    sliding, ball = moving[:3], _ball(moving[3:], place)
+    named_so = [joint.name for joint in sliding] == [f"{ball.name}_at_{axis}" for axis in "xyz"]
+    unturned = all(_is_identity(joint.parent_T_joint) for joint in moving[1:4])
+    if not named_so or not unturned or "".join(map(_letter, sliding)) != "xyz":
+        raise BodyError(
+            f"joints {', '.join(joint.name for joint in moving)}: a free joint slides along x, y and z, unturned, and "
+            "then turns as a ball does; all are named FREE_at_x ... FREE_y ..."
+        )
+    return replace(ball, type="free", sigmas=None, limits=None)
 
 
 def _ball(angles: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:
@@ -137,11 +172,12 @@ def _ball(angles: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:
 
 
 def _letter(joint: UrdfJoint) -> str:
-    """The axis x, y or z that an angle of a ball turns about."""
+    """The axis x, y or z that an angle of a ball turns about, or a place slides along."""
     axis = _axis(joint)
     found = [letter for letter, unit in zip("xyz", np.eye(3), strict=True) if np.allclose(axis, unit, atol=_EXACT)]
     if not found:
-        raise BodyError(f"joint {joint.name}: an angle of a ball turns about x, y or z, not about {axis.tolist()}")
+        does = "a place slides along" if joint.slides else "an angle of a ball turns about"
+        raise BodyError(f"joint {joint.name}: {does} x, y or z, not {axis.tolist()}")
     return found[0]
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from bodycam_ros.cli.equipment_tables import equipment_tables
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal
 
@@ -81,6 +82,11 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     if any("clock" in camera for camera in figures["cameras"].values()):
         console.print(_clock_table(figures["cameras"]))
     console.print(_body_table(figures))
+    if "equipment" in figures:
+        for table in equipment_tables(figures["equipment"]):
+            console.print(table)
+    if figures["sliding"].get("all", {"stances": 0})["stances"]:
+        console.print(_sliding_table(figures))
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))
         console.print(_truth_table(figures["truth"]))
@@ -157,6 +163,28 @@ def _body_table(figures: Mapping[str, Any]) -> Table:
     return table
 
 
+def _sliding_table(figures: Mapping[str, Any]) -> Table:
+    """Feet by stances of their own, and by those of the truth."""
+    table = Table(
+        title="sliding of standing feet",
+        caption="horizontal distance of heel or ball from its mean place in a stance; way: how long it is in a stance",
+    )
+    table.add_column("foot", no_wrap=True)
+    for column in ("stances", "standing [s]", "mean [mm]", "max [mm]", "way [mm]"):
+        table.add_column(column, justify="right")
+    rows = dict(figures["sliding"])
+    for foot, of in figures.get("sliding_against_truth", {}).items():
+        rows |= {
+            f"{foot} while the true one stands": of["solved"],
+            f"{foot}, the true one": of["true"],
+            f"{foot} beyond the true one": of["beyond"],
+        }
+    for name, sliding in rows.items():
+        lengths = (_number(sliding[key], 2) for key in ("mean_mm", "max_mm", "way_mm"))
+        table.add_row(name, str(sliding["stances"]), _number(sliding["standing_s"], 2), *lengths)
+    return table
+
+
 def _joint_table(truth: Mapping[str, Any]) -> Table:
     table = Table(title="joints against the truth, mean")
     table.add_column("segment")
@@ -201,6 +229,18 @@ def _by_motion(classes: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(f"{span}: {c['registered']:.1%}" for span, c in zip(spans, classes, strict=True))
 
 
+def _sliding_remarks(figures: Mapping[str, Any]) -> list[str]:
+    sliding = figures["sliding"].get("all", {"stances": 0})
+    if not sliding["stances"]:
+        return []
+    beyond = figures.get("sliding_against_truth", {}).get("all", {"beyond": {"stances": 0}})["beyond"]
+    against = f"; {beyond['mean_mm']:.2f} mm beyond the true ones" if beyond["stances"] else ""
+    return [
+        f"standing feet slide by {sliding['mean_mm']:.2f} mm on average, {sliding['max_mm']:.1f} mm at most, in "
+        f"{sliding['stances']} stances of heel or ball{against}"
+    ]
+
+
 def _remarks(figures: Mapping[str, Any]) -> list[str]:
     remarks = [
         f"{figures['instants']} instants in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the "
@@ -209,6 +249,7 @@ def _remarks(figures: Mapping[str, Any]) -> list[str]:
     if figures["blur"]:
         remarks.append(f"registered at a motion of {_by_motion(figures['blur'])} px per image")
     remarks += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
+    remarks += _sliding_remarks(figures)
     if "truth" in figures:
         truth = figures["truth"]
         remarks.append(

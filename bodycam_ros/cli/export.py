@@ -4,11 +4,8 @@ import argparse
 from pathlib import Path
 
 from bodycam_ros.export.formats import FORMATS, export
-from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
-
-_MARKS = {"urdf": b"<robot"}
-"""What a file of a format has near its beginning."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -29,7 +26,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     check_output(arguments.output, (arguments.source,), makes_folders=False)
-    check_file(arguments.output, arguments.force, _MARKS[arguments.to], arguments.to)
-    export(arguments.source, arguments.to, arguments.output)
-    print(f"written to {printable(str(arguments.output))}")
+    written = export(arguments.source, arguments.to, arguments.output, arguments.force)
+    print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0

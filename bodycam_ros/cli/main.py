@@ -19,6 +19,7 @@ COMMANDS = (
     "map extend",
     "ingest",
     "body",
+    "body check",
     "replay",
     "evaluate",
     "export",

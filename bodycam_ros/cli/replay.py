@@ -8,14 +8,17 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.clock_lines import print_clocks
+from bodycam_ros.cli.equipment_tables import equipment_tables
 from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings, positive
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
+from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipment
+from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.passes import replay_in_passes
-from bodycam_ros.replay.replay import ReplaySummary
+from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.terminal import Terminal
 
 
@@ -24,6 +27,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser("replay", help="solve a recorded bag offline", description=__doc__)
     add_pipeline_flags(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
+    parser.add_argument(
+        "--equipment",
+        metavar="NAME_OR_FILE",
+        help="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
+        f"({', '.join(supplied_equipment())})",
+    )
     parser.add_argument(
         "--passes",
         type=positive,
@@ -40,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
-    check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config))
+    equipment = equipment_path(arguments.equipment) if arguments.equipment else None
+    check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config, equipment))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
@@ -65,10 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
             force=arguments.force,
             on_step=shown_steps(progress),
             on_progress=on_progress,
+            equipment=equipment,
         )
     if rounds:
         print_rounds(rounds)
     Terminal().print(_table(summary))
+    if summary.equipment is not None:
+        for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
+            Terminal().print(table)
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)

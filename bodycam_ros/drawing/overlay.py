@@ -22,11 +22,13 @@ class Overlay:
 
     Attributes:
         limbs: (segment, (K, 2) pixels of a bone); NaN outside the lens.
+        equipment: (K, 2) pixels of each line of what stands beside the body; NaN outside the lens.
         pixels: (N, 2) where the named tracks are [px], as the image shows them.
         projected: (N, 2) where their landmarks fall when their rows are exposed [px]; NaN outside the lens.
     """
 
     limbs: tuple[tuple[str, Array], ...]
+    equipment: tuple[Array, ...]
     pixels: Array
     projected: Array
 
@@ -39,22 +41,26 @@ class Overlay:
         Args:
             model: the camera's lens.
             world_T_camera: (4, 4) where the body puts it [m].
-            limbs: lines of the body at this one instant [m].
+            limbs: lines of the body and its equipment at this one instant [m].
             matches: landmarks that were found in the image.
         """
         camera_T_world = inverse(world_T_camera)
         along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
-        lines = []
+        lines, equipment = [], []
         for limb in limbs:
             points_world = (1.0 - along) * limb.start + along * limb.end
-            lines.append((limb.segment, model.project(transform_points(camera_T_world, points_world))[0]))
+            line = model.project(transform_points(camera_T_world, points_world))[0]
+            if limb.is_equipment:
+                equipment.append(line)
+            else:
+                lines.append((limb.segment, line))
         if matches is None or not len(matches.pixels):
-            return cls(tuple(lines), np.zeros((0, 2)), np.zeros((0, 2)))
+            return cls(tuple(lines), tuple(equipment), np.zeros((0, 2)), np.zeros((0, 2)))
         points_world = matches.points_world.astype(np.float64)
         projected, _ = model.project(transform_points(camera_T_world, points_world))
         # The pose is that of the middle row; what other rows show was moved by their read-out.
         shown = matches.shown.astype(np.float64)
-        return cls(tuple(lines), shown, projected + (shown - matches.pixels))
+        return cls(tuple(lines), tuple(equipment), shown, projected + (shown - matches.pixels))
 
     @property
     def errors(self) -> Array:

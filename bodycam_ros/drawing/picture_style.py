@@ -18,6 +18,9 @@ CAUTION, GOOD = "#9a6700", "#2c7f78"
 RELATIVE, ROTATION_ONLY = "#7a6cb4", "#d9b13b"
 """A camera that grown landmarks hold, and one that knows only how it turns."""
 
+EQUIPMENT = "#8e4a8a"
+"""What stands beside the body, thinner than its limbs."""
+
 INK, QUIET, FAINT = "#22272b", "#6b747c", "#e3e7ea"
 
 LANDMARKS = LinearSegmentedColormap.from_list("landmarks", ["#e4f0ee", "#7fb9b0", "#2c7f78", "#0c4644"])

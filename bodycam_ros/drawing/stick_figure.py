@@ -1,11 +1,12 @@
 """The lines that a body is drawn with, and a view in which both its legs and arms stay apart."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_shape import bone_ends
 from bodycam_ros.geometry import Array, transform_points
 
 _TIPS_M = {
@@ -31,11 +32,18 @@ class Bone:
     Attributes:
         segment: that it belongs to.
         start, end: (T, 3) [m].
+        is_equipment: whether it is of what stands beside the body.
     """
 
     segment: str
     start: Array
     end: Array
+    is_equipment: bool = False
+
+    def at(self, instant: int) -> "Bone":
+        """The line at one instant."""
+        row = slice(instant, instant + 1)
+        return replace(self, start=self.start[row], end=self.end[row])
 
 
 def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> list[Bone]:
@@ -56,10 +64,32 @@ def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> l
     return lines
 
 
+def equipment_lines(world_T_segment: Mapping[str, Array], ends: Mapping[str, Sequence[Array]]) -> list[Bone]:
+    """Lines of what stands beside the body, from the origin of each segment.
+
+    Args:
+        world_T_segment: segment -> (T, 4, 4) [m].
+        ends: segment -> where its lines end (3,), in its own axes [m].
+    """
+    return [
+        Bone(
+            segment,
+            world_T_segment[segment][:, :3, 3],
+            transform_points(world_T_segment[segment], end[None])[:, 0],
+            True,
+        )
+        for segment, all_ends in ends.items()
+        for end in all_ends
+    ]
+
+
 def body_bones(body: BodyModel, world_T_segment: Array) -> list[Bone]:
-    """The same of a body whose segments are at poses (S, 4, 4), at one instant."""
+    """The same of a body, and what stands beside it, whose segments are at poses (S, 4, 4), at one instant."""
     poses = dict(zip(body.segments, world_T_segment[:, None], strict=True))
-    return bones(poses, {joint.child: joint.parent for joint in body.tree_joints})
+    beside = body.equipment_segments
+    ends = {segment: bone_ends(body, segment) for segment in body.segments if segment in beside}
+    limbs = {segment: pose for segment, pose in poses.items() if segment not in beside}
+    return [*bones(limbs, {joint.child: joint.parent for joint in body.tree_joints}), *equipment_lines(poses, ends)]
 
 
 @dataclass(frozen=True, eq=False)

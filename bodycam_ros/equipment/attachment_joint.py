@@ -2,8 +2,8 @@
 
 The sum of squares of N weighted distances between the points of two rigid segments depends, to first order, on six
 numbers: with the joint's frame at the weighted centroid and its axes along the points' principal axes, shift and turn
-come apart (B eq. 15-19 as a quadratic form). One pair holds a place, two let the segments turn about their line, three or
-more weld.
+come apart (B eq. 15-19 as a quadratic form). One pair holds a place, two let the segments turn about their line, three
+or more weld.
 """
 
 import numpy as np

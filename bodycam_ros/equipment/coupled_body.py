@@ -8,24 +8,23 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.errors import BodyError
 
 
-def coupled_body(body: BodyModel, equipment: Equipment) -> BodyModel:
-    """The body with the equipment beside it.
+def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
+    """The body with the equipment beside it; the body itself without.
 
     The equipment's root hangs on the body's by a free joint of the equipment's name, which holds nothing; its own
-    segments hang on each other as its joints say, and every attachment is a joint that closes a loop.
+    segments hang on each other as its joints say, and every attachment is a joint that closes a loop; optional
+    ones that the body cannot hold are left out.
 
     Raises:
         BodyError: names clash, or an attachment is to a segment that the body does not have; the message names both.
     """
-    for attachment in equipment.attachments:
-        if attachment.body_segment not in body.segments:
-            raise BodyError(
-                f"equipment {equipment.name}: attachment {attachment.name} is to segment {attachment.body_segment}, "
-                f"which body {body.name} does not have; it has {', '.join(body.segments)}"
-            )
+    if equipment is None:
+        return body
+    equipment = fitted_equipment(equipment, body)
     if twice := sorted(set(equipment.mounts) & set(body.mounts)):
         raise BodyError(f"equipment {equipment.name}: camera {', '.join(twice)} is on body {body.name} as well")
     beside = Joint(equipment.name, body.root, equipment.root, "free", np.eye(4))

@@ -51,6 +51,7 @@ class Attachment:
             its segment [m]; zero along what is known. What is unknown is estimated.
         intervals: when it holds; None: always.
         detected: whether it is let go, within its intervals, while what is seen of the body contradicts it.
+        optional: whether bodies without its segment do without it (``fitted_equipment``).
     """
 
     name: str
@@ -62,6 +63,7 @@ class Attachment:
     unknown: Array = field(default_factory=lambda: np.zeros(3))
     intervals: tuple[Interval, ...] | None = None
     detected: bool = True
+    optional: bool = False
 
     def holds_at(self, seconds: float) -> bool:
         """Whether it is said to hold at a time since the recording's first image [s]."""

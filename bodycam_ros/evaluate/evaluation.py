@@ -11,10 +11,12 @@ from bodycam_ros.evaluate import health
 from bodycam_ros.evaluate.brightness import Brightness, brightness
 from bodycam_ros.evaluate.comparison import Comparison, compare
 from bodycam_ros.evaluate.health import CameraHealth
+from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import Array
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
@@ -32,9 +34,11 @@ class Evaluation:
         rotation_sigma: (T,) of the root [rad].
         angle_ranges: joint -> least and greatest angle [rad].
         jitter: (T, S) [m].
+        sliding: foot -> how it slides while it stands.
         brightness: camera -> its brightness over time; empty unless the recording was given.
         verdict: whether the result may be used, as far as the bag says.
         comparison: with the truth, if that was given.
+        true_sliding: foot -> how it slides while the true foot stands; empty without truth.
     """
 
     solved: SolvedRecording
@@ -46,9 +50,11 @@ class Evaluation:
     rotation_sigma: Array
     angle_ranges: Mapping[str, tuple[float, float]]
     jitter: Array
+    sliding: Mapping[str, Sliding]
     brightness: Mapping[str, Brightness]
     verdict: Verdict
     comparison: Comparison | None
+    true_sliding: Mapping[str, SlidingAgainstTruth]
 
 
 def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: Path | None = None) -> Evaluation:
@@ -71,6 +77,8 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
     if models:
         reprojection = health.reprojection_errors(solved, models)
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
+    judged = solved_verdict(solved, models, VerdictSettings())
+    comparison = None if truth is None else compare(solved, truth)
     position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
@@ -82,7 +90,9 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         rotation_sigma=rotation_sigma,
         angle_ranges=health.angle_ranges(solved),
         jitter=health.jitter(solved),
+        sliding=sliding(solved),
         brightness={} if recording_path is None else brightness(solved, recording_path),
-        verdict=solved_verdict(solved, models, VerdictSettings()),
-        comparison=None if truth is None else compare(solved, truth),
+        verdict=Verdict.of((*judged.findings, *equipment_findings(solved.equipment))),
+        comparison=comparison,
+        true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.drawing.picture_style import (
     CENTRE,
+    EQUIPMENT,
     FAINT,
     INK,
     LEFT,
@@ -59,8 +60,7 @@ class _Scene:
 def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     """Draw the panel: left, right and centre in their colours, the truth in grey beneath."""
     solved = evaluation.solved
-    poses = {segment: solved.world_T_link[segment] for segment in solved.urdf.segments}
-    body = bones(poses, solved.urdf.parent_segments())
+    body = solved.urdf.bones(solved.world_T_link)
     root = solved.motion.world_T_root[:, :3, 3]
     scene = _scene(solved.motion.world_T_root, body)
     _draw_floor(axes, scene, root)
@@ -73,7 +73,7 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     for number in np.argsort(-depth):
         _draw_body(axes, scene, body, int(number))
     _label_times(axes, scene, root, solved.seconds(solved.stamps_ns[scene.rows]))
-    _draw_key(axes, evaluation.comparison is not None)
+    _draw_key(axes, evaluation.comparison is not None, any(bone.is_equipment for bone in body))
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
     how = "drawn side by side" if scene.apart else "floor tiles of 1 m"
@@ -84,7 +84,8 @@ def _scene(world_T_root: Array, body: list[Bone]) -> _Scene:
     """Where they are if that leaves room for each, else side by side and evenly spread over time."""
     view = ObliqueView.of_path(world_T_root)
     root = world_T_root[:, :3, 3]
-    lowest = min((float(np.minimum(bone.start, bone.end)[:, 2].min()) for bone in body), default=0.0)
+    ends = [np.minimum(bone.start, bone.end)[:, 2] for bone in body if not bone.is_equipment]
+    lowest = min((float(heights.min()) for heights in ends), default=0.0)
     travelled = _travelled(root)
     after = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], FIGURES)[:-1], side="right") - 1
     rows = np.unique(np.append(after, len(root) - 1))
@@ -127,6 +128,9 @@ def _draw_body(axes: Axes, scene: _Scene, body: list[Bone], number: int) -> None
     # The far side first; what is nearer covers it.
     for bone in sorted(body, key=lambda b: -float(scene.view.depth(b.start[row] + b.end[row]))):
         line = scene.view.project(np.stack([bone.start[row], bone.end[row]])) + shift
+        if bone.is_equipment:
+            axes.plot(*line.T, color=EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)
+            continue
         colour = side_colour(bone.segment)
         if bone.segment == HEAD:
             axes.add_patch(_head(line, colour))
@@ -161,9 +165,11 @@ def _label_times(axes: Axes, scene: _Scene, root: Array, seconds: Array) -> None
         )
 
 
-def _draw_key(axes: Axes, with_truth: bool) -> None:
+def _draw_key(axes: Axes, with_truth: bool, with_equipment: bool) -> None:
     entries: Mapping[str, tuple[str, float]] = {"left": (LEFT, 2.4), "right": (RIGHT, 2.4), "centre": (CENTRE, 2.4)}
     handles = [Line2D([], [], color=colour, linewidth=width, label=name) for name, (colour, width) in entries.items()]
+    if with_equipment:
+        handles.append(Line2D([], [], color=EQUIPMENT, linewidth=1.2, label="equipment"))
     if with_truth:
         handles.append(Line2D([], [], color=TRUTH, linewidth=5.5, alpha=0.55, label="truth"))
     handles.append(Line2D([], [], color=QUIET, linewidth=1.0, marker="o", markersize=3.5, label="root on the floor"))

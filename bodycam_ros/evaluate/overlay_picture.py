@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
-from bodycam_ros.drawing.picture_style import QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
-from bodycam_ros.drawing.stick_figure import bones
+from bodycam_ros.drawing.picture_style import EQUIPMENT, QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.geometry import Array
 from bodycam_ros.recording.bag_reader import Recording, open_recording
@@ -96,7 +95,7 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
             0.015,
             0.012,
             f"Points: named tracks, green if the landmark falls within {GOOD_PX:g} px in the solved pose, else red "
-            "with a line to where it falls. Thick lines: the wearer's limbs as solved.",
+            "with a line to where it falls. Thick lines: the wearer's limbs as solved; thin ones: equipment.",
             color=QUIET,
         )
         figure.subplots_adjust(left=0.015, right=0.985, top=0.95, bottom=0.045, wspace=0.04, hspace=0.14)
@@ -108,6 +107,8 @@ def _draw_view(axes: Axes, view: OverlayView) -> None:
     overlay, errors = view.overlay, view.overlay.errors
     brightest = max(float(np.percentile(view.image, _WHITE_PERCENTILE)), 1.0)  # images may be dark
     axes.imshow(view.image, cmap="gray", vmin=0.0, vmax=brightest, interpolation="nearest")
+    for line in overlay.equipment:
+        axes.plot(*line.T, color=EQUIPMENT, linewidth=1.5, alpha=0.9, solid_capstyle="round")
     for segment, line in overlay.limbs:
         axes.plot(*line.T, color=side_colour(segment), linewidth=3.0, alpha=0.75, solid_capstyle="round")
     good = errors <= GOOD_PX
@@ -144,8 +145,7 @@ def _view(
     at_ns = np.clip(np.array([time_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
     found = solved.landmarks((record.camera,))
     matches = next(matches for matches in found if matches.stamp_ns == time_ns)
-    body = {s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments}
-    limbs = bones(body, solved.urdf.parent_segments())
+    limbs = solved.urdf.bones({s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments})
     return OverlayView(
         camera=record.camera,
         seconds=float(solved.seconds(np.array([time_ns]))[0]),

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint import Joint, JointType
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
@@ -49,7 +49,10 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel], s
 
 
 def published_body(urdf: UrdfTree) -> BodyModel:
-    """The body that a URDF describes, as far as the places of joints and cameras go: every joint is a ball."""
+    """The body that a URDF describes, as far as the places of joints and cameras go: every joint that turns is a ball.
+
+    What slides stands beside the body, and so says nothing of it.
+    """
     root_T_link = {
         link: poses[0]
         for link, poses in urdf.forward_kinematics(np.eye(4)[None], dict.fromkeys(urdf.moving, np.zeros(1))).items()
@@ -61,17 +64,18 @@ def published_body(urdf: UrdfTree) -> BodyModel:
     joints = []
     for segment, parent in sorted(parents.items()):
         # The last angle on the way from the parent says where the segment turns; a welded one never does.
-        link, centre = segment, None
-        while link != parent and centre is None:
-            centre = link if arriving[link].axis is not None else None
-            link = arriving[link].parent
+        way = [arriving[segment]]
+        while way[-1].parent != parent:
+            way.append(arriving[way[-1].parent])
+        centre = next((joint.child for joint in way if joint.axis is not None), None)
+        kind: JointType = "free" if any(joint.slides for joint in way) else "ball" if centre else "weld"
         root_T_joint = root_T_link[centre or segment]
         joints.append(
             Joint(
                 name=f"{parent}-{segment}",
                 parent=parent,
                 child=segment,
-                type="ball" if centre else "weld",
+                type=kind,
                 parent_T_joint=inverse(root_T_link[parent]) @ root_T_joint,
                 child_T_joint=inverse(root_T_link[segment]) @ root_T_joint,
             )

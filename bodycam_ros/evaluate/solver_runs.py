@@ -41,7 +41,7 @@ DARK_ONE_OF = 4
 
 _MOST_STEPS = 15
 _ALL_S = 600.0  # the longest block that there is
-_HANGS_RAD, _HANGS_M = 0.5, 0.5  # what no camera sees, and no past tells of, hangs as in the N-pose
+_HANGS = np.full(6, 0.5)  # [rad], [m] what no camera sees, and no past tells of, hangs as in the N-pose
 
 
 class Way(Enum):
@@ -217,11 +217,11 @@ def _alone(
     evidence = MountedCameras(body, settings.evidence).absolute_evidence(frame.matches.values()).values()
     if not evidence:
         return None
-    factors = BodyFactors(body, settings.smoother.outlier_sigmas, settings.motion)
+    factors = BodyFactors(body, settings.smoother.outlier_sigmas)
     start = first_poses(body, evidence)
     graph = factors.cameras(0, evidence)
-    graph.push_back(factors.anchor(0, start, _HANGS_RAD, _HANGS_M))
-    nothing = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0))
+    graph.push_back(factors.anchor(0, dict(enumerate(start)), _HANGS))
+    nothing = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
     def joints(poses: Array) -> gtsam.NonlinearFactorGraph:
         return factors.joints(0, poses[0], nothing)

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from bodycam_ros.evaluate.blur import blur_classes
 from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.evaluate.sliding import Sliding
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.verdict.verdict import Verdict
 
@@ -23,7 +25,8 @@ MS_PER_S, PPM = 1000.0, 1e6
 def summary(evaluation: Evaluation) -> dict[str, Any]:
     """Figures by name, the unit at the end of the name; what is unknown is None.
 
-    ``truth`` holds the measures against the truth, if there is one.
+    ``truth`` and ``sliding_against_truth`` hold the measures against the truth, if there is one; ``equipment`` how the
+    body was coupled to it.
     """
     solved = evaluation.solved
     figures: dict[str, Any] = {
@@ -37,14 +40,21 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "root_position_sigma_mm": _spread(MM_PER_M * evaluation.position_sigma),
         "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),
         "jitter_mm": _spread(MM_PER_M * evaluation.jitter),
+        "sliding": {foot: _sliding(sliding) for foot, sliding in evaluation.sliding.items()},
         "joint_ranges_deg": {name: np.degrees(limits).tolist() for name, limits in evaluation.angle_ranges.items()},
         "blur": [asdict(blur) for blur in blur_classes(solved.cameras)],
         "cameras": {
             health.camera: _camera(health, evaluation.brightness.get(health.camera)) for health in evaluation.cameras
         },
     }
+    if solved.equipment is not None:
+        figures["equipment"] = equipment_figures(solved.equipment, solved.start_ns)
     if evaluation.comparison is not None:
         figures["truth"] = truth_figures(evaluation.comparison)
+        figures["sliding_against_truth"] = {
+            foot: {"solved": _sliding(of.solved), "true": _sliding(of.true), "beyond": _sliding(of.beyond)}
+            for foot, of in evaluation.true_sliding.items()
+        }
     known: dict[str, Any] = _without_nan(figures)
     return known
 
@@ -71,6 +81,16 @@ def truth_figures(comparison: Comparison) -> dict[str, Any]:
         "angle_deg": _spread(np.array(angles)),
         "rotation_deg": _spread(np.array(rotations)),
         "per_joint": per_joint,
+    }
+
+
+def _sliding(sliding: Sliding) -> dict[str, Any]:
+    return {
+        "stances": sliding.stances,
+        "standing_s": sliding.standing,
+        "mean_mm": MM_PER_M * sliding.mean,
+        "max_mm": MM_PER_M * sliding.max,
+        "way_mm": MM_PER_M * sliding.way,
     }
 
 

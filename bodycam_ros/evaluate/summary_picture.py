@@ -11,6 +11,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from bodycam_ros.drawing.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.evaluate.blur_panels import draw_blur, draw_brightness
+from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
@@ -26,6 +27,7 @@ _MOST_LETTERS = 150
 
 _SIZE_INCHES = (16.0, 11.6)
 _BLUR_INCHES = 2.6
+_EQUIPMENT_INCHES = 2.6
 _DOTS_PER_INCH = 110
 
 
@@ -37,9 +39,11 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
     """
     with matplotlib.rc_context(TYPOGRAPHY):
         width, height = _SIZE_INCHES
-        whole = Figure(figsize=(width, height + _BLUR_INCHES), facecolor="white")
+        equipment = evaluation.solved.equipment
+        heights = [height, _BLUR_INCHES, *([_EQUIPMENT_INCHES] if equipment is not None else [])]
+        whole = Figure(figsize=(width, sum(heights)), facecolor="white")
         FigureCanvasAgg(whole)
-        figure, strip = whole.subfigures(2, 1, height_ratios=(height, _BLUR_INCHES), squeeze=False)[:, 0]
+        figure, strip, *below = whole.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         _draw_headline(figure, evaluation, top=0.975)
         draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
         left, right = (0.095, 0.405), (0.6, 0.365)
@@ -49,6 +53,9 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
         draw_blur(strip.add_axes((left[0], 0.2, left[1], 0.6)), evaluation)
         draw_brightness(strip.add_axes((right[0], 0.2, right[1], 0.6), sharex=registrations), evaluation)
+        if equipment is not None:
+            panel = below[0].add_axes((left[0], 0.2, right[0] + right[1] - left[0], 0.6), sharex=registrations)
+            draw_equipment(panel, evaluation.solved, equipment)
         figure.align_ylabels()
         whole.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 

@@ -1,38 +1,72 @@
 """What ``bodycam export`` writes: a new format is a new line of the table."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import indent
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import default_sigmas
+from bodycam_ros.body.body_yaml import joints_from_yaml, joints_text
+from bodycam_ros.body.joint import Joint, default_sigmas
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.body.urdf_document import LOOPS, said_loops
+from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.export.mjcf import mjcf_text
+from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.topics import ROBOT, ROBOT_TYPE, published_robot
-from bodycam_ros.whole_file import write_whole
+from bodycam_ros.whole_file import whole_file
 
 logger = logging.getLogger(__name__)
 
+LOOPS_SUFFIX = ".loops.yaml"
+"""Of the file beside a URDF that has the joints that close loops."""
+
 _BAG_SUFFIXES = (".mcap", ".db3")
+_LOOPS_HEADER = "# Joints that close loops, which the URDF beside this leaves open, as in a body file of bodycam.\n"
 
 
-def robot_description(source: Path) -> str:
-    """The URDF of a source: what a bag says on ``/robot_description``, or made of a body file.
+def robot_description(source: Path) -> dict[str, str]:
+    """The URDF of a source: what a bag says on ``/robot_description``, or made of a body file; and its loops.
 
-    What URDF cannot carry of a body file is left out, with a warning that names it.
+    What URDF cannot carry is said, in a warning that names it.
 
     Raises:
         BodyError: a body file that is missing or describes no body.
         RecordingError: a bag that cannot be read, or that nobody solved.
     """
-    if source.is_dir() or source.suffix in _BAG_SUFFIXES:
-        return _published(source)
-    body = read_body(source)
-    _warn_of_losses(body, source)
-    return urdf_text(body)
+    if not _is_bag(source):
+        body = read_body(source)
+        _warn_of_sigmas(body, source)
+        return {"": urdf_text(body), **_loops_file(body.loop_joints, source)}
+    text = _published(source)
+    with _named(source):
+        loops = said_loops(text)
+        return {"": text, **_loops_file(joints_from_yaml(loops) if loops else (), source)}
+
+
+def mjcf(source: Path) -> dict[str, str]:
+    """The MJCF of a source, a solved bag or a body file, with its loops.
+
+    Raises:
+        BodyError: a body file that is missing or describes no body, or one that MJCF cannot hold.
+        RecordingError: a bag that cannot be read, or that nobody solved.
+    """
+    if not _is_bag(source):
+        body = read_body(source)
+        with _named(source):
+            return {"": mjcf_text(body)}
+    text = _published(source)
+    with _named(source):
+        return {"": mjcf_text(body_from_urdf(text))}
+
+
+def _is_bag(source: Path) -> bool:
+    return source.is_dir() or source.suffix in _BAG_SUFFIXES
 
 
 def _published(path: Path) -> str:
@@ -45,11 +79,31 @@ def _published(path: Path) -> str:
         )
 
 
-def _warn_of_losses(body: BodyModel, path: Path) -> None:
-    if body.loop_joints:
-        names = ", ".join(joint.name for joint in body.loop_joints)
-        logger.warning("%s: joints %s close loops; a URDF is a tree, so they are left out", path, names)
-    own = [joint.name for joint in body.joints if joint.sigmas != default_sigmas(joint.type)]
+@contextmanager
+def _named(source: Path) -> Iterator[None]:
+    """Say where a body is from that is wrong."""
+    try:
+        yield
+    except BodyError as error:
+        raise BodyError(f"{source}: {error}") from error
+
+
+def _loops_file(loops: Sequence[Joint], source: Path) -> dict[str, str]:
+    if not loops:
+        return {}
+    logger.warning(
+        "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which other "
+        "programs pass over, and in a file *%s beside it",
+        source,
+        ", ".join(joint.name for joint in loops),
+        LOOPS,
+        LOOPS_SUFFIX,
+    )
+    return {LOOPS_SUFFIX: f"{_LOOPS_HEADER}joints:\n{indent(joints_text(loops), '  ')}"}
+
+
+def _warn_of_sigmas(body: BodyModel, path: Path) -> None:
+    own = [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]
     if own:
         logger.warning("%s: joints %s have sigmas of their own, which no URDF carries", path, ", ".join(own))
 
@@ -60,27 +114,46 @@ class Format:
 
     Attributes:
         what: for whom it is, and what it holds.
-        content: makes the file's content of a solved bag or a body file.
+        mark: what every such file has near its beginning.
+        content: makes, of a solved bag or a body file, the content of the file, under "", and of files beside it, under
+            the suffix that they have instead of the file's own.
     """
 
     what: str
-    content: Callable[[Path], str | bytes]
+    mark: str
+    content: Callable[[Path], Mapping[str, str]]
 
 
 FORMATS: Mapping[str, Format] = {
-    "urdf": Format("the body, for RViz and every tool that reads robots", robot_description),
+    "urdf": Format("the body, for RViz and every tool that reads robots", "<robot", robot_description),
+    "mjcf": Format("the body with its loops closed, for MuJoCo", "<mujoco", mjcf),
 }
 
 
-def export(source: Path, format_name: str, output: Path) -> None:
+def export(source: Path, format_name: str, output: Path, force: bool) -> list[Path]:
     """Write a solved bag or a body file in a format, whole or not at all.
 
     Args:
         source: what to export.
         format_name: key of ``FORMATS``.
-        output: file to write; an earlier one is replaced.
+        output: file to write.
+        force: replace earlier files of the same kind.
+
+    Returns:
+        The files that were written.
 
     Raises:
         BodycamError: the source cannot be read or lacks what the format needs, or the output cannot be written.
     """
-    write_whole(output, FORMATS[format_name].content(source))
+    chosen = FORMATS[format_name]
+    check_file(output, force, chosen.mark.encode(), format_name)
+    contents = {
+        output.with_suffix(suffix) if suffix else output: text for suffix, text in chosen.content(source).items()
+    }
+    with ExitStack() as stack:
+        for path, text in contents.items():
+            if path != output:
+                check_output(path, (source,), makes_folders=False)
+                check_file(path, force, _LOOPS_HEADER.encode(), "loops of a URDF")
+            stack.enter_context(whole_file(path)).write_bytes(text.encode())
+    return list(contents)

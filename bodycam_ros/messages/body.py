@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse
+from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
 from bodycam_ros.messages.factory import Message, MessageFactory, flat
 from bodycam_ros.messages.header import MAP_FRAME, header_message
 from bodycam_ros.messages.pose import (
@@ -170,15 +171,17 @@ def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tup
 
 
 def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -> dict[str, Message]:
-    """Topic -> message of one instant: joint states, joint rotations, odometry, tf and the skeleton."""
+    """Topic -> message of one instant: joint states, joint rotations, odometry, tf, skeleton, and equipment if any."""
     state = output.state
     rows = [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints]
     parents, children = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [])
     parent_T_child = inverse(state.world_T_segment[parents]) @ state.world_T_segment[children]
     world_T_root = state.world_T_segment[body.segment_index[body.root]]
     joint_names = [joint.name for joint in body.tree_joints]
+    bones = [ends for ends, joint in zip(rows, body.tree_joints, strict=True) if joint.type != "free"]
     joints_observed = state.observed[parents] & state.observed[children]
-    return {
+    coupled = {} if state.equipment is None else {EQUIPMENT: equipment_message(make, state.stamp_ns, state.equipment)}
+    return coupled | {
         "/joint_states": joint_state_message(
             make, state.stamp_ns, output.joint_names, output.positions, output.velocities
         ),
@@ -188,5 +191,5 @@ def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -
         ),
         "/odometry": odometry_message(make, state, body.root, output.root_velocity),
         "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, body.root, world_T_root)]),
-        "/skeleton": skeleton_message(make, state, rows),
+        "/skeleton": skeleton_message(make, state, bones),
     }

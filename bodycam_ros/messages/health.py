@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
@@ -146,6 +147,24 @@ def timing_health(
 
 def _off_by(offset_s: float) -> str:
     return f"{1e3 * abs(offset_s):.1f} ms {'ahead of' if offset_s > 0 else 'behind'}"
+
+
+def equipment_health(report: EquipmentReport) -> Health:
+    """How the body is coupled to its equipment at an instant."""
+    if not report.placed:
+        return Health(f"equipment {report.name}", HealthLevel.WARN, "it is not known where it is; nothing holds to it")
+    held, let_go = (
+        [name for name, holds in zip(report.attachments, report.engaged, strict=True) if holds == wanted]
+        for wanted in (True, False)
+    )
+    text = f"held: {few(held) or 'nothing'}" + (f"; let go: {few(let_go)}" if let_go else "")
+    values: dict[str, object] = {
+        f"{name} [mm]": round(1e3 * float(apart), 1)
+        for name, apart in zip(report.attachments, report.deviations, strict=True)
+    }
+    for name, value, sigma in zip(report.lengths, report.values, report.sigmas, strict=True):
+        values[f"length {name} [mm]"] = f"{1e3 * value:.1f} +- {1e3 * sigma:.1f}"
+    return Health(f"equipment {report.name}", HealthLevel.OK if held else HealthLevel.WARN, text, values)
 
 
 def verdict_health(verdict: Verdict) -> Health:

@@ -3,13 +3,17 @@
 import time
 from typing import Any
 
+import numpy as np
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
@@ -29,15 +33,19 @@ OUTPUTS = {
 
 _LAST_WORDS_S = 0.5
 
+_WORTH_TELLING_M = 1e-3
+"""By which a length of the equipment must have changed for the robot to be described anew."""
+
 
 class BodyTopics:
     """Publishers of ``/robot_description`` and of the body's motion.
 
     Args:
         node: publishes.
+        with_equipment: whether it says how the body is coupled to some.
     """
 
-    def __init__(self, node: StageNode[Any]) -> None:
+    def __init__(self, node: StageNode[Any], with_equipment: bool = False) -> None:
         self._node = node
         self._make = node.make
         self._timings: dict[str, Any] = {}
@@ -45,17 +53,34 @@ class BodyTopics:
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
             topic: node.publisher(type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH))
-            for topic, type_name in OUTPUTS.items()
+            for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
             if is_installed(type_name)
         }
 
     def describe(self, body: BodyModel) -> None:
         """Publish the body itself; those that come later hear it too."""
         self._limits = SeenLimits(body)
-        self._description.publish(text_message(self._make, urdf_text(body)))
+        self._lengths: EquipmentReport | None = None
+        self._describe_as_known()
         for camera, mount in body.mounts.items():
             if mount.readout is not None:
                 self._publish_timing(camera, mount.readout)
+
+    def _describe_as_known(self) -> None:
+        """Publish the body with limits that hold, and with the lengths of its equipment as far as they are known."""
+        body, coupled = self._limits.body, self._lengths
+        if coupled is not None:
+            body = learned_body(body, coupled.lengths, coupled.values)
+        self._description.publish(text_message(self._make, urdf_text(body)))
+
+    def _has_learned(self, report: EquipmentReport | None) -> bool:
+        """Whether lengths of the equipment have become others than those that were published last."""
+        if report is None or not report.placed or not report.lengths:
+            return False
+        if self._lengths is not None and np.abs(report.values - self._lengths.values).max() < _WORTH_TELLING_M:
+            return False
+        self._lengths = report
+        return True
 
     def _publish_timing(self, camera: str, readout: Readout) -> None:
         """Tell those who register the camera how long its rows are read out."""
@@ -65,12 +90,14 @@ class BodyTopics:
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant."""
-        if self._limits.widen(output.positions):
+        has_widened = self._limits.widen(output.positions)
+        if self._has_learned(output.state.equipment) or has_widened:
             # What robot_description promises must hold for the joint states that follow.
-            self._description.publish(text_message(self._make, urdf_text(self._limits.body)))
+            self._describe_as_known()
         messages = output_messages(self._make, output, body)
-        for topic, publisher in self._outputs.items():
-            publisher.publish(messages[topic])
+        for topic, message in messages.items():
+            if topic in self._outputs:
+                self._outputs[topic].publish(message)
 
     def wait_until_heard(self) -> None:
         """Give the readers the time to get the last messages, but all together no more than half a second."""

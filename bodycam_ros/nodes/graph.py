@@ -7,6 +7,8 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
 
 READERS_OF_INFO = 3
@@ -46,6 +48,7 @@ def live_graph(
     rig: Path | None = None,
     overwrite_body: bool = False,
     grown_map: Path | None = None,
+    equipment: str = "",
 ) -> list[NodeProcess]:
     """A tracker for each camera, the registration and the solver.
 
@@ -57,18 +60,23 @@ def live_graph(
         rig: rig YAML, where there is no body yet.
         overwrite_body: with ``rig``: whether a body that is there already may be replaced.
         grown_map: folder in which the registrations keep what their maps grow by; None: nowhere.
+        equipment: name or file of what the person rides, holds or stands on; its cameras are tracked, too.
 
     Raises:
-        BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``.
+        BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``; or the equipment
+            cannot be read, or does not fit the body.
     """
     known, what = (body, "body") if rig is None else (rig, "rig")
-    carried = tuple(read_body(body).mounts if rig is None else Rig.from_yaml(rig).cameras)
+    machine = read_equipment(equipment) if equipment else None
+    carried = tuple(coupled_body(read_body(body), machine).mounts if rig is None else Rig.from_yaml(rig).cameras)
     used = list(cameras_used(cameras, carried, f"{known}: the {what}"))
     if rig is not None and len(used) < len(carried):
         raise BodyError(f"{known}: a calibration needs all cameras of the rig, so leave out 'cameras'")
     count = min(max(1, registrations), len(used))
     names = ["registration"] if count == 1 else [f"registration_{number}" for number in range(1, count + 1)]
     of_solver: dict[str, object] = {"body": str(body)}
+    if equipment:
+        of_solver["equipment"] = equipment
     if len(used) < len(carried):
         of_solver["cameras"] = used
     if rig is not None:

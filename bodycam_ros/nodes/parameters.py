@@ -117,6 +117,11 @@ class SolverParameters(CommonParameters):
     """Of the node ``skeleton_solver``."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
+    equipment: str = setting(
+        "",
+        reason="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
+        "such as 'bicycle'",
+    )
     cameras: tuple[str, ...] = setting((), reason="the cameras to listen to; all of the body if empty")
     rig: str = setting(
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"

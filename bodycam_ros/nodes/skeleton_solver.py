@@ -13,9 +13,12 @@ from std_srvs.srv import Trigger
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.health import verdict_health
+from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
@@ -48,7 +51,11 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def __init__(self) -> None:
         super().__init__("skeleton_solver", SolverParameters, SOLVER_GROUPS)
-        self._topics = BodyTopics(self)
+        of = self.parameters
+        self._equipment = read_equipment(of.equipment) if of.equipment else None
+        self._topics = BodyTopics(self, with_equipment=self._equipment is not None)
+        self._coupled: EquipmentReport | None = None
+        self._person: BodyModel | None = None
         self._body: BodyModel | None = None
         self._calibration: LiveCalibration | None = None
         path = Path(self.required("body"))
@@ -83,14 +90,23 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _read_body(self, path: Path) -> tuple[str, ...]:
         """Learn the body that is there; its cameras."""
-        self._body = read_body(path)
+        self._know(read_body(path))
         used = cameras_used(self.parameters.cameras, tuple(self._body.mounts), f"{path}: the body")
         self._topics.describe(self._body)
         return used
 
+    def _know(self, person: BodyModel) -> None:
+        """There is a body; with the equipment, if any, it is what is solved and published."""
+        self._person, self._body = person, coupled_body(person, self._equipment)
+
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
         rig = Rig.from_yaml(self.parameters.rig)
+        if self._equipment is not None and self._equipment.mounts:
+            raise BodyError(
+                f"equipment {self._equipment.name}: carries {', '.join(self._equipment.mounts)}, which a range of "
+                "motion does not need; make the body first, then start again with 'equipment' and without 'rig'"
+            )
         if self.parameters.cameras:
             raise BodyError(f"{path}: a calibration needs all cameras of the rig, so leave out the parameter 'cameras'")
         self._calibration = LiveCalibration(self, rig, path, lambda: self._cameras.missing, self._solve_new)
@@ -129,9 +145,14 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._waiting.clear()
 
     def _solve_with_those_known(self) -> None:
-        if self._body is not None and self._cameras.models:
+        if self._person is not None and self._body is not None and self._cameras.models:
             self._pipeline = SkeletonPipeline(
-                self._body, self._cameras.models, self.settings, live=True, on_corrected=self._on_corrected
+                self._person,
+                self._cameras.models,
+                self.settings,
+                live=True,
+                on_corrected=self._on_corrected,
+                equipment=self._equipment,
             )
             self._hints.begin(self._body)
             self._judge_anew()
@@ -144,9 +165,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
         self._flush()
-        self._body = body
+        self._know(body)
         self._solve_with_those_known()
-        self._topics.describe(body)
+        self._topics.describe(self._body)
 
     def _take(self, matches: LandmarkMatches) -> None:
         if self._calibration is not None:
@@ -217,10 +238,13 @@ class SkeletonSolver(StageNode[SolverParameters]):
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)
+            self._coupled = output.state.equipment
 
     def health(self) -> list[Health]:
         """How the body and its cameras fared in the last second."""
         health = self._health.report(self._pipeline, has_body=self._body is not None)
+        if self._coupled is not None:
+            health.append(equipment_health(self._coupled))
         if self._verdict is not None:
             health = [*health, verdict_health(self._verdict.verdict())]
         return health if self._calibration is None else [*health, self._calibration.health()]

@@ -6,11 +6,14 @@ from pathlib import Path
 from tempfile import gettempdir
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
-from bodycam_ros.replay.replay import ReplaySummary, replay
+from bodycam_ros.replay.replay import replay
+from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.whole_file import scratch_folder
 
 
@@ -25,11 +28,13 @@ def replay_in_passes(
     force: bool = False,
     on_step: OnProgress = lambda step, share: None,
     on_progress: Callable[[float], None] = lambda seconds: None,
+    equipment: str | Path | None = None,
 ) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
     """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
 
     Args:
-        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress: as of ``replay``.
+        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment: as of
+            ``replay``.
         passes: over the recording, the last one included.
         on_step: called with each step before the last pass or beside it, and the share of it that is done.
 
@@ -38,15 +43,26 @@ def replay_in_passes(
     """
     if passes == 1:
         summary = replay(
-            recording_path, map_path, body_path, output_path, settings, jobs, force, None, on_progress, on_step
+            recording_path,
+            map_path,
+            body_path,
+            output_path,
+            settings,
+            jobs,
+            force,
+            None,
+            on_progress,
+            equipment,
+            on_step,
         )
         return summary, ()
-    body = read_body(body_path)
+    person = read_body(body_path)
+    body = coupled_body(person, None if equipment is None else read_equipment(equipment))
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
     readouts = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
-    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, body, on_step)
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, person, on_step)
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")
         summary = replay(
@@ -59,6 +75,7 @@ def replay_in_passes(
             force,
             extension.hints,
             on_progress,
+            equipment,
             on_step,
         )
     summary.elapsed_s += extension.elapsed_s

@@ -2,9 +2,7 @@
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +11,11 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment_record import EquipmentLog
+from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.fitted_equipment import fitted_equipment
+from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
@@ -36,11 +38,12 @@ from bodycam_ros.replay.camera_worker import (
     SkippedImage,
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
+from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockJump
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict
 
@@ -48,58 +51,6 @@ logger = logging.getLogger(__name__)
 
 _TOGETHER = "all instants together"
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
-
-
-@dataclass
-class ReplaySummary:
-    """What came of a replay.
-
-    Attributes:
-        recorded_s: duration of the recording.
-        elapsed_s: time that the replay took.
-        instants: instants with at least one image, and those bridged.
-        solved: instants with a body state.
-        predicted: of these, instants that no camera contributed to.
-        bridged: instants at which all cameras were silent, filled in from both sides.
-        restarts: how often the solver had to begin anew.
-        refused: camera -> instants at which it contradicted the others and was not believed.
-        late: registrations that came too late for their instant, because a camera had been silent for long.
-        images: camera -> images read.
-        registered: camera -> images registered in the map.
-        skipped: camera -> images that could not be used.
-        lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
-        readouts: camera -> how long its rows are read out, as far as is known in the end.
-        remarks: what a person should know of a camera's stamps, rows and images, a line each.
-        timings: camera -> how its clock went, as its stamps were corrected.
-        jumps: clocks that were set while they recorded.
-        speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
-        verdict: whether the result may be used.
-    """
-
-    recorded_s: float
-    elapsed_s: float = 0.0
-    instants: int = 0
-    solved: int = 0
-    predicted: int = 0
-    bridged: int = 0
-    restarts: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
-    images: Counter[str] = field(default_factory=Counter)
-    late: int = 0
-    registered: Counter[str] = field(default_factory=Counter)
-    skipped: Counter[str] = field(default_factory=Counter)
-    lost: Counter[str] = field(default_factory=Counter)
-    readouts: Mapping[str, Readout] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
-    timings: Mapping[str, ClockHistory] = field(default_factory=dict)
-    jumps: tuple[ClockJump, ...] = ()
-    speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
-
-    @property
-    def real_time_factor(self) -> float:
-        """Seconds of recording per second of work."""
-        return self.recorded_s / self.elapsed_s if self.elapsed_s else 0.0
 
 
 def replay(
@@ -112,6 +63,7 @@ def replay(
     force: bool = False,
     hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
+    equipment: str | Path | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
@@ -126,13 +78,16 @@ def replay(
         force: replace an output that is there already.
         hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
+        equipment: name or file of what the body rides, holds or stands on.
         on_step: called with each step beside it, and the share of it that is done.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    body = read_body(body_path)
+    person = read_body(body_path)
+    coupling = None if equipment is None else fitted_equipment(read_equipment(equipment), person)
+    body = coupled_body(person, coupling)
     reference_map = ReferenceMap.load(map_path)
     check_metric(reference_map, map_path)
     if assumed := assumed_vertical(reference_map, map_path):
@@ -143,7 +98,12 @@ def replay(
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     skeleton = SkeletonPipeline(
-        body, cameras, settings, on_corrected=log.add_registration, on_together=partial(on_step, _TOGETHER)
+        person,
+        cameras,
+        settings,
+        on_corrected=log.add_registration,
+        equipment=coupling,
+        on_together=partial(on_step, _TOGETHER),
     )
     with write_recording(output_path, force) as writer:
         watch = skeleton.instants.watch
@@ -181,7 +141,10 @@ def replay(
         out.write_timings(summary.timings)
         agreement = log.agreement()
         summary.speeds = agreement.speeds()
-        summary.verdict = judge(agreement, body, settings.verdict)
+        summary.start_ns = start_ns or 0
+        summary.equipment = out.coupled.record()
+        judged = judge(agreement, body, settings.verdict)
+        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment)))
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
@@ -198,7 +161,11 @@ def replay(
 
 
 class _Output:
-    """The messages of a replay, on their way into the bag."""
+    """The messages of a replay, on their way into the bag.
+
+    Attributes:
+        coupled: what was said of the equipment so far.
+    """
 
     def __init__(
         self,
@@ -219,6 +186,7 @@ class _Output:
         self._health_due_ns = -1
         self._begun_ns = 0
         self._limits = SeenLimits(body)
+        self.coupled = EquipmentLog()
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap) -> None:
         """What is known from the start: the map."""
@@ -229,7 +197,10 @@ class _Output:
 
     def write_robot(self) -> None:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
-        text = text_message(self._make, urdf_text(self._limits.body))
+        body, coupled = self._limits.body, self.coupled.record()
+        if coupled is not None:
+            body = learned_body(body, coupled.lengths, coupled.values)
+        text = text_message(self._make, urdf_text(body))
         self._writer.write("/robot_description", self._begun_ns, text)
 
     def write_timings(self, timings: Mapping[str, ClockHistory]) -> None:
@@ -261,6 +232,8 @@ class _Output:
             self._summary.predicted += output.state.predicted
             self._limits.widen(output.positions)
             self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
+            if output.state.equipment is not None:
+                self.coupled.add(output.state.stamp_ns, output.state.equipment)
             for topic, message in output_messages(self._make, output, self._body).items():
                 self._writer.write(topic, output.state.stamp_ns, message)
 

@@ -22,7 +22,7 @@ class BodyMotion:
     Attributes:
         stamps_ns: (T,) instants with joint states and odometry, increasing [ns].
         joint_names: (A) in the order of ``joint_angles``.
-        joint_angles: (T, A) [rad].
+        joint_angles: (T, A) [rad], [m] of what slides.
         world_T_root: (T, 4, 4) pose of the root link [m].
         root_covariance: (T, 6, 6) of that pose, rotation [rad^2] first, then translation [m^2], in the root's axes.
     """

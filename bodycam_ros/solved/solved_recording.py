@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.equipment.equipment_record import EquipmentLog, EquipmentRecord
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state, says_clock
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
@@ -92,12 +95,14 @@ class SolvedRecording:
         urdf: the robot that ``/robot_description`` describes.
         motion: of the body.
         cameras: in the order of the URDF.
+        equipment: how the body was coupled to it; None without.
     """
 
     path: Path
     urdf: UrdfTree
     motion: BodyMotion
     cameras: tuple[CameraRecord, ...]
+    equipment: EquipmentRecord | None = None
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:
@@ -188,9 +193,15 @@ def read_solved(path: Path) -> SolvedRecording:
             for suffix, kind in ((LANDMARKS, LANDMARKS_TYPE), (_TRACKS, _TRACKS_TYPE), (TIMING, TIMING_TYPE))
             for topic, camera in camera_topics(bag, suffix, kind).items()
         }
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *of_cameras]):
+        coupled = EquipmentLog()
+        equipment = [EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment, *of_cameras]):
             if topic in MOTION_TOPICS:
                 body.add(topic, message)
+                continue
+            if topic in equipment:
+                with contradictions_named(path, topic):
+                    coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
                 continue
             with contradictions_named(path, topic):
                 cameras[of_cameras[topic]].add(topic, message, of_cameras[topic])
@@ -202,7 +213,7 @@ def read_solved(path: Path) -> SolvedRecording:
             "replay the recording again"
         )
     records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
-    return SolvedRecording(path, urdf, body.joined(), tuple(records))
+    return SolvedRecording(path, urdf, body.joined(), tuple(records), coupled.record())
 
 
 def _check_topics(bag: BagFile) -> None:

@@ -132,10 +132,6 @@ class BlindStretches:
 
 
 def _free_limbs(body: BodyModel) -> dict[int, list[int]]:
-    """Row of a segment -> rows of it and of all below it; without the root, and what a loop holds."""
-    below = {body.segment_index[joint.child]: [body.segment_index[joint.child]] for joint in body.tree_joints}
-    for joint in reversed(body.tree_joints):
-        if joint.parent != body.root:
-            below[body.segment_index[joint.parent]] += below[body.segment_index[joint.child]]
+    """Row of a segment -> rows of it and of all below it; without what a loop holds, the root, and roots beside it."""
     held = {body.segment_index[name] for joint in body.loop_joints for name in (joint.parent, joint.child)}
-    return {row: rows for row, rows in below.items() if not held.intersection(rows)}
+    return {row: rows for row, rows in body.rows_below.items() if not held.intersection(rows)}

@@ -17,6 +17,7 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import adjoint, inverse
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 
@@ -74,9 +75,16 @@ class BodyCovariance:
         body: segments and joints.
         motion: how suddenly segments change their motion.
         settings: what else is uncertain.
+        coupled: names of joints that hold at some instants, and are told then.
     """
 
-    def __init__(self, body: BodyModel, motion: MotionSettings, settings: CovarianceSettings) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        motion: MotionSettings,
+        settings: CovarianceSettings,
+        coupled: Collection[str] = frozenset[str](),
+    ) -> None:
         self._body = body
         self._motion = motion
         self._settings = settings
@@ -86,7 +94,9 @@ class BodyCovariance:
         self._tree = len(body.tree_joints)
         self._joint_parents = np.array([body.segment_index[joint.parent] for joint in joints], int)
         self._joint_children = np.array([body.segment_index[joint.child] for joint in joints], int)
-        self._joint_information = np.array([_softened_information(joint) for joint in joints]).reshape(-1, 6, 6)
+        holds = np.array([joint.name not in coupled for joint in joints], float)
+        own = np.array([_softened_information(joint) for joint in joints]).reshape(-1, 6, 6)
+        self._joint_information = holds[:, None, None] * own
         count = len(body.segments)
         # Which joints (J) add to which segment, and to which of the pairs (P) of segments that joints tie together.
         each = np.arange(count)[:, None]
@@ -106,8 +116,9 @@ class BodyCovariance:
         evidence: Collection[SegmentPose],
         turns: Iterable[SegmentTurn],
         expected: ExpectedJoints,
+        held: Iterable[HeldJoint] = (),
     ) -> BodyUncertainty:
-        """Go on by ``dt_s`` to an instant of poses (S, 4, 4) and of what was seen at it."""
+        """Go on by ``dt_s`` to an instant of poses (S, 4, 4), of what was seen at it, and of what held the body."""
         self._carry_on(dt_s, turns)
         prior = self._pose
         count = len(prior)
@@ -126,6 +137,7 @@ class BodyCovariance:
         children, parents = self._pairs.T
         information[children, :, parents, :] += crossed
         information[parents, :, children, :] += np.swapaxes(crossed, -1, -2)
+        self._hold(information, world_T_segment, held)
         full = information.reshape(6 * count, 6 * count)
         covariance = np.asarray(np.linalg.inv(0.5 * (full + full.T)), np.float64).reshape(count, 6, count, 6)
         self._condition(prior, prior_information, covariance[each, :, each, :])
@@ -165,13 +177,26 @@ class BodyCovariance:
             Information (S, 6, 6) of each segment, and (P, 6, 6) between children and parents.
         """
         of_child = self._joint_information.copy()
-        of_child[expected.rows, :3, :3] += np.eye(3) / np.square(expected.sigmas)[:, None, None]
+        of_child[expected.rows, :3, :3] += np.eye(3) / np.square(expected.sigmas)[:, None, :]
         p, c = self._joint_parents, self._joint_children
         child_xi_parent = -adjoint(inverse(world_T_segment[c]) @ world_T_segment[p])
         crossed = of_child @ child_xi_parent
         of_parent = np.swapaxes(child_xi_parent, -1, -2) @ crossed
         of_segments = _summed(self._of_child, of_child) + _summed(self._of_parent, of_parent)
         return of_segments, _summed(self._of_pair, crossed)
+
+    def _hold(
+        self, information: NDArray[np.float64], world_T_segment: NDArray[np.float64], held: Iterable[HeldJoint]
+    ) -> None:
+        """Add what couples the body to its equipment to the information (S, 6, S, 6), in place."""
+        for each in held:
+            p, c = (self._body.segment_index[name] for name in (each.joint.parent, each.joint.child))
+            child_xi_parent = -adjoint(inverse(world_T_segment[c]) @ world_T_segment[p])
+            crossed = each.information @ child_xi_parent
+            information[c, :, c] += each.information
+            information[p, :, p] += child_xi_parent.T @ crossed
+            information[c, :, p] += crossed
+            information[p, :, c] += crossed.T
 
     def _condition(
         self,

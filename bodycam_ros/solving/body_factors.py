@@ -1,6 +1,6 @@
 """The factors of one instant of the body (A eq. 8, 10-11): gtsam's native ones only, so that it never calls back."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import gtsam
 import numpy as np
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.geometry import rigid
+from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.joint_poses import JointPoses
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 
 _NO_OPINION_M = 10.0
@@ -28,13 +28,13 @@ class BodyFactors:
     Args:
         body: segments and joints.
         outlier_sigmas: scale of the Cauchy kernel on registrations.
-        motion: sigmas of smoothness.
+        coupled: names of the joints that a ``Coupling`` speaks for: of the equipment, to it and beside it.
     """
 
-    def __init__(self, body: BodyModel, outlier_sigmas: float, motion: MotionSettings) -> None:
+    def __init__(self, body: BodyModel, outlier_sigmas: float, coupled: Collection[str] = ()) -> None:
         self._body = body
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(outlier_sigmas)
-        self._motion = motion
+        self._coupled = [joint.name in coupled for joint in body.joints]
         self._joint_noises = [(_noise(joint, 0.0), _noise(joint, _SOFT_M)) for joint in body.joints]
         self._joint_poses = JointPoses(body)
         tree_row = {joint.name: row for row, joint in enumerate(body.tree_joints)}
@@ -83,37 +83,64 @@ class BodyFactors:
         unseen = set(expected.rows.tolist())
         ends = self._joint_poses.ends.tolist()
         parent_T_child = self._joint_poses.closed(predicted)
-        for (parent, child), pose, tree_row, (tight, soft) in zip(
-            ends, parent_T_child, self._tree_rows, self._joint_noises, strict=True
+        for (parent, child), pose, tree_row, (tight, soft), coupled in zip(
+            ends, parent_T_child, self._tree_rows, self._joint_noises, self._coupled, strict=True
         ):
+            if coupled:
+                continue
             noise = soft if tree_row in unseen else tight
             graph.add(_between(self.key(index, parent), self.key(index, child), pose, noise))
-        for row, rotation, sigma in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
+        for row, rotation, sigmas in zip(expected.rows, expected.rotations, expected.sigmas, strict=True):
             joint = self._body.tree_joints[row]
             parent, child = self._body.segment_index[joint.parent], self._body.segment_index[joint.child]
             measured = joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child
-            noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma, _NO_OPINION_M], 3))
+            noise = gtsam.noiseModel.Diagonal.Sigmas(np.concatenate([sigmas, np.full(3, _NO_OPINION_M)]))
             graph.add(_between(self.key(index, parent), self.key(index, child), measured, noise))
         return graph
 
-    def anchor(
-        self, index: int, start: NDArray[np.float64], sigma_rad: float, sigma_m: float
+    def equipment(
+        self, index: int, predicted: NDArray[np.float64], joints: Iterable[HeldJoint]
     ) -> gtsam.NonlinearFactorGraph:
-        """What an instant has in place of a past: (S, 4, 4) start values."""
+        """What couples the body to its equipment (B eq. 15-19) around predicted poses (S, 4, 4): joints like any other.
+
+        An attachment that cameras contradict gives way.
+        """
         graph = gtsam.NonlinearFactorGraph()
-        noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([sigma_rad, sigma_m], 3))
-        for row, pose in enumerate(start):
+        for held in joints:
+            parent, child = (self._body.segment_index[name] for name in (held.joint.parent, held.joint.child))
+            closed = held.joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child])
+            noise = gtsam.noiseModel.Gaussian.Information(held.information)
+            if held.kernel is not None:
+                kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(held.kernel)
+                noise = gtsam.noiseModel.Robust.Create(kernel, noise)
+            graph.add(_between(self.key(index, parent), self.key(index, child), closed, noise))
+        return graph
+
+    def anchor(
+        self, index: int, poses: Mapping[int, NDArray[np.float64]], sigmas: NDArray[np.float64]
+    ) -> gtsam.NonlinearFactorGraph:
+        """What segments have in place of a past: row -> pose (4, 4), and sigmas (6) of all [rad], [m]."""
+        graph = gtsam.NonlinearFactorGraph()
+        noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
+        for row, pose in poses.items():
             graph.add(gtsam.PriorFactorPose3(self.key(index, row), gtsam.Pose3(pose), noise))
         return graph
 
     def motion(
-        self, index: int, steps: NDArray[np.float64], dt_s: float, previous_dt_s: float
+        self, index: int, steps: NDArray[np.float64], sigmas: NDArray[np.float64], rows: Iterable[int]
     ) -> gtsam.NonlinearFactorGraph:
-        """E_O and E_A of A eq. 10-11, on velocities: steps (S, 4, 4) from the instant before that keep the velocity."""
+        """E_O and E_A of A eq. 10-11, on velocities.
+
+        Args:
+            index: of the new instant.
+            steps: (S, 4, 4) from the instant before that keep the velocity.
+            sigmas: (S, 6) of the deviation from them [rad], [m].
+            rows: of the segments that go on so.
+        """
         graph = gtsam.NonlinearFactorGraph()
-        noise = gtsam.noiseModel.Diagonal.Sigmas(motion_sigmas(dt_s, previous_dt_s, self._motion))
-        for row, step in enumerate(steps):
-            graph.add(_between(self.key(index - 1, row), self.key(index, row), step, noise))
+        for row in rows:
+            noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas[row])
+            graph.add(_between(self.key(index - 1, row), self.key(index, row), steps[row], noise))
         return graph
 
 

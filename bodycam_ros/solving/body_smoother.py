@@ -9,15 +9,14 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -33,19 +32,20 @@ from bodycam_ros.solving.camera_evidence import (
     weak_evidence,
 )
 from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
+from bodycam_ros.solving.contact import FootContacts
+from bodycam_ros.solving.coupling import Coupling
+from bodycam_ros.solving.equipment_recorded import RecordedEquipment
 from bodycam_ros.solving.forward_states import ForwardStates
-from bodycam_ros.solving.motion import MotionSettings, orthonormal, predict
+from bodycam_ros.solving.going_on import GoingOn
+from bodycam_ros.solving.held_joint import HeldJoint
+from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
-from bodycam_ros.solving.smooth_motion import SegmentMotion
 from bodycam_ros.solving.smoother_settings import SmootherSettings
-from bodycam_ros.solving.start_poses import first_poses, hung, led, turned_on_joint
+from bodycam_ros.solving.start_poses import hung, led, seated, turned_on_joint
 from bodycam_ros.solving.whole_recording import WholeRecording
-
-_BEGIN_RAD, _BEGIN_M = 0.5, 0.5
-"""Sigmas of where a body begins: next to a camera nothing, yet not too vague for a Cholesky factor."""
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,8 @@ class BodySmoother:
         cameras: models of the cameras, by name.
         settings, motion, evidence, trust, memory, covariance, pose_fit: settings of the smoother and of its steps.
         offline: states may wait until a limb that is blind is seen again.
+        coupling: what the body is coupled to; ``body`` then is the one with the equipment.
+        contacts: which feet stand.
         on_progress: told the share that is done while a recording is solved as a whole.
 
     Attributes:
@@ -79,15 +81,18 @@ class BodySmoother:
         covariance: CovarianceSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
         offline: bool = False,
+        coupling: Coupling | None = None,
+        contacts: FootContacts | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        self.body, self._offline, self._on_progress = body, offline, on_progress
+        self.body, self._offline, self._on_progress, self._coupling = body, offline, on_progress, coupling
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
         if not self._cameras:
+            there = ", ".join(cameras) or "there are none"
+            carried = ", ".join(body.mounts)
             raise BodyError(
-                f"body {body.name}: none of the recording's cameras ({', '.join(cameras) or 'there are none'}) is on "
-                f"it; it carries {', '.join(body.mounts)}"
+                f"body {body.name}: none of the recording's cameras ({there}) is on it; it carries {carried}"
             )
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
@@ -95,9 +100,13 @@ class BodySmoother:
         self._trust_settings = trust or TrustSettings()
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._motion)
+        self._coupled = coupling.joint_names if coupling else frozenset[str]()
+        self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._coupled)
         self._window = BodyWindow(self._factors, self.settings)
-        self._memory = PoseMemory(body, memory or PoseMemorySettings())
+        self._going_on = GoingOn(body, self._window, self._factors, self._motion, coupling)
+        self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()
+        self._memory = PoseMemory(body, memory or PoseMemorySettings(), self._coupled)
+        self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
         self._joint_ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
@@ -121,8 +130,10 @@ class BodySmoother:
         self._window.clear()
         self._published = -1
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
-        self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings)
+        self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings, self._coupled)
         self._jumped: frozenset[int] = frozenset()
+        if self._coupling:
+            self._coupling.begin_anew()
         self._outgoing = self.outgoing()
 
     def outgoing(self) -> ForwardStates | WholeRecording:
@@ -131,10 +142,9 @@ class BodySmoother:
         if not self.settings.whole_recording:
             longest_s = self.settings.blind_hold if self._offline else 0.0
             return ForwardStates(self.body, longest_s, turn_sigma, density)
-        motion = SegmentMotion.of(self._motion, len(self.body.segments))
-        return WholeRecording(
-            self.body, self._factors, self._memory, motion, density, turn_sigma, self.settings, self._on_progress
-        )
+        equipment = RecordedEquipment(self.body, self._coupling, self._factors) if self._coupling else None
+        solved = self.body, self._factors, self._memory, self._motion
+        return WholeRecording(*solved, density, turn_sigma, self.settings, self._on_progress, equipment)
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera of the body from now on, or another model of one."""
@@ -146,18 +156,16 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
-        registered = self._mounted.absolute_evidence(
-            matches for camera, matches in frame.matches.items() if camera in self._cameras
-        )
+        registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
-        moved = self._predict_motion(frame.stamp_ns)
+        moved = self._going_on.predict(frame.stamp_ns, dt_s, self._jumped)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
-        path = moved if moved is not None else first_poses(self.body, trusted.evidence.values())
+        path = moved if moved is not None else self._going_on.begin(trusted.evidence.values())
         seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
@@ -165,26 +173,31 @@ class BodySmoother:
         observed = self._of_segments(seen.segment for seen in evidence.values())
         joints_seen = observed[self._joint_ends].all(axis=1)
         known = observed | self._of_segments(turn.segment for _, turn in turns)
+        known[list(self._beside)] = True
         turning = known[self._joint_ends].all(axis=1)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
-        start = self._seat(path, trusted.seats)
+        start = seated(path, trusted.seats)
         self._jumped = trusted.jumped
+        held, holding = self._couple(frame.stamp_ns, dt_s, start, trusted)
         factors = {
             "cameras": self._factors.cameras(index, evidence.values()),
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
-            "past": self._past(index, dt_s, path),
+            "past": self._going_on.past(index, dt_s, path, start),
+            "contacts": self._contacts.factors(self._window, self._factors.key),
+            "equipment": self._factors.equipment(index, start, held),
         }
-        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), [turn for _, turn in turns], expected)
+        turned_by = [turn for _, turn in turns]
+        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), turned_by, expected, held)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
-        silent_ns = self._silence.missing(frame)
-        silent_ns = silent_ns if index else ()
+        silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns)
+        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
         self._window.add(instant, factors)
+        self._going_on.learn_speeds(dt_s)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
         return states + self._publish(self.settings.frames_behind)
 
@@ -210,21 +223,6 @@ class BodySmoother:
         named[[self.body.segment_index[name] for name in names]] = True
         return named
 
-    def _predict_motion(self, stamp_ns: int) -> Array | None:
-        """Poses (S, 4, 4) at the velocity of the latest two instants; None while there is none."""
-        if not self._window.instants:
-            return None
-        latest = self._window.instants[-1]
-        if len(self._window.instants) == 1:
-            return self._window.poses(latest).copy()
-        before, world_T_segment = self._window.instants[-2], self._window.poses(latest)
-        before_s, ahead_s = 1e-9 * (latest.stamp_ns - before.stamp_ns), 1e-9 * (stamp_ns - latest.stamp_ns)
-        predicted = predict(self._window.poses(before), world_T_segment, before_s, ahead_s, self._motion)
-        # Where a segment was put elsewhere, the step before is no velocity.
-        for row in self._jumped:
-            predicted[row] = world_T_segment[row]
-        return predicted
-
     def _predict_turns(
         self, measured: Iterable[TurnSince], seen: set[str], path: Array
     ) -> list[tuple[int, SegmentTurn]]:
@@ -249,12 +247,14 @@ class BodySmoother:
             rotations = led(rotations, before, expected)
         return hung(self.body, path, self._memory.within_limits(rotations), known)
 
-    def _seat(self, path: Array, seats: Mapping[int, Array]) -> Array:
-        """Start values (S, 4, 4): the path, except for segments that start where their cameras are."""
-        start = path.copy()
-        if seats:
-            start[list(seats)] = orthonormal(np.stack(list(seats.values())))
-        return start
+    def _couple(
+        self, stamp_ns: int, dt_s: float, start: Array, trusted: Trusted
+    ) -> tuple[list[HeldJoint], Holding | None]:
+        """What couples the body to its equipment, which is put into the start values (S, 4, 4), in place."""
+        if self._coupling is None:
+            return [], None
+        self._coupling.follow(stamp_ns, dt_s, start, trusted.evidence)
+        return self._coupling.joints(start, self._coupling.holding), self._coupling.holding
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
         """What cameras say that are not registered, and what the refused ones say when they are asked again."""
@@ -272,14 +272,6 @@ class BodySmoother:
                 weak[camera] = seen
         return weak
 
-    def _past(self, index: int, dt_s: float, path: Array) -> gtsam.NonlinearFactorGraph:
-        """How the instant hangs on the one before, or what stands in for it at the start."""
-        if index == 0:
-            return self._factors.anchor(index, path, _BEGIN_RAD, _BEGIN_M)
-        instants = self._window.instants
-        previous_dt_s = 1e-9 * (instants[-1].stamp_ns - instants[-2].stamp_ns) if len(instants) > 1 else dt_s
-        return self._factors.motion(index, inverse(self._window.poses(instants[-1])) @ path, dt_s, previous_dt_s)
-
     def _publish(self, delay: int) -> list[BodyState]:
         """States of the instants that at least ``delay`` others have followed."""
         states = []
@@ -294,4 +286,7 @@ class BodySmoother:
 
     def _state(self, instant: Instant) -> BodyState:
         poses, known = self._window.poses(instant), instant.uncertainty
-        return BodyState(instant.stamp_ns, self.body.segments, poses, known, instant.observed, instant.cameras_used)
+        report = self._coupling.report(poses, instant.recorded.holding) if self._coupling else None
+        return BodyState(
+            instant.stamp_ns, self.body.segments, poses, known, instant.observed, instant.cameras_used, report
+        )

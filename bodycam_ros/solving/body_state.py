@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 
 
@@ -20,6 +21,7 @@ class BodyState:
         observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
             from smoothness and from the poses that the body has been seen in.
         cameras_used: how many cameras spoke and were believed.
+        equipment: how the body is coupled to what it rides, holds or stands on; None without such.
     """
 
     stamp_ns: int
@@ -28,6 +30,7 @@ class BodyState:
     uncertainty: BodyUncertainty
     observed: NDArray[np.bool_]
     cameras_used: int
+    equipment: EquipmentReport | None = None
 
     @property
     def predicted(self) -> bool:

@@ -21,8 +21,11 @@ from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 logger = logging.getLogger(__name__)
 
-_RESTART_RAD, _RESTART_M = 0.1, 0.05
-"""Sigmas of where the body was when its window was lost."""
+_RESTART = np.repeat([0.1, 0.05], 3)
+"""Sigmas [rad], [m] of where the body was when its window was lost."""
+
+_OF_THE_PAST = ("past", "turns", "contacts")
+"""Factors of an instant that tie it to earlier ones."""
 
 
 @dataclass
@@ -110,9 +113,9 @@ class BodyWindow:
                 return
             except BackEndError as error:
                 self._fail(error)
-        # Without what ties it to a past that is lost; its turns speak of that past, too.
-        anchor = self._factors.anchor(instant.index, instant.world_T_segment, _RESTART_RAD, _RESTART_M)
-        alone = {name: graph for name, graph in factors.items() if name not in ("past", "turns")} | {"past": anchor}
+        # Without what ties it to a past that is lost.
+        anchor = self._factors.anchor(instant.index, dict(enumerate(instant.world_T_segment)), _RESTART)
+        alone = {name: graph for name, graph in factors.items() if name not in _OF_THE_PAST} | {"past": anchor}
         for graphs in (alone, {"past": anchor}):
             self._begin()
             self._solved_from = instant.index

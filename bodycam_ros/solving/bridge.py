@@ -2,7 +2,9 @@
 
 A curve leaves with the body's velocity and arrives with it.
 
-Cubic Hermite curves, of the root's pose and of every joint's rotation, so that no limb is stretched on the way.
+Cubic Hermite curves, of the root's pose and of every joint's rotation, so that no limb is stretched on the way. What
+stands beside the body, on a free joint, goes its own way through the world as the root does; its cranks and wheels turn
+on, over as many whole turns as their speed on both sides tells.
 """
 
 from collections import deque
@@ -13,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3
+from bodycam_ros.body.joint import hinge_angle
+from bodycam_ros.body.joint_angles import nearest_turn
+from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState
@@ -80,17 +84,56 @@ def bridge(
         return _curve(share, arrived, whole_s * leaving, whole_s * arriving)
 
     start_R = body.joint_rotations(start.world_T_segment)
-    world_T_start = start.world_T_segment[root]
     rotations = start_R @ exp_so3(
         swept(lambda poses: log_so3(np.swapaxes(start_R, -1, -2) @ body.joint_rotations(poses)))
     )
-    world_T_root = world_T_start @ exp_se3(swept(lambda poses: log_se3(inverse(world_T_start) @ poses[root])))
+    known_R = np.array(
+        [body.joint_rotations(posture.world_T_segment) for posture in (before[0], start, end, after[-1])]
+    )
+    for row, joint in enumerate(body.tree_joints):
+        if joint.type == "hinge" and joint.limits is None and joint.child in body.equipment_segments:
+            turned = _turning_on(share, hinge_angle(known_R[:, row], joint.axis), (leaving_s, whole_s, arriving_s))
+            rotations[:, row] = joint.hinge_rotation(turned)
+
+    def through_the_world(row: int) -> Array:
+        world_T_start = start.world_T_segment[row]
+        swept_through: Array = world_T_start @ exp_se3(
+            swept(lambda poses: log_se3(inverse(world_T_start) @ poses[row]))
+        )
+        return swept_through
+
     known = [_between(start.uncertainty, end.uncertainty, float(u), whole_s, density) for u in share]
-    poses, unseen = body.forward_kinematics(world_T_root, rotations), np.zeros(len(body.segments), bool)
+    motion, world_T_root = rigid(rotations, np.zeros(3)), through_the_world(root)
+    poses = body.forward_kinematics(world_T_root, motion)
+    for row, joint in enumerate(body.tree_joints):
+        if joint.type == "free":
+            world_T_joint = poses[:, body.segment_index[joint.parent]] @ joint.parent_T_joint
+            world_T_child = through_the_world(body.segment_index[joint.child])
+            motion[:, row] = inverse(world_T_joint) @ world_T_child @ joint.child_T_joint
+            poses = body.forward_kinematics(world_T_root, motion)
+    unseen = np.zeros(len(body.segments), bool)
     return [
         BodyState(stamp_ns, body.segments, world_T_segment, uncertainty, unseen, 0)
         for stamp_ns, world_T_segment, uncertainty in zip(stamps_ns, poses, known, strict=True)
     ]
+
+
+def _turning_on(share: Array, angles: Array, seconds: tuple[float, float, float]) -> Array:
+    """Angles (T) [rad] of what keeps its speed, at shares (T,) of the way.
+
+    Args:
+        share: of the way between the middle two of the angles.
+        angles: (4) before, at the start, at the end and after [rad], whole turns unknown.
+        seconds: (3) between them [s]; zero where nothing is known of the speed.
+    """
+    leaving_s, whole_s, arriving_s = seconds
+    steps = nearest_turn(np.diff(angles), np.zeros(3))
+    speeds = [step / second for step, second in ((steps[0], leaving_s), (steps[2], arriving_s)) if second]
+    # Where one side's speed is unknown it is the other's.
+    leaving, arriving = whole_s * np.array([speeds[0], speeds[-1]] if speeds else [0.0, 0.0])
+    through = nearest_turn(steps[1], 0.5 * (leaving + arriving))
+    turned: Array = angles[1] + _curve(share, through, leaving, arriving, swing=1.0)
+    return turned
 
 
 def _between(
@@ -116,8 +159,8 @@ def _seconds(states: Sequence[BodyState]) -> float:
     return 1e-9 * (states[-1].stamp_ns - states[0].stamp_ns)
 
 
-def _curve(share: Array, end: Array, leaving: Array, arriving: Array) -> Array:
+def _curve(share: Array, end: Array, leaving: Array, arriving: Array, swing: float = _SWING) -> Array:
     """Cubic Hermite curve (T, ...) from zero to ``end`` (...) at shares (T,) of the way, with both ends' velocities."""
     u = share.reshape(-1, *[1] * end.ndim)
-    curve: Array = u**2 * (3 - 2 * u) * end + _SWING * ((u**3 - 2 * u**2 + u) * leaving + (u**3 - u**2) * arriving)
+    curve: Array = u**2 * (3 - 2 * u) * end + swing * ((u**3 - 2 * u**2 + u) * leaving + (u**3 - u**2) * arriving)
     return curve

@@ -163,3 +163,15 @@ def turned(
 ) -> NDArray[np.float64]:
     """The predicted pose (4, 4) with its rotation replaced by the measured one."""
     return rigid(world_T_segment_before[:3, :3] @ turn.previous_R_segment, predicted[:3, 3])
+
+
+def poses_as_seen(body: BodyModel, path: NDArray[np.float64], evidence: Iterable[SegmentPose]) -> NDArray[np.float64]:
+    """A path (S, 4, 4) with segments where the surest of their cameras has them."""
+    poses = path.copy()
+    surest: dict[int, float] = {}
+    for seen in evidence:
+        row, spread = body.segment_index[seen.segment], float(np.trace(seen.covariance))
+        if spread < surest.get(row, np.inf):
+            surest[row] = spread
+            poses[row] = seen.world_T_segment
+    return poses

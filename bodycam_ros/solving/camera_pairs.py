@@ -40,6 +40,7 @@ def comparable_pairs(body: BodyModel) -> list[CameraPair]:
     return pairs + [
         CameraPair(a, b, joint.parent_T_joint[:3, 3], joint.child_T_joint[:3, 3], False)
         for joint in body.joints
+        if joint.type != "free"
         for a in body.cameras_on(joint.parent)
         for b in body.cameras_on(joint.child)
     ]

@@ -5,6 +5,7 @@ their limbs together, so the memory keeps the mean and the covariance of all joi
 the joints that are seen, a Gaussian tells the others: their expectation and how far from it they have been.
 """
 
+from collections.abc import Collection
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.body.joint import Joint, hinge_angle
+from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
 
@@ -71,7 +73,7 @@ class ExpectedJoints:
     Attributes:
         rows: (U) of the joints in ``BodyModel.tree_joints``.
         rotations: (U, 3, 3) joint rotations, within their limits.
-        sigmas: (U) how far a joint may be from it [rad].
+        sigmas: (U, 3) how far a joint may be from it, about the child's axes [rad].
         steps: (U, 3, 3) how the expectation turned since the instant before, in the child's frame.
         lead: (U) share, 0 to 1, by which a joint moves as expected rather than as it moved when it was last seen.
     """
@@ -84,7 +86,7 @@ class ExpectedJoints:
 
     def silenced(self, which: NDArray[np.bool_]) -> "ExpectedJoints":
         """The same with no opinion of some (U,) of the joints."""
-        return replace(self, sigmas=np.where(which, _NO_OPINION_RAD, self.sigmas))
+        return replace(self, sigmas=np.where(which[:, None], _NO_OPINION_RAD, self.sigmas))
 
 
 class PoseMemory:
@@ -96,24 +98,30 @@ class PoseMemory:
     Args:
         body: joints and their limits.
         settings: strength and time.
+        machine: names of joints that are no person's: what they do tells of the others, and nothing tells of them.
     """
 
-    def __init__(self, body: BodyModel, settings: PoseMemorySettings) -> None:
+    def __init__(
+        self, body: BodyModel, settings: PoseMemorySettings, machine: Collection[str] = frozenset[str]()
+    ) -> None:
         self._settings = settings
+        self._machine = np.array([joint.name in machine for joint in body.tree_joints], bool)
+        self._turning_rows = [
+            row for row, joint in enumerate(body.tree_joints) if self._machine[row] and joint.type == "hinge"
+        ]
+        self._axes = [body.tree_joints[row].axis for row in self._turning_rows]
         self._joint_angles = JointAngles(body)
-        low, high = _angle_limits(body)
+        low, high = angle_limits(body)
         self._low, self._high = low, high
         self._rest_angles = np.clip(np.zeros(len(low)), low, high)
         self._joint_of_angle = np.repeat(
             np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
         )
-        bounded = np.isfinite(low) & np.isfinite(high)
-        self._middle_R = self._joint_angles.rotations(
-            0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0)
-        )
+        self._middle_R = middle_of_limits(body)
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
-        spans = np.array([_span(joint.limits, settings.sigma) for joint in body.tree_joints])
-        self._rest_variance = np.repeat(spans**2, 3)
+        spans = np.array([_spans(joint, settings.sigma) for joint in body.tree_joints]).reshape(-1, 3)
+        spans[self._machine] = 1.0
+        self._rest_variance = np.ravel(spans**2)
         size = 3 * len(body.tree_joints)
         # Sums over the instants at which both of two components were seen: seconds, first component, product.
         self._unseen_s = np.zeros(len(body.tree_joints))
@@ -127,6 +135,21 @@ class PoseMemory:
     def turning_time(self) -> float:
         """How long [s] a limb whose turns are measured knows by itself where it is."""
         return self._settings.turning_time
+
+    @property
+    def middle_of_limits(self) -> NDArray[np.float64]:
+        """(J, 3, 3) joint rotations in the middle of their limits."""
+        return self._middle_R
+
+    @property
+    def machine(self) -> NDArray[np.bool_]:
+        """(J,) which joints are no person's; where they stand is always known well enough to tell of the others."""
+        return self._machine
+
+    @property
+    def ever_seen(self) -> NDArray[np.bool_]:
+        """(J,) which joints have been seen so far."""
+        return np.asarray(np.diag(self._seconds)[::3] > 0.0)
 
     @property
     def forget_after(self) -> float:
@@ -148,6 +171,7 @@ class PoseMemory:
     def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
         self._learned = None
+        seen = seen | self._machine
         kept = np.exp(-dt_s / self._settings.forget_after)
         angles = self._joint_angles.angles(rotations, self._rest_angles)
         moved = seen[self._joint_of_angle]
@@ -174,11 +198,12 @@ class PoseMemory:
             turning: (J,) whether the rotation of what is not seen is measured at least.
             dt_s: since the instant before [s].
         """
+        seen = seen | self._machine
         self._unseen_s = np.where(seen, 0.0, self._unseen_s + dt_s)
         rows = np.flatnonzero(~seen)
         if len(rows) == 0:
             self._expected_before[:] = np.nan
-            return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0))
+            return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
         self._learned = self._learned or self._gaussian()
         mean, covariance = self._learned
         known, wanted = np.repeat(seen, 3), np.repeat(~seen, 3)
@@ -192,8 +217,9 @@ class PoseMemory:
         deviation = gain @ (self.vectors(rotations) - mean)[known]
         expected = mean.copy()
         expected[wanted] += np.clip(deviation, -reach, reach)
-        variances = np.diag(spread).reshape(-1, 3).max(axis=1)
-        sigmas = np.sqrt(np.maximum(variances, self._settings.min_sigma**2)) * self._caution(turning, dt_s)[rows]
+        variances = np.diag(spread).reshape(-1, 3)
+        caution = self._caution(turning, dt_s)[rows, None]
+        sigmas = np.sqrt(np.maximum(variances, self._settings.min_sigma**2)) * caution
         now = self.within_limits(self._rotations(expected))[rows]
         steps = np.swapaxes(self._expected_before[rows], -1, -2) @ now
         steps[np.isnan(steps).any(axis=(1, 2))] = np.eye(3)
@@ -232,7 +258,14 @@ class PoseMemory:
 
     def vectors(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rotation vectors (3 J) of joint rotations (J, 3, 3), from the middle of each joint's limits."""
-        return log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations).ravel()
+        vectors = log_so3(np.swapaxes(self._middle_R, -1, -2) @ rotations)
+        if self._machine.any():
+            # A crank turns for ever, and legs follow it: sine and cosine instead of an angle that jumps.
+            vectors[self._machine] = 0.0
+            for row, axis in zip(self._turning_rows, self._axes, strict=True):
+                angle = hinge_angle(rotations[row], axis)
+                vectors[row, :2] = np.cos(angle), np.sin(angle)
+        return vectors.ravel()
 
     def rotation(self, row: int, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         """The rotation (3, 3) of one joint of the tree, of its vector (3,)."""
@@ -244,17 +277,12 @@ class PoseMemory:
         return rotations
 
 
-def _angle_limits(body: BodyModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Low and high (A) [rad] of all joint angles; infinite where no limit is known."""
-    pairs = [
-        pair for joint in body.tree_joints for pair in (joint.limits or ((-np.inf, np.inf),) * len(joint.angle_names))
-    ]
-    limits = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-    return limits[:, 0], limits[:, 1]
-
-
-def _span(limits: tuple[tuple[float, float], ...] | None, unknown: float) -> float:
-    """Spread of a joint [rad] as its range tells: people are within a quarter of it most of the time."""
-    if not limits:
-        return unknown
-    return max(0.25 * float(np.mean([high - low for low, high in limits])), 0.05)
+def _spans(joint: Joint, unknown: float) -> NDArray[np.float64]:
+    """Spread of a joint about its x, y and z [rad] as its range tells: people are within a quarter of it mostly."""
+    spans = np.full(3, unknown)
+    if joint.limits and joint.type == "ball":
+        for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
+            spans["xyz".index(axis)] = max(0.25 * (high - low), 0.05)
+    elif joint.limits:
+        spans[:] = max(0.25 * float(np.mean([high - low for low, high in joint.limits])), 0.05)
+    return spans

@@ -7,6 +7,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 
@@ -25,6 +26,8 @@ class Recorded:
         joints_turning: (J,) whether both were, or their rotations measured at least.
         turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
         missing_ns: stamps before this one at which all cameras were silent.
+        refused: cameras that were not believed.
+        holding: what held the body to its equipment; None without, or before that was placed.
     """
 
     factors: Mapping[str, gtsam.NonlinearFactorGraph]
@@ -33,6 +36,8 @@ class Recorded:
     joints_turning: NDArray[np.bool_]
     turns: Mapping[int, Array]
     missing_ns: tuple[int, ...]
+    refused: frozenset[str] = frozenset()
+    holding: Holding | None = None
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ class SegmentMotion:
     """How suddenly each segment may change its motion.
 
     Attributes:
-        accelerations: (S, 6) sigmas, rotation [rad/s^2] then translation [m/s^2].
+        accelerations: (S, 6) sigmas, rotation [rad/s^2] then translation [m/s^2]; (T, S, 6) where they change.
         velocity_time: (S,) in which a velocity that nothing sees fades [s].
     """
 
@@ -36,10 +36,9 @@ class SegmentMotion:
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
         return cls(np.tile(sigmas, (segments, 1)), np.full(segments, settings.velocity_time))
 
-    @property
-    def velocities(self) -> Array:
-        """(S, 6) sigmas [rad/s, m/s] per root of an interval [s]: velocities that the accelerations keep up."""
-        return np.asarray(self.accelerations * np.sqrt(0.5 * self.velocity_time)[:, None])
+    def of_steps(self, count: int) -> Array:
+        """(T - 1, S, 6) accelerations of the steps between T instants."""
+        return np.broadcast_to(self.accelerations, (count, *self.accelerations.shape[-2:]))[1:]
 
 
 class SmoothMotion:
@@ -56,11 +55,13 @@ class SmoothMotion:
         left = np.exp(-dt_s[:, None] / motion.velocity_time)
         self._ratio = (left * (dt_s / before_s)[:, None])[:, :, None]
         # A mean velocity differs from the one before by the acceleration times half of both times.
-        self._weight = 1.0 / (motion.accelerations * (0.5 * dt_s * (dt_s + before_s))[:, None, None])
+        steps = motion.of_steps(len(stamps_ns))
+        self._weight = 1.0 / (steps * (0.5 * dt_s * (dt_s + before_s))[:, None, None])
         if len(dt_s):
             # Nothing comes before the first step: it is one of the velocities that people have.
             self._ratio[0] = 0.0
-            self._weight[0] = 1.0 / (motion.velocities * np.sqrt(dt_s[0]) * dt_s[0])
+            velocities = steps[0] * np.sqrt(0.5 * motion.velocity_time)[:, None]
+            self._weight[0] = 1.0 / (velocities * np.sqrt(dt_s[0]) * dt_s[0])
 
     def error(self, world_T_segment: Array) -> float:
         """Half the sum of squared deviations, in sigmas, of poses (T, S, 4, 4)."""

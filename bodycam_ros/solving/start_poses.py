@@ -1,6 +1,6 @@
 """Where the segments of a new instant start, before the solver moves them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,14 @@ def hung(body: BodyModel, poses: Array, rotations: Array, known: NDArray[np.bool
             turn = rigid(rotations[row], np.zeros(3))
             hanging[child] = hanging[parent] @ joint.parent_T_joint @ turn @ joint.joint_T_child
     return orthonormal(hanging)
+
+
+def seated(path: Array, seats: Mapping[int, Array]) -> Array:
+    """Start values (S, 4, 4): the path, except for segments that start where their cameras are, row -> pose (4, 4)."""
+    start = path.copy()
+    if seats:
+        start[list(seats)] = orthonormal(np.stack(list(seats.values())))
+    return start
 
 
 def turned_on_joint(body: BodyModel, matches: LandmarkMatches, evidence: Collection[SegmentPose], path: Array) -> Array:

@@ -21,16 +21,20 @@ from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.bridge import bridge
 from bodycam_ros.solving.camera_evidence import SegmentTurn
+from bodycam_ros.solving.equipment_recorded import RecordedEquipment
+from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
 from bodycam_ros.solving.recorded_instants import RecordedInstant, border, known_by_turns
 from bodycam_ros.solving.recorded_poses import RecordedPoses
 from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
 from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.solving.start_poses import hung
 
 logger = logging.getLogger(__name__)
 
 _HELD = 8
 """Instants before a block that stay as they were published: those that motion and turns of its first ones speak of."""
+_MADE_ANEW = ("past", "joints", "equipment")
 _HELD_SIGMA = 1e-5  # [rad, m] of these: next to a camera, not at all
 _BEGIN_SIGMA = 5.0  # [rad, m] of where a recording begins: so vague that it only makes the problem solvable
 _MOST_STEPS = 15  # Gauss-Newton takes two where cameras see, and some more for limbs that begin far off
@@ -50,6 +54,7 @@ class WholeRecording:
         turn_sigma: of a measured rotation [rad].
         settings: length of the blocks.
         on_progress: told the share of the instants kept that is solved.
+        equipment: what the body is coupled to.
 
     Attributes:
         bridged: instants without any image that were filled in.
@@ -62,13 +67,15 @@ class WholeRecording:
         body: BodyModel,
         factors: BodyFactors,
         memory: PoseMemory,
-        motion: SegmentMotion,
+        motion: MotionSettings,
         density: Array,
         turn_sigma: float,
         settings: SmootherSettings,
         on_progress: Callable[[float], None] = lambda share: None,
+        equipment: RecordedEquipment | None = None,
     ) -> None:
         self._body, self._factors, self._memory, self._motion = body, factors, memory, motion
+        self._equipment = equipment
         self._density, self._turn_sigma = density, turn_sigma
         self._settings, self._on_progress = settings, on_progress
         self.solve: BlockSolver = solve_block
@@ -78,6 +85,7 @@ class WholeRecording:
         self._ends = np.array(
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
         ).reshape(-1, 2)
+        self._below = body.rows_below
         self.bridged = self.unsolved = 0
 
     def add(self, instant: RecordedInstant, following: Sequence[BodyState]) -> list[BodyState]:
@@ -108,7 +116,12 @@ class WholeRecording:
             self.unsolved += count
             solved = np.array([instant.state.world_T_segment for instant in self._waiting])
         states = [
-            replace(instant.state, world_T_segment=poses) for instant, poses in zip(self._waiting, solved, strict=True)
+            replace(
+                instant.state,
+                world_T_segment=poses,
+                equipment=self._equipment.report(instant, poses) if self._equipment else None,
+            )
+            for instant, poses in zip(self._waiting, solved, strict=True)
         ]
         self._poses.keep(held + count)
         published = self._with_bridges(states, count)
@@ -125,13 +138,19 @@ class WholeRecording:
         first_key = self._factors.key(instants[0].index, 0)
         stamps_ns = np.array([instant.state.stamp_ns for instant in instants])
         start = np.array([instant.state.world_T_segment for instant in instants])
+        if self._equipment:
+            start = np.concatenate([start[:held], self._equipment.start(instants, start)[held:]])
         expected = self._expect_again(instants, start)
+        if self._equipment:
+            start = self._hang_again(instants, start, expected)
         steps_done = 0
 
         def joints(around: Array) -> gtsam.NonlinearFactorGraph:
             graph = gtsam.NonlinearFactorGraph()
             for instant, poses, each in zip(instants, around, expected, strict=True):
                 graph.push_back(instant.recorded.joints(poses, each))
+                if self._equipment:
+                    graph.push_back(self._equipment.joints(instant, poses))
             return graph
 
         def on_step() -> None:
@@ -139,7 +158,10 @@ class WholeRecording:
             steps_done += 1
             self._on_progress(1.0 - 0.5**steps_done)
 
-        block = Block(first_key, self._fixed(instants, held), joints, SmoothMotion(self._motion, stamps_ns))
+        motion = SegmentMotion.of(self._motion, len(self._body.segments))
+        if self._equipment:
+            motion = self._equipment.motion(instants, self._motion)
+        block = Block(first_key, self._fixed(instants, held), joints, SmoothMotion(motion, stamps_ns))
         self._on_progress(0.0)
         poses = self.solve(block, start, _MOST_STEPS, on_step)
         self._on_progress(1.0)
@@ -152,16 +174,16 @@ class WholeRecording:
         first_key = self._factors.key(begin.index, 0)
         for instant in instants:
             for name, factors in instant.recorded.factors.items():
-                if name not in ("past", "joints"):
+                if name not in _MADE_ANEW:
                     graph.push_back(_within(factors, first_key))
         for instant in instants[1:]:
             graph.push_back(self._factors.turns(instant.index, self._turns_until_seen(instant)))
         for instant in instants[:held]:
-            poses = instant.state.world_T_segment
-            graph.push_back(self._factors.anchor(instant.index, poses, _HELD_SIGMA, _HELD_SIGMA))
+            poses = dict(enumerate(instant.state.world_T_segment))
+            graph.push_back(self._factors.anchor(instant.index, poses, np.full(6, _HELD_SIGMA)))
         if not held:
-            poses = begin.state.world_T_segment
-            graph.push_back(self._factors.anchor(begin.index, poses, _BEGIN_SIGMA, _BEGIN_SIGMA))
+            poses = dict(enumerate(begin.state.world_T_segment))
+            graph.push_back(self._factors.anchor(begin.index, poses, np.full(6, _BEGIN_SIGMA)))
         return graph
 
     def _turns_until_seen(self, instant: RecordedInstant) -> Iterable[tuple[int, SegmentTurn]]:
@@ -186,9 +208,27 @@ class WholeRecording:
         return self._poses.expect(
             np.array([instant.state.stamp_ns for instant in instants]),
             np.array([self._body.joint_rotations(at) for at in poses]),
-            np.array([instant.recorded.joints_seen for instant in instants]),
+            np.array([instant.recorded.joints_seen for instant in instants]) | self._memory.machine,
             again,
         )
+
+    def _hang_again(
+        self, instants: Sequence[RecordedInstant], start: Array, expected: Sequence[ExpectedJoints]
+    ) -> Array:
+        """Start values (T, S, 4, 4) in which limbs hang as is expected of them by now, if nothing of them was seen.
+
+        A joint that was never seen begins bent: a straight leg that a loop shortens might fold the wrong way.
+        """
+        hanging = []
+        middle, known_joints = self._memory.middle_of_limits, self._memory.ever_seen
+        for instant, poses, each in zip(instants, start, expected, strict=True):
+            rotations = self._body.joint_rotations(poses)
+            rotations[each.rows] = np.where(known_joints[each.rows, None, None], each.rotations, middle[each.rows])
+            children = self._ends[each.rows, 1]
+            known = np.ones(len(poses), bool)
+            known[[row for row in children.tolist() if not instant.state.observed[self._below[row]].any()]] = False
+            hanging.append(hung(self._body, poses, rotations, known))
+        return np.array(hanging)
 
     def _with_bridges(self, states: Sequence[BodyState], count: int) -> list[BodyState]:
         """The first states, and between them those of the stamps at which all cameras were silent."""

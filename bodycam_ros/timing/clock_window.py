@@ -81,6 +81,8 @@ def clock_evidence(
     """
     cameras = tuple(tracks)
     poses, twists, information = _at_instants(tracks, stamps_ns, max_gap_s)
+    # What stands beside the body says nothing of it, and it nothing of the clock of a camera there.
+    information[:, [body.mounts[camera].segment in body.equipment_segments for camera in cameras]] = 0.0
     told: NDArray[np.bool_] = np.trace(information, axis1=2, axis2=3) > 0.0
     rows = np.flatnonzero(told.sum(axis=1) >= 2)
     if len(rows) < _LEAST_INSTANTS:

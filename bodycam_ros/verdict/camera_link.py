@@ -129,7 +129,7 @@ def _ways(body: BodyModel, start: str, carried: set[str]) -> dict[str, tuple[Joi
         if segment in carried and segment != start:
             continue
         for joint in body.tree_joints:
-            if segment in (joint.parent, joint.child):
+            if joint.type != "free" and segment in (joint.parent, joint.child):
                 other = joint.child if segment == joint.parent else joint.parent
                 if other not in ways:
                     ways[other] = (*ways[segment], joint)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 from bodycam_ros.settings import setting
 
@@ -22,14 +23,15 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with one camera.
+    """What is wrong with one camera, or with the equipment.
 
     Attributes:
-        camera: name.
+        camera: name; of the equipment if ``part`` says so.
         level: what it makes of the result; doubtful or wrong.
         what: is seen.
         why: that likely is.
         remedy: what to do.
+        part: what has this name.
     """
 
     camera: str
@@ -37,6 +39,7 @@ class Finding:
     what: str
     why: str = ""
     remedy: str = ""
+    part: Literal["camera", "equipment"] = "camera"
 
     @property
     def told(self) -> str:
@@ -46,8 +49,8 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """The camera and all of it in one line."""
-        return f"camera {self.camera}: {self.told}"
+        """The part and all of it in one line."""
+        return f"{self.part} {self.camera}: {self.told}"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from viser import GuiApi
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
-from bodycam_ros.drawing.picture_style import WARNING, side_colour
+from bodycam_ros.drawing.picture_style import EQUIPMENT, WARNING, side_colour
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -54,7 +54,7 @@ def draw_picture(
         image: what the camera saw.
         model: its lens.
         world_T_camera: (4, 4) where the body puts it [m].
-        limbs: lines of the body at this one instant [m].
+        limbs: lines of the body and its equipment at this one instant [m].
         matches: landmarks that were found in the image.
 
     Raises:
@@ -65,6 +65,8 @@ def draw_picture(
     grey = cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA)
     pixels = np.ascontiguousarray(np.repeat(np.asarray(grey, dtype=np.uint8)[:, :, None], 3, axis=2))
     overlay = Overlay.of(model, world_T_camera, limbs, matches)
+    for line in overlay.equipment:
+        _draw_lines(pixels, scale * np.stack([line[:-1], line[1:]], axis=1), rgb(EQUIPMENT), 1)
     for segment, line in overlay.limbs:
         _draw_lines(pixels, scale * np.stack([line[:-1], line[1:]], axis=1), rgb(side_colour(segment)), 3)
     errors = overlay.errors

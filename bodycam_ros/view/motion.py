@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
-from bodycam_ros.drawing.stick_figure import body_bones
+from bodycam_ros.drawing.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.solved.body_motion import MotionJoiner
-from bodycam_ros.solved.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics
+from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
+from bodycam_ros.solved.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot
 from bodycam_ros.solved.trajectory import nearest
+from bodycam_ros.solved.urdf_tree import UrdfTree
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # where a single instant does not tell
@@ -33,9 +34,10 @@ class Motion:
         stamps_ns: (T,) increasing [ns].
         world_T_root: (T, 4, 4) poses of the root segment [m].
         angle_names: (A) joint angles, in the order of ``angles``.
-        angles: (T, A) [rad].
+        angles: (T, A) [rad], [m] of places.
         registered: camera -> (stamps (K,) increasing [ns], world_T_camera (K, 4, 4) [m]) where it knew its own pose;
             only cameras of which the recording says so.
+        equipment: lines of what the recording has beside the body, and the body file does not, over the T instants.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -43,6 +45,7 @@ class Motion:
     angle_names: tuple[str, ...]
     angles: Array
     registered: Mapping[str, tuple[NDArray[np.int64], Array]]
+    equipment: tuple[Bone, ...] = ()
 
     @classmethod
     def standing(cls, body: BodyModel) -> "Motion":
@@ -73,7 +76,7 @@ class Motion:
         joint_angles = JointAngles(body)
         column = {name: column for column, name in enumerate(self.angle_names)}
         angles = self.angles[instant, [column[name] for name in joint_angles.names]]
-        return body.forward_kinematics(self.world_T_root[instant], joint_angles.rotations(angles))
+        return body.forward_kinematics(self.world_T_root[instant], joint_angles.poses(angles))
 
     def registered_at(self, camera: str, instant: int) -> Array | None:
         """Pose world_T_camera (4, 4) that a camera found for itself within half a frame of an instant; None: lost."""
@@ -93,10 +96,13 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         RecordingError: not a bag, or without joint states and odometry of the same instants.
         BodyError: the bag is of a body with other joints or another root.
     """
-    joiner = MotionJoiner(path, JointAngles(body).names, f"body {body.name}")
+    names = JointAngles(body).names
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
     with BagFile(path) as bag:
         _check_topics(bag)
+        robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
+        beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
+        joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
         for topic, _, message in bag.messages([*MOTION_TOPICS, *cameras]):
             if topic in MOTION_TOPICS:
@@ -108,11 +114,18 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     return Motion(
         stamps_ns=motion.stamps_ns,
         world_T_root=motion.world_T_root,
-        angle_names=motion.joint_names,
-        angles=motion.joint_angles,
+        angle_names=names,
+        angles=motion.joint_angles[:, : len(names)],
         # Where some cameras' poses were recorded, a camera without one never knew where it was.
         registered={camera: _in_order(poses[camera]) for camera in body.mounts} if cameras else {},
+        equipment=_lines_beside(robot, motion) if robot is not None and beside else (),
     )
+
+
+def _lines_beside(robot: UrdfTree, motion: BodyMotion) -> tuple[Bone, ...]:
+    """Where the recording has what stands beside the body; corrections of the body do not move it."""
+    angles = dict(zip(motion.joint_names, motion.joint_angles.T, strict=True))
+    return tuple(equipment_lines(robot.forward_kinematics(motion.world_T_root, angles), robot.equipment))
 
 
 def _in_order(poses: dict[int, Array]) -> tuple[NDArray[np.int64], Array]:

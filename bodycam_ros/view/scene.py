@@ -15,7 +15,7 @@ from bodycam_ros.view.correction import Part
 from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.scene_nodes import GRID, GRID_FINE, WORLD, rgb
-from bodycam_ros.view.skeleton_scene import SkeletonScene, limbs_of
+from bodycam_ros.view.skeleton_scene import EquipmentScene, SkeletonScene, limbs_of
 
 FIELD_OF_VIEW = float(np.radians(40.0))
 """Of the browser's camera, from bottom to top [rad]."""
@@ -47,6 +47,7 @@ class Scene:
         self._world = server.scene.add_frame(WORLD, show_axes=False)
         self._landmarks = _add_map(server.scene, reference_map)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
+        self._equipment = EquipmentScene(server.scene, motion.equipment)
         self._cameras = CameraScene(server.scene, body, on_click)
 
     def show(self, body: BodyModel, instant: int, *, follow: bool) -> None:
@@ -57,6 +58,7 @@ class Scene:
                 x, y, _ = world_T_segment[body.segment_index[body.root], :3, 3]
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, world_T_segment)
+            self._equipment.show(instant)
             for camera in self._motion.registered:
                 self._cameras.show_registered(camera, self._motion.registered_at(camera, instant) is not None)
 
@@ -113,6 +115,7 @@ class Scene:
         if image is None:
             return None
         limbs = limbs_of(body, self._motion.segments_at(body, instant))
+        limbs += [line.at(instant) for line in self._motion.equipment]
         world_T_camera = self.world_T_camera(body, instant, footage.camera)
         return draw_picture(image, footage.model, world_T_camera, limbs, footage.matches.get(image.stamp_ns))
 

@@ -1,6 +1,6 @@
 """The skeleton: a frame in the scene for every segment, with its bones and joints in it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -8,13 +8,15 @@ from viser import CylinderHandle, FrameHandle, IcosphereHandle, SceneApi
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.drawing.picture_style import EQUIPMENT
 from bodycam_ros.drawing.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.view.correction import Part
-from bodycam_ros.view.scene_nodes import SELECTED, place, rgb, segment_name, segment_rgb, when_clicked
+from bodycam_ros.view.scene_nodes import SELECTED, WORLD, place, rgb, segment_name, segment_rgb, when_clicked
 
 _BONE_RADIUS_M = 0.02
 _JOINT_RADIUS_M = 0.032
+_EQUIPMENT_RADIUS_M = 0.014
 _SHORTEST_M = 1e-3  # a bone shorter than that has no direction
 
 
@@ -33,7 +35,7 @@ class SkeletonScene:
             when_clicked(ball, partial(on_click, Part("joint", joint.name)))
             self._joints[joint.name] = ball
         self._bones: list[CylinderHandle] = [
-            scene.add_cylinder(f"{segment_name(segment)}/bone_{number}", _BONE_RADIUS_M, 1.0, segment_rgb(segment))
+            scene.add_cylinder(f"{segment_name(segment)}/bone_{number}", *_rod(body, segment))
             for number, (segment, _, _) in enumerate(segment_bones(body))
         ]
         self.reshape(body)
@@ -61,6 +63,13 @@ class SkeletonScene:
             self._joints[joint.name].color = rgb(SELECTED) if is_selected else segment_rgb(joint.child)
 
 
+def _rod(body: BodyModel, segment: str) -> tuple[float, float, tuple[int, int, int]]:
+    """Radius, length to begin with, and colour of a line of a segment."""
+    if segment in body.equipment_segments:
+        return _EQUIPMENT_RADIUS_M, 1.0, rgb(EQUIPMENT)
+    return _BONE_RADIUS_M, 1.0, segment_rgb(segment)
+
+
 def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
     """Segment, start (3,) and end (3,) of each line of the body, in that segment's frame [m]."""
     root_T_segment = n_pose(body, np.eye(4))
@@ -77,8 +86,25 @@ def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
     limbs = []
     for segment, start, end in segment_bones(body):
         ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
-        limbs.append(Bone(segment, ends[:1], ends[1:]))
+        limbs.append(Bone(segment, ends[:1], ends[1:], segment in body.equipment_segments))
     return limbs
+
+
+class EquipmentScene:
+    """Draws lines over the instants of a recording, of what stands beside the body."""
+
+    def __init__(self, scene: SceneApi, lines: Sequence[Bone]) -> None:
+        self._lines = lines
+        self._rods = [
+            scene.add_cylinder(f"{WORLD}/equipment/line_{number}", _EQUIPMENT_RADIUS_M, 1.0, rgb(EQUIPMENT))
+            for number in range(len(lines))
+        ]
+
+    def show(self, instant: int) -> None:
+        """Show the lines at an instant."""
+        for rod, line in zip(self._rods, self._lines, strict=True):
+            rod.height = float(np.linalg.norm(line.end[instant] - line.start[instant]))
+            place(rod, _halfway(line.start[instant], line.end[instant]))
 
 
 def _halfway(start: Array, end: Array) -> Array:

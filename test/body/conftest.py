@@ -15,12 +15,12 @@ def pose(rotation_vector: list[float], position: list[float]) -> NDArray[np.floa
 
 @pytest.fixture
 def body() -> BodyModel:
-    """Ball, hinge, weld, turned and shifted joint frames on both sides, and a foot on a pedal that closes a loop."""
+    """Ball, hinge, weld, turned and shifted joint frames on both sides, a foot on a pedal: a loop; and a cart."""
     return BodyModel(
         name="rider",
         root="pelvis",
         # The root is not first, and parents come after their children.
-        segments=("shin", "pelvis", "foot", "thigh", "sensor", "crank"),
+        segments=("shin", "pelvis", "foot", "thigh", "sensor", "crank", "wheel", "cart"),
         joints=(
             Joint(
                 "knee",
@@ -49,6 +49,16 @@ def body() -> BodyModel:
                 pose([0.0, 0.1, 0.0], [0.0, 0.0, 0.17]),
             ),
             Joint(
+                "cart",
+                "pelvis",
+                "cart",
+                "free",
+                pose([0.2, 0.0, -0.1], [0.0, 0.0, 0.05]),
+                pose([0.0, 0.4, 0.0], [0.3, 0.0, 0.1]),
+                angle_axes="zxy",
+            ),
+            Joint("wheel_axle", "cart", "wheel", "hinge", pose([0.0, 0.0, 0.1], [0.0, 0.3, 0.2])),
+            Joint(
                 "pedal",
                 "crank",
                 "foot",
@@ -59,6 +69,7 @@ def body() -> BodyModel:
         ),
         mounts={
             "waist": CameraMount("pelvis", pose([-1.2, 1.1, -1.2], [0.14, 0.0, 0.04])),
+            "handle": CameraMount("cart", pose([0.1, -1.0, 0.0], [0.0, 0.0, 0.9])),
             "foot": CameraMount("foot", pose([0.3, np.pi / 2, 0.0], [0.09, 0.05, 0.0])),
         },
         report={"hip": {"std_mm": 1.5}},

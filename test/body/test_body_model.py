@@ -10,7 +10,7 @@ from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_so3
 
 
 def test_tree_has_parents_first_and_loops_apart(body: BodyModel) -> None:
-    assert [joint.name for joint in body.tree_joints] == ["hip", "knee", "ankle", "strap", "axle"]
+    assert [joint.name for joint in body.tree_joints] == ["hip", "knee", "ankle", "strap", "axle", "cart", "wheel_axle"]
     assert [joint.name for joint in body.loop_joints] == ["pedal"]
     assert body.joint_to_parent("pelvis") is None
     ankle = body.joint_to_parent("foot")

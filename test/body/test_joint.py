@@ -144,7 +144,7 @@ def test_hinge_angle_is_defined_at_half_a_turn() -> None:
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"type": "slider"}, "ball, hinge or weld"),
+        ({"type": "slider"}, "ball, hinge, weld or free"),
         ({"child": "a"}, "itself"),
         ({"angle_axes": "zyz"}, "angle_axes"),
         ({"axis": np.zeros(3)}, "axis"),

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -6,14 +7,15 @@ from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import EulerOrder, JointAngles, JointAngleTracker
+from bodycam_ros.body.joint_angles import EulerOrder, JointAngles, JointAngleTracker, SeenLimits
 from bodycam_ros.geometry import exp_se3, exp_so3, log_so3
 
 ORDERS = tuple("".join(order) for order in permutations("xyz"))
 
 
 def test_names_follow_the_tree_and_the_order_of_axes(body: BodyModel) -> None:
-    names = ("hip_y", "hip_z", "hip_x", "knee", "ankle_y", "ankle_x", "ankle_z", "axle")
+    cart = ("cart_at_x", "cart_at_y", "cart_at_z", "cart_z", "cart_x", "cart_y")
+    names = ("hip_y", "hip_z", "hip_x", "knee", "ankle_y", "ankle_x", "ankle_z", "axle", *cart, "wheel_axle")
     assert JointAngles(body).names == JointAngleTracker(body).names == names
 
 
@@ -21,27 +23,49 @@ def test_a_long_motion_with_whole_turns_is_followed(body: BodyModel, random: np.
     """A cranked axle and a swung arm pass pi again and again; the angles must neither jump nor lose a turn."""
     time = np.linspace(0.0, 6.0, 181)
     joint_angles = JointAngles(body)
-    speed = np.where(np.isin(joint_angles.names, ("axle", "hip_y", "knee")), 5.0, 0.0)
+    speed = np.where(
+        np.isin(joint_angles.names, ("axle", "hip_y", "knee", "cart_at_x", "cart_z", "wheel_axle")), 5.0, 0.0
+    )
     swing = np.where(speed > 0, 0.3, 1.2) * np.sin(np.outer(time, random.uniform(0.5, 2.0, len(speed))))
     truth = np.outer(time, speed) + swing
     world_T_root = exp_se3(np.outer(time, random.normal(size=6)))
-    world_T_segment = body.forward_kinematics(world_T_root, joint_angles.rotations(truth))
+    world_T_segment = body.forward_kinematics(world_T_root, joint_angles.poses(truth))
     tracker = JointAngleTracker(body)
     found = np.array([tracker.angles(poses) for poses in world_T_segment])
     np.testing.assert_allclose(found, truth, atol=1e-9)
     tracker.reset()
     again = tracker.angles(world_T_segment[-1])
-    np.testing.assert_allclose(
-        (again - truth[-1]) / (2 * np.pi), np.round((again - truth[-1]) / (2 * np.pi)), atol=1e-9
-    )
-    assert np.abs(again).max() <= np.pi + 1e-9
+    places = np.char.find(joint_angles.names, "_at_") >= 0
+    turns = ((again - truth[-1]) / (2 * np.pi))[~places]
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+    assert np.abs(again[~places]).max() <= np.pi + 1e-9
+    np.testing.assert_allclose(again[places], truth[-1][places], atol=1e-9)
 
 
 def test_what_it_returns_is_not_its_memory(body: BodyModel) -> None:
     tracker = JointAngleTracker(body)
-    still = body.forward_kinematics(np.eye(4), JointAngles(body).rotations(np.full(len(tracker.names), 0.3)))
+    still = body.forward_kinematics(np.eye(4), JointAngles(body).poses(np.full(len(tracker.names), 0.3)))
     tracker.angles(still)[:] = 100.0
     np.testing.assert_allclose(tracker.angles(still), 0.3, atol=1e-12)
+
+
+def test_rotations_alone_leave_a_free_joint_where_it_was(body: BodyModel, random: np.random.Generator) -> None:
+    joint_angles = JointAngles(body)
+    truth = random.uniform(-0.7, 0.7, size=len(joint_angles.names))
+    np.testing.assert_allclose(joint_angles.angles(joint_angles.rotations(truth), truth), truth, atol=1e-12)
+    elsewhere = joint_angles.angles(joint_angles.rotations(truth), truth + 0.1)
+    at = joint_angles.names.index("cart_at_x")
+    np.testing.assert_allclose(np.flatnonzero(np.abs(elsewhere - truth) > 0.01), [at, at + 1, at + 2])
+
+
+def test_only_joints_with_limits_give_way(body: BodyModel) -> None:
+    knee = next(joint for joint in body.joints if joint.name == "knee")
+    limited = replace(body, joints=(replace(knee, limits=((-0.1, 2.5),)), *(j for j in body.joints if j is not knee)))
+    limits = SeenLimits(limited)
+    names = JointAngles(limited).names
+    assert not limits.widen(np.array([100.0 if name != "knee" else 1.0 for name in names]))
+    assert limits.widen(np.array([100.0 if name != "knee" else 3.0 for name in names]))
+    assert {joint.name for joint in limits.body.joints if joint.limits} == {"knee"}
 
 
 def test_a_body_of_welds_has_no_angles() -> None:

@@ -22,7 +22,7 @@ from bodycam_ros.errors import BodyError
 
 def frames_in_root(body: BodyModel, angles: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Link -> pose in the root, by our own forward kinematics."""
-    poses = body.forward_kinematics(np.eye(4), JointAngles(body).rotations(angles))
+    poses = body.forward_kinematics(np.eye(4), JointAngles(body).poses(angles))
     links = dict(zip(body.segments, poses, strict=True))
     for camera, mount in body.mounts.items():
         links[optical_frame(camera)] = links[mount.segment] @ mount.segment_T_camera

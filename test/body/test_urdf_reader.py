@@ -26,12 +26,14 @@ def limited(body: BodyModel) -> BodyModel:
 
 def assert_same_body(again: BodyModel, body: BodyModel) -> None:
     """Equal in all that a URDF carries."""
+    joints = (*body.tree_joints, *body.loop_joints)
     assert (again.name, again.root, again.segments) == (body.name, body.root, body.segments)
-    assert [joint.name for joint in again.joints] == [joint.name for joint in body.tree_joints]
-    for joint, same in zip(body.tree_joints, again.joints, strict=True):
+    assert [joint.name for joint in again.joints] == [joint.name for joint in joints]
+    for joint, same in zip(joints, again.joints, strict=True):
         assert (same.parent, same.child, same.type) == (joint.parent, joint.child, joint.type)
-        np.testing.assert_allclose(same.parent_T_joint, joint.parent_T_joint, rtol=0.0, atol=EXACT)
-        np.testing.assert_allclose(same.child_T_joint, joint.child_T_joint, rtol=0.0, atol=EXACT)
+        exact = EXACT if joint in body.tree_joints else 3 * EXACT  # written as in a body YAML
+        np.testing.assert_allclose(same.parent_T_joint, joint.parent_T_joint, rtol=0.0, atol=exact)
+        np.testing.assert_allclose(same.child_T_joint, joint.child_T_joint, rtol=0.0, atol=exact)
         if joint.type == "hinge":
             np.testing.assert_allclose(same.axis, joint.axis, rtol=0.0, atol=EXACT)
         if joint.type == "ball":
@@ -60,16 +62,28 @@ def test_it_moves_as_the_body_did(body: BodyModel, random: np.random.Generator) 
     again = body_from_urdf(urdf_text(body))
     assert JointAngles(again).names == JointAngles(body).names
     angles = random.uniform(-3.0, 3.0, size=(20, len(JointAngles(body).names)))
-    moved = [model.forward_kinematics(np.eye(4), JointAngles(model).rotations(angles)) for model in (body, again)]
+    moved = [model.forward_kinematics(np.eye(4), JointAngles(model).poses(angles)) for model in (body, again)]
     np.testing.assert_allclose(moved[1], moved[0], rtol=0.0, atol=1e-8)
 
 
 def test_what_urdf_cannot_carry_is_gone(body: BodyModel) -> None:
     stiff = tuple(replace(joint, sigmas=(1.0,) * 6) for joint in body.joints)
     again = body_from_urdf(urdf_text(replace(body, joints=stiff)))
-    assert body.loop_joints and not again.loop_joints
     assert again.report == {}
-    assert all(joint.sigmas == default_sigmas(joint.type) != (1.0,) * 6 for joint in again.joints)
+    assert all(joint.sigmas == default_sigmas(joint.type) != (1.0,) * 6 for joint in again.tree_joints)
+
+
+def test_loops_come_along_with_all_that_they_have(body: BodyModel) -> None:
+    soft = replace(body.loop_joints[0], name="über <&> weich", sigmas=(0.1, 0.2, 0.3, 1e-3, 2e-3, 3e-3))
+    loose = replace(body, joints=(*body.tree_joints, soft))
+    (again,) = body_from_urdf(urdf_text(loose)).loop_joints
+    assert (again.name, again.sigmas) == (soft.name, soft.sigmas)
+
+
+def test_a_document_whose_loops_were_dropped_is_the_tree(body: BodyModel) -> None:
+    robot = ET.fromstring(urdf_text(body))
+    robot.remove(next(robot.iter("bodycam_loops")))
+    assert body.loop_joints and not body_from_urdf(ET.tostring(robot, encoding="unicode")).loop_joints
 
 
 def test_a_document_without_visuals_or_with_others_is_the_same_body(body: BodyModel) -> None:
@@ -90,7 +104,7 @@ def test_joints_may_come_in_any_order(body: BodyModel) -> None:
         robot.remove(joint)
     robot.extend(reversed(joints))
     again = body_from_urdf(ET.tostring(robot, encoding="unicode"))
-    assert {joint.name for joint in again.joints} == {joint.name for joint in body.tree_joints}
+    assert {joint.name for joint in again.joints} == {joint.name for joint in body.joints}
     assert again.mounts.keys() == body.mounts.keys()
 
 
@@ -105,7 +119,7 @@ def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -
         (tmp_path / name).write_text(text)
         assert_same_body(read_body(tmp_path / name), body)
     (tmp_path / "body.yaml").write_text(text)
-    with pytest.raises(BodyError, match=r"body\.yaml: .*a body file"):
+    with pytest.raises(BodyError, match=r"body\.yaml: .*this body file is not YAML"):
         read_body(tmp_path / "body.yaml")
     with pytest.raises(BodyError, match=r"again\.urdf: a body is kept as YAML"):
         write_body(body, tmp_path / "again.urdf")
@@ -118,7 +132,12 @@ def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -
         ("</robot>", "", "not XML"),
         ("<robot", "<sdf", "not XML"),
         ('<robot name="rider">', "<robot>", "the robot has no name"),
-        ('type="continuous"', 'type="prismatic"', "joint knee is prismatic; a body has"),
+        ('type="continuous"', 'type="planar"', "joint knee is planar; a body has"),
+        ('type="continuous"', 'type="prismatic"', "between segments thigh and shin there are joints knee sliding"),
+        ('<joint name="cart_y"', '<joint name="cart_turn"', "a ball's angles about z, x, y are named"),
+        ('name="cart_z" type="continuous"', 'name="cart_z" type="prismatic"', "segments pelvis and cart there are"),
+        ('<axis xyz="0.0 1.0 0.0" />\n    <limit lower="-1000', '<axis xyz="1.0 0.0 0.0" />\n    <limit lower="-1000',
+         "cart_at_y, .*: a free joint slides along x, y and z"),
         ('type="continuous"', "", "joint knee is of no type"),
         ('<joint name="knee" ', "<joint ", "a joint has no name"),
         ('<link name="thigh">', "<link>", "a link has no name"),
@@ -132,6 +151,9 @@ def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -
         ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 1.0" />', 'joint hip_z: xyz="0.0 1.0" is not three numbers'),
         ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 up nan" />', "joint hip_z: .*is not three numbers"),
         ('lower="-6.28', 'lower="wide', 'joint hip_y: lower="wide.*" is not a number'),
+        ("parent: crank, child: foot", "parent: crank, child: leg", "joint pedal: child leg is not among"),
+        ("parent: crank, child: foot", "parent: crank", "<bodycam_loops>: joint pedal: lacks child"),
+        ("pedal: {", "pedal: [{", "<bodycam_loops>: .*not YAML"),
         ('<joint name="hip_x"', '<joint name="hip_turn"', "hip_y, hip_z, hip_turn: a ball's angles"),
         ('<joint name="waist_mount" type="fixed">', '<joint name="waist_mount" type="continuous">', "camera is fixed"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from known_walk import Walk
 
-from bodycam_ros.drawing.stick_figure import ObliqueView, bones
+from bodycam_ros.drawing.stick_figure import ObliqueView, body_bones, bones
 from bodycam_ros.geometry import exp_so3, rigid
 
 
@@ -37,3 +37,16 @@ def test_bones_join_each_segment_with_its_children_and_end_in_tips(walk: Walk) -
     thigh = next(line for line in lines if line.segment == "thigh_left")
     np.testing.assert_allclose(np.linalg.norm(thigh.end - thigh.start, axis=1), 0.4)
     np.testing.assert_array_equal(thigh.end, poses["shin_left"][:, :3, 3])
+
+
+def test_equipment_is_lines_of_its_own_and_hangs_on_no_limb(ride: Walk) -> None:
+    instant = 7
+    world_T_segment = ride.world_T_segment[instant]
+    lines = body_bones(ride.body, world_T_segment)
+    assert sorted(line.segment for line in lines if not line.is_equipment) == [
+        "foot_left", "pelvis", "pelvis", "shin_left", "thigh_left",
+    ]  # fmt: skip
+    (crank,) = (line for line in lines if line.is_equipment)
+    foot = world_T_segment[ride.body.segment_index["foot_left"]]
+    np.testing.assert_allclose(crank.end[0], foot[:3, 3] + foot[:3, :3] @ [0.12, 0.0, -0.08], atol=1e-9)
+    np.testing.assert_allclose(crank.start[0], world_T_segment[ride.body.segment_index["crank"], :3, 3], atol=1e-9)

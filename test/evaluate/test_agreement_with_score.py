@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from known_walk import FRAMES, Walk, write_solved
+from known_walk import FRAMES, Walk, write_solved, write_truth
 from tools.body_from_truth import body_from_truth
 
 from bodycam_ros.evaluate.evaluation import evaluate
@@ -59,6 +59,14 @@ def test_on_the_walk_that_we_know(walk: Walk, truth: Path, scorer: ModuleType, t
     out = write_solved(with_errors(walk), tmp_path / "out")
     ours, theirs = summary(evaluate(out, truth))["truth"], scorer.score(out, truth)
     assert theirs["position_cm"]["mean"] > 0.1 and theirs["frames"] == FRAMES - 4
+    assert differences(ours, theirs, TOLERANCE) == {}
+
+
+def test_on_a_ride_whose_truth_knows_no_bicycle(ride: Walk, scorer: ModuleType, tmp_path: Path) -> None:
+    truth = write_truth(ride, tmp_path / "ride")
+    out = write_solved(with_errors(ride), tmp_path / "out")
+    ours, theirs = summary(evaluate(out, truth))["truth"], scorer.score(out, truth)
+    assert theirs["position_cm"]["mean"] > 0.1 and theirs["links_missing"] == []
     assert differences(ours, theirs, TOLERANCE) == {}
 
 

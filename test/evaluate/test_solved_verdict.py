@@ -18,8 +18,14 @@ from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
 from bodycam_ros.solved.urdf_tree import UrdfTree
+from bodycam_ros.solving.camera_pairs import comparable_pairs
 from bodycam_ros.verdict.camera_link import camera_links
 from bodycam_ros.verdict.verdict import Finding, Level, Verdict
+
+ON_NEIGHBOURS = {
+    camera: CameraMount(segment, np.eye(4))
+    for camera, segment in {"hip": "pelvis", "knee": "thigh_left", "stem": "frame"}.items()
+}
 
 
 def assert_same_links(published: BodyModel, body: BodyModel) -> None:
@@ -35,8 +41,8 @@ def assert_same_links(published: BodyModel, body: BodyModel) -> None:
             np.testing.assert_allclose(ours[pair].end(camera), link.end(camera), atol=1e-9)
 
 
-def test_the_published_body_is_the_one_that_was_solved(walk: Walk, rider: BodyModel, sample: Path) -> None:
-    for body in (walk.body, rider, read_body(sample / "body.yaml")):
+def test_the_published_body_is_the_one_that_was_solved(walk: Walk, ride: Walk, rider: BodyModel, sample: Path) -> None:
+    for body in (walk.body, ride.body, rider, read_body(sample / "body.yaml")):
         tree = replace(body, joints=body.tree_joints)
         assert_same_links(published_body(UrdfTree.parse(urdf_text(tree), "a test")), tree)
 
@@ -49,6 +55,16 @@ def test_a_base_link_without_a_shape_still_carries_the_body(walk: Walk) -> None:
     tree = UrdfTree.parse(ElementTree.tostring(robot, encoding="unicode"), "a test")
     assert walk.body.root not in tree.segments
     assert_same_links(published_body(tree), walk.body)
+
+
+def test_a_camera_on_equipment_is_not_held_against_the_body_that_it_stands_beside(ride: Walk) -> None:
+    published = published_body(UrdfTree.parse(urdf_text(ride.body), "a test"))
+    assert [joint.name for joint in published.joints if joint.type == "free"] == ["pelvis-frame"]
+    pairs = {(link.first, link.second) for link in camera_links(published, published.mounts, tuple(published.mounts))}
+    assert pairs == {("waist", "shin")}
+    assert {(pair.a, pair.b) for pair in comparable_pairs(replace(ride.body, mounts=ON_NEIGHBOURS))} == {
+        ("hip", "knee")
+    }
 
 
 def test_a_good_walk_is_good(solved: Path) -> None:

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 import yourdfpy
+from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
@@ -39,15 +41,47 @@ def test_a_solved_bag_gives_the_urdf_that_it_published(tmp_path: Path) -> None:
 
 def test_what_urdf_cannot_carry_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     joints = (
-        Joint("crank", "frame", "pedal", "hinge", np.eye(4)),
-        Joint("foot", "frame", "pedal", "ball", np.eye(4), sigmas=(1.0,) * 6),
+        Joint("crank", "frame", "pedal", "hinge", np.eye(4), sigmas=(1.0,) * 6),
+        Joint("foot", "frame", "pedal", "ball", np.eye(4), sigmas=(2.0,) * 6),
     )
     write_body(BodyModel("bike", "frame", ("frame", "pedal"), joints, {}), tmp_path / "bike.yaml")
     assert main(["export", str(tmp_path / "bike.yaml"), "--to", "urdf", "-o", str(tmp_path / "bike.urdf")]) == 0
     assert [record.getMessage().split(": ")[1] for record in caplog.records] == [
-        "joints foot close loops; a URDF is a tree, so they are left out",
-        "joints foot have sigmas of their own, which no URDF carries",
+        "joints crank have sigmas of their own, which no URDF carries",
+        "joints foot close loops; a URDF is a tree and leaves them open",
     ]
+
+
+@pytest.mark.parametrize("source", ["ride.yaml", "out"])
+def test_loops_are_in_a_file_beside_the_tree_whose_joints_are_those_of_a_body_file(
+    ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], source: str
+) -> None:
+    write_body(ride.body, tmp_path / "ride.yaml")
+    write_solved(ride, tmp_path / "out")
+    output = tmp_path / "body.urdf"
+    assert main(["export", str(tmp_path / source), "--to", "urdf", "-o", str(output)]) == 0
+    assert capsys.readouterr().out == f"written to {output} and {tmp_path / 'body.loops.yaml'}\n"
+    loops = yaml.safe_load((tmp_path / "body.loops.yaml").read_text())["joints"]
+    assert loops == {"pedal_left": yaml.safe_load((tmp_path / "ride.yaml").read_text())["joints"]["pedal_left"]}
+    assert [joint.name for joint in read_body(output).loop_joints] == ["pedal_left"]
+    assert loops["pedal_left"]["sigmas"] == list(read_body(output).loop_joints[0].sigmas or ())
+    assert set(ride.body.segments) < set(yourdfpy.URDF.load(str(output), load_meshes=False).link_map)
+
+
+def test_a_file_beside_it_that_is_no_such_is_not_replaced(
+    ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_body(ride.body, tmp_path / "ride.yaml")
+    arguments = ["export", str(tmp_path / "ride.yaml"), "--to", "urdf", "-o", str(tmp_path / "ride.urdf")]
+    (tmp_path / "ride.loops.yaml").write_text("mine: 1\n")
+    for force in ([], ["--force"]):
+        assert main([*arguments, *force]) == 1
+        assert f"{tmp_path / 'ride.loops.yaml'}: " in capsys.readouterr().err
+        assert not (tmp_path / "ride.urdf").exists()
+        assert (tmp_path / "ride.loops.yaml").read_text() == "mine: 1\n"
+    (tmp_path / "ride.loops.yaml").unlink()
+    assert main(arguments) == main([*arguments, "--force"]) == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["ride.loops.yaml", "ride.urdf", "ride.yaml"]
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,7 @@ def _swapped() -> dict[str, Make]:
         "body.yaml": _REPLAY,
         "body.urdf": lambda work: work.replay(body="body.urdf"),
         "rig.yaml": _BODY,
+        "equipment.yaml": lambda work: work.replay("--equipment", str(work.of("equipment.yaml"))),
         "settings.yaml": lambda work: work.replay("--config", str(work.of("settings.yaml"))),
         "reference/ref_0101.jpg": _MAP,
         "solved/solved.mcap": _EVALUATE,
@@ -122,6 +123,10 @@ def _settings_of_body(work: Work) -> Attempt:
     return work.body("--config", str(work.of("settings.yaml")))
 
 
+def _riding(work: Work) -> Attempt:
+    return work.replay("--equipment", str(work.of("equipment.yaml")))
+
+
 def _truth(work: Work) -> Attempt:
     return work.evaluate("--truth", str(work.of("truth")))
 
@@ -144,6 +149,7 @@ def _intact() -> dict[str, Make]:
         "replay": _REPLAY,
         "replay of a URDF": _urdf,
         "replay with settings": _settings,
+        "replay with equipment": _riding,
         "evaluate": _EVALUATE,
         "evaluate with pixels": _with_pixels,
         "evaluate with the truth": _truth,
@@ -176,6 +182,10 @@ KINDS: Mapping[str, Mapping[str, Make]] = {
         **_text_of("body.urdf", urdf_damage.DAMAGES, _urdf),
     },
     "rig": {**_bytes_of("rig.yaml", _BYTES, _BODY), **_text_of("rig.yaml", _YAML, _BODY)},
+    "equipment": {
+        **_bytes_of("equipment.yaml", _BYTES, _riding),
+        **_text_of("equipment.yaml", _YAML, _riding),
+    },
     "settings": {
         **_bytes_of("settings.yaml", _BYTES, _settings),
         **_text_of("settings.yaml", _YAML, _settings, _settings_of_body),

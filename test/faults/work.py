@@ -26,7 +26,7 @@ _QUICK_MAP = ("--features.max_features", "1200", "--features.contrast", "0.03", 
 
 
 def make_stock(folder: Path) -> None:
-    """Write what the cases damage: recording, walk, solved, map, reference, truth, body.yaml, ..."""
+    """Write what the cases damage: recording, walk, solved, map, reference, truth, body.yaml, equipment.yaml, ..."""
     write_altered_sample(_SAMPLE, folder / "recording", frames=_FRAMES)
     write_altered_sample(_SAMPLE, folder / "walk", cameras=WALK_CAMERAS, frames=WALK_FRAMES)
     (folder / "reference").mkdir()
@@ -42,6 +42,7 @@ def make_stock(folder: Path) -> None:
     lines += [f"  {segment}: {parents.get(segment, 'null')}" for segment in rig.segments]
     (folder / "rig.yaml").write_text("\n".join(lines) + "\n")
     shutil.copyfile(REPOSITORY / "config/all_settings.yaml", folder / "settings.yaml")
+    shutil.copyfile(REPOSITORY / "config/equipment/bicycle.yaml", folder / "equipment.yaml")
     _write_small_map(folder)
     map_path, body = folder / "map", folder / "body.yaml"
     replay_recording(folder / "recording", map_path, body, folder / "solved", PipelineSettings(), jobs=1)

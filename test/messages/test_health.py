@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from held_ride import OFF, report
 
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.messages.health import RegistrationHealth, timing_health
+from bodycam_ros.messages.health import RegistrationHealth, equipment_health, timing_health
 from bodycam_ros.messages.status import HealthLevel, few
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_pool import ReadoutSettings
@@ -96,3 +97,13 @@ def test_the_report_says_what_a_camera_knew_of_where_it_was() -> None:
     shares = {name: value for name, value in report.values.items() if name.endswith("[%]")}
     assert shares == {"registered [%]": 40, "relative [%]": 20, "rotation only [%]": 20, "blind [%]": 20}
     assert report.level is HealthLevel.WARN and "registered on 60%" in report.text
+
+
+def test_equipment_says_what_holds() -> None:
+    health = equipment_health(report(30))
+    assert (health.name, health.level) == ("equipment bicycle", HealthLevel.OK)
+    assert health.text == "held: pedal_left; let go: bar"
+    assert health.values == {"pedal_left [mm]": 1.3, "bar [mm]": 3000.0, "length crank_x [mm]": "167.0 +- 0.6"}
+    off = equipment_health(report(OFF[0]))
+    assert (off.level, off.text) == (HealthLevel.WARN, "held: nothing; let go: pedal_left, bar")
+    assert equipment_health(report(0)).text == "it is not known where it is; nothing holds to it"

@@ -47,6 +47,21 @@ def test_a_camera_that_the_body_lacks(tmp_path: Path) -> None:
         live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["hat", "left"])
 
 
+def test_equipment_is_the_solvers_and_its_cameras_are_tracked(tmp_path: Path) -> None:
+    machine = tmp_path / "stick.yaml"
+    machine.write_text(
+        "name: stick\nroot: stick\nsegments: {stick: {}}\n"
+        "attachments:\n"
+        "  grip: {body: arm, equipment: stick, weight: 9, points: [{body: [0, 0, 0], equipment: [9, 0, 0]}]}\n"
+        "cameras: {tip: {segment: stick, position: [1, 0, 0], quaternion_xyzw: [0, 0, 0, 1]}}\n"
+    )
+    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), equipment=str(machine))
+    assert cameras_of(nodes) == ["left", "right", "tip"]
+    assert nodes[-1].parameters == {"body": str(tmp_path / "body.yaml"), "equipment": str(machine)}
+    with pytest.raises(BodyError, match="bicycle: attachment foot_left is to segment foot_left, which body two"):
+        live_graph(tmp_path / "map", tmp_path / "body.yaml", equipment="bicycle")
+
+
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")

@@ -58,6 +58,11 @@ def test_registrations_are_told_where_to_keep_what_their_maps_grow_by(tmp_path: 
     assert all("grown_map" not in node.parameters for node in _launched(map="map", body=body).values())
 
 
+def test_the_solver_is_told_of_the_equipment(sample: Path) -> None:
+    nodes = _launched(map="map", body=str(sample / "body.yaml"), equipment="bicycle")
+    assert nodes["skeleton_solver"].parameters == {"body": str(sample / "body.yaml"), "equipment": "bicycle"}
+
+
 @pytest.mark.parametrize("respawn", ["true", "false"])
 def test_who_dies_is_started_again_but_a_bag_is_played_once(tmp_path: Path, respawn: str) -> None:
     body = str(write_body(tmp_path / "body.yaml"))

@@ -14,6 +14,8 @@ from two_cameras import write_body
 from bodycam_ros.body import body_file
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
@@ -29,13 +31,35 @@ START_NS = 10_000_000_000_000
 SPEED = 0.5  # m/s, along x
 _START_S, _SOON_S = 60.0, 20.0
 
+STICK = """
+name: stick
+root: shaft
+segments: {shaft: {}}
+attachments:
+  grip:
+    body: arm
+    equipment: shaft
+    weight: 3
+    points:
+      - {body: [0, 0, -300], equipment: [0, 0, 0]}
+      - {body: [100, 0, -300], equipment: [100, 0, 0]}
+      - {body: [0, 100, -300], equipment: [0, 100, 0]}
+cameras: {tip: {segment: shaft, position: [0.5, 0, 0], quaternion_xyzw: [-0.5, 0.5, -0.5, 0.5]}}
+"""
+STICK_IN_TORSO = np.array([0.0, 0.2, 0.1])
+"""The arm hangs from 0.2 m left and 0.4 m up, and holds it 0.3 m below."""
+
 
 def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
     """Of a body in the N-pose that moves steadily."""
     for frame in frames:
         stamp = START_NS + frame * FRAME_NS
         world_T_root = rigid(np.eye(3), np.array([SPEED * 1e-9 * (stamp - START_NS), 0.0, 1.0]))
-        world_T_segment = body.forward_kinematics(world_T_root, np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+        joint_poses = np.tile(np.eye(4), (len(body.tree_joints), 1, 1))
+        for row, joint in enumerate(body.tree_joints):
+            if joint.type == "free":
+                joint_poses[row, :3, 3] = STICK_IN_TORSO
+        world_T_segment = body.forward_kinematics(world_T_root, joint_poses)
         for camera, mount in body.mounts.items():
             yield LandmarkMatches(
                 camera=camera,
@@ -55,12 +79,12 @@ def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
 class Cameras:
     """The cameras of a solver, as it hears them."""
 
-    def __init__(self, graph: Any, path: Path, **given: object) -> None:
+    def __init__(self, graph: Any, path: Path, body: BodyModel | None = None, **given: object) -> None:
         from bodycam_ros.nodes.message_classes import node_messages
 
         self._make = node_messages()
         self._graph = graph
-        self.body = read_body(path)
+        self.body = body or read_body(path)
         mounts = self.body.mounts
         topic, kind = "bodycam_msgs/msg/LandmarkMatches", "sensor_msgs/msg/CameraInfo"
         graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/odometry": "nav_msgs/msg/Odometry"})
@@ -248,4 +272,28 @@ def test_cameras_that_were_started_by_hand_are_solved_live(graph: Any, tmp_path:
         apart_m.append(np.linalg.norm(place - truth.world_T_segment[row, root, :3, 3]))
     assert np.median(apart_m) < 0.002 and np.max(apart_m) < 0.01
     assert cameras.solver.end() == 0, cameras.solver.printed
+    assert "Traceback" not in cameras.solver.printed
+
+
+def test_equipment_is_told_of_live(graph: Any, tmp_path: Path) -> None:
+    """A stick in the hand, which has a camera of its own."""
+    (tmp_path / "stick.yaml").write_text(STICK)
+    path = write_body(tmp_path / "body.yaml")
+    body = coupled_body(read_body(path), read_equipment(tmp_path / "stick.yaml"))
+    graph.listen({"/equipment": "bodycam_msgs/msg/EquipmentState"})
+    cameras = Cameras(graph, path, body, equipment=str(tmp_path / "stick.yaml"))
+    cameras.inform(*body.mounts)
+    cameras.publish(range(40))
+    graph.until(lambda: len(graph.heard["/equipment"]) >= 30, _SOON_S, "the solver tells of the stick")
+    said = graph.messages("/equipment")[-1]
+    assert (said.name, said.placed, list(said.attachments), list(said.engaged)) == ("stick", True, ["grip"], [1])
+    assert said.deviations[0] < 1e-3
+    names = graph.messages("/joint_states")[-1].name
+    assert {"stick_at_x", "stick_at_y", "stick_at_z"} <= set(names)
+    told = "equipment stick"
+    graph.until(lambda: any(r["text"] == "held: grip" for r in cameras.reports(told)), _SOON_S, "health tells it, too")
+    assert cameras.solver.end() == 0, cameras.solver.printed
+    graph.until(lambda: len(graph.heard["/equipment"]) == 40, _SOON_S, "it is told of every instant")
+    stamps = [stamp_ns(message.header.stamp) for message in graph.messages("/equipment")]
+    assert stamps == [START_NS + frame * FRAME_NS for frame in range(40)]
     assert "Traceback" not in cameras.solver.printed

@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 import yourdfpy
-from known_walk import PARENTS, Walk
+from known_walk import PARENTS, Walk, walking_body
 
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import RecordingError
@@ -20,9 +20,9 @@ TURNED = """<robot name="turned"><link name="base"/><link name="arm"/><link name
 """An axis that is no unit vector, all three angles of an origin, and an origin without a position."""
 
 
-@pytest.mark.parametrize("source", ["ours", "turned"])
-def test_yourdfpy_agrees(walk: Walk, source: str) -> None:
-    text = urdf_text(walk.body) if source == "ours" else TURNED
+@pytest.mark.parametrize("source", ["walk", "ride", "turned"])
+def test_yourdfpy_agrees(walk: Walk, ride: Walk, source: str) -> None:
+    text = {"walk": urdf_text(walk.body), "ride": urdf_text(ride.body), "turned": TURNED}[source]
     tree = UrdfTree.parse(text, "test")
     model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=True)
     assert set(tree.moving) == set(model.actuated_joint_names)
@@ -41,6 +41,28 @@ def test_segments_are_told_from_cameras_and_from_the_inside_of_joints(walk: Walk
     assert tree.segments == walk.body.segments
     assert tree.cameras == ("waist", "shin")
     assert tree.parent_segments() == PARENTS
+
+
+def test_equipment_hangs_on_the_body_that_it_stands_beside(ride: Walk) -> None:
+    tree = UrdfTree.parse(urdf_text(ride.body), "test")
+    assert tree.segments == ride.body.segments
+    assert tree.parent_segments() == {**PARENTS, "frame": "pelvis", "crank": "frame"}
+    assert tree.body_segments == walking_body().segments
+    place = tuple(f"bicycle_at_{axis}" for axis in "xyz")
+    assert tree.moving_beside == (*place, "bicycle_y", "bicycle_z", "bicycle_x", "crank")
+    assert list(tree.equipment) == ["frame", "crank"] and tree.equipment["frame"] == ()
+    np.testing.assert_allclose(tree.equipment["crank"], [[0.17, 0.1, 0.0]], atol=1e-9)
+
+
+def test_a_joint_that_slides_alone_is_no_equipment() -> None:
+    tree = UrdfTree.parse(TURNED.replace("continuous", "prismatic"), "test")
+    assert tree.segments == ("base", "arm", "tool") and tree.body_segments == tree.segments
+    assert not tree.moving_beside
+
+
+def test_loops_that_are_none_are_refused_by_name(ride: Walk) -> None:
+    with pytest.raises(RecordingError, match="out: not a URDF that can be read: joint pedal_left"):
+        UrdfTree.parse(urdf_text(ride.body).replace("type: hinge", "type: glue"), "out")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A limb that is blind for a while is averaged from both sides, and only where that is known."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,3 +130,25 @@ def test_nothing_waits_longer_than_it_may_and_nothing_at_all_where_all_is_seen(b
     solved = run(held(body, 0.5), states(body, {FOREARM}, range(BEGIN, END)))
     steps = np.linalg.norm(np.diff(off(body, solved, FOREARM)))
     assert steps < 0.2 and len(solved) == FRAMES
+
+
+def test_equipment_that_hangs_on_no_limb_stays_where_it_is(body) -> None:
+    """The forearm is mended; a cart on a free joint of the forearm is no part of it, and its blind wheel no limb."""
+    cart = Joint("cart", "forearm", "cart", "free", np.eye(4))
+    wheel = Joint("wheel", "cart", "wheel", "hinge", np.eye(4))
+    beside = BodyModel("test", "trunk", (*body.segments, "cart", "wheel"), (*body.joints, cart, wheel), body.mounts)
+    stood = rigid(np.eye(3), np.array([2.0, 0.0, 0.0]))
+    stretches = BlindStretches(beside, 9.0, 0.01)
+
+    def with_cart(state: BodyState) -> BodyState:
+        poses = np.concatenate([state.world_T_segment, [stood, stood]])
+        return replace(
+            state, segments=beside.segments, world_T_segment=poses, observed=np.append(state.observed, [True] * 2)
+        )
+
+    said = ((with_cart(state), turns) for state, turns in states(body, {FOREARM}, range(BEGIN, END)))
+    solved = run(stretches, said)
+    alone = run(held(body), states(body, {FOREARM}, range(BEGIN, END)))
+    np.testing.assert_allclose(off(body, solved, FOREARM), off(body, alone, FOREARM), atol=1e-12)
+    for state in solved:
+        np.testing.assert_allclose(state.world_T_segment[3:], [stood, stood], atol=1e-12)

@@ -1,9 +1,13 @@
 """The side problem of clocks: its normal equations against numbers, and what it says of a window."""
 
+from dataclasses import replace
+
 import numpy as np
 from range_of_motion import START_NS
 from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
 
+from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing import clock_window
 from bodycam_ros.timing.camera_path import CameraPath
@@ -28,12 +32,13 @@ def tracks(recording: Recording) -> dict[str, CameraTrack]:
     return found
 
 
-def evidence(recording: Recording, prior_s: float = 0.05) -> ClockEvidence:
-    sigmas = np.full(len(CAMERAS), prior_s)
+def evidence(recording: Recording, prior_s: float = 0.05, body: BodyModel = BODY) -> ClockEvidence:
+    known = tracks(recording)
+    # A camera on a cart has no path of its own here: that of another shows how little it is listened to.
+    known |= {camera: known["foot_left"] for camera in body.mounts if camera not in CAMERAS}
+    sigmas = np.full(len(known), prior_s)
     sigmas[CAMERAS.index(REFERENCE)] = 1e-9
-    found = at_once(
-        clock_evidence(BODY, tracks(recording), STAMPS_NS, MAX_GAP_S, np.diag(1.0 / sigmas**2), np.zeros(len(CAMERAS)))
-    )
+    found = at_once(clock_evidence(body, known, STAMPS_NS, MAX_GAP_S, np.diag(1.0 / sigmas**2), np.zeros(len(known))))
     assert found is not None
     return found
 
@@ -58,6 +63,20 @@ def test_a_delay_is_found_however_cameras_are_phased() -> None:
         delays = dict(zip(found.cameras, found.delays.tolist(), strict=True))
         assert abs(delays.pop("foot_left") - 0.01) < 0.0006
         assert max(abs(delay) for delay in delays.values()) < 0.0003
+
+
+def test_a_camera_beside_the_body_moves_no_clock() -> None:
+    recording = Recording(noise=0.02, runs={"foot_left": CameraRun(ahead_s=0.01)})
+    cart = Joint("cart", BODY.root, "cart", "free", np.eye(4))
+    beside = replace(
+        BODY,
+        segments=(*BODY.segments, "cart"),
+        joints=(*BODY.joints, cart),
+        mounts={**BODY.mounts, "handle": CameraMount("cart", np.eye(4))},
+    )
+    found, alone = evidence(recording, body=beside), evidence(recording)
+    assert (found.cameras, found.seen[-1], found.delays[-1]) == ((*CAMERAS, "handle"), 0, 0.0)
+    np.testing.assert_allclose(found.delays[:-1], alone.delays, rtol=0.0, atol=1e-5)
 
 
 def test_noise_of_free_running_cameras_is_no_delay() -> None:

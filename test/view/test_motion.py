@@ -5,15 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_walk import Walk, walking_body, write_solved
 from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.solved.solved_recording import read_solved
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.view.motion import Motion, read_motion
-from bodycam_ros.view.skeleton_scene import segment_bones
+from bodycam_ros.view.skeleton_scene import limbs_of, segment_bones
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +91,28 @@ def test_nearest_keeps_its_distance() -> None:
     assert nearest(stamps, 22, 2) == 1
     assert nearest(stamps, 30, 9) is None
     assert nearest(np.zeros(0, np.int64), 30, 9) is None
+
+
+def test_equipment_is_shown_beside_a_body_file_that_does_not_know_it(ride: Walk, tmp_path: Path) -> None:
+    out = write_solved(ride, tmp_path / "out")
+    motion = read_motion(out, walking_body())
+    assert motion.angle_names == JointAngles(walking_body()).names
+    (line,) = motion.equipment
+    (pedal,) = ride.body.loop_joints
+    foot = ride.world_T_segment[:, ride.body.segment_index["foot_left"]]
+    assert_allclose(line.end, (foot @ pedal.child_T_joint)[:, :3, 3], rtol=0.0, atol=1e-9)
+    for row, pose in enumerate(motion.segments_at(walking_body(), 20)):
+        assert_allclose(pose, ride.world_T_segment[20, row], rtol=0.0, atol=1e-9)
+    # A body file that has the equipment itself shows it itself.
+    coupled = read_motion(out, ride.body)
+    assert coupled.equipment == ()
+    assert_allclose(coupled.segments_at(ride.body, 20), ride.world_T_segment[20], rtol=0.0, atol=1e-9)
+    (own,) = (limb for limb in limbs_of(ride.body, ride.world_T_segment[20]) if limb.is_equipment)
+    assert_allclose(own.end[0], line.end[20], rtol=0.0, atol=1e-9)
+
+
+def test_a_body_of_another_shape_is_still_named_beside_equipment(ride: Walk, tmp_path: Path) -> None:
+    stiff = replace(walking_body(), joints=tuple(replace(j, type="weld") for j in walking_body().joints))
+    with pytest.raises(BodyError, match="only the bag has .*knee_left") as error:
+        read_motion(write_solved(ride, tmp_path / "out"), stiff)
+    assert "bicycle" not in str(error.value)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.drawing.picture_style import EQUIPMENT
+from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.correction import Correction, Move, Part
@@ -126,3 +128,18 @@ def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     scene.select(body, KNEE)
     assert colour_of(server, head) == rgb(LOST)
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
+
+
+def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
+    server: LocalServer, sample: Path, body: BodyModel, motion: Motion
+) -> None:
+    start, end = np.array([[1.0, 0.0, 0.5], [1.0, 0.0, 0.6]]), np.array([[1.0, 0.0, 1.5], [1.8, 0.0, 0.0]])
+    beside = replace(motion, equipment=(Bone("frame", start, end, True),))
+    scene = Scene(server, body, ReferenceMap.load(sample / "map"), beside, lambda part: None)
+    scene.show(Correction(body).moved_by(KNEE, Move(np.array([9.0, 0.0, 0.0]), np.zeros(3))).body, 1, follow=False)
+    rod = server.scene.get_handle_by_name("/world/equipment/line_0")
+    assert rod is not None and rod.height == pytest.approx(1.0)  # type: ignore[attr-defined]
+    assert_allclose(rod.position, [1.4, 0.0, 0.3], rtol=0.0, atol=FLOAT32)
+    axis = rotation_from_xyzw(np.roll(rod.wxyz, -1))[:, 2]
+    assert_allclose(np.abs(axis @ [0.8, 0.0, -0.6]), 1.0, rtol=1e-6)
+    assert colour_of(server, "/world/equipment/line_0") == rgb(EQUIPMENT)

@@ -1,0 +1,32 @@
+"""bodycam body check: what a body can do with its equipment, and what contradicts, before anything is solved (B 3)."""
+
+import argparse
+from pathlib import Path
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "body check", help="count what a body can do with its equipment, name what contradicts", description=__doc__
+    )
+    parser.add_argument("body", type=Path, metavar="BODY", help="body file, YAML or URDF")
+    parser.add_argument(
+        "--equipment", metavar="NAME_OR_FILE", help="what it rides, holds or stands on (default: nothing)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from bodycam_ros.body.body_file import read_body
+    from bodycam_ros.cli.mobility_lines import print_mobility
+    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
+    from bodycam_ros.equipment.equipment_yaml import read_equipment
+    from bodycam_ros.mobility.mobility import mobility
+    from bodycam_ros.terminal import Terminal
+
+    body = read_body(arguments.body)
+    equipment = None if arguments.equipment is None else read_equipment(arguments.equipment)
+    found = mobility(body, equipment)
+    print_mobility(Terminal(), found, body, equipment)
+    return WRONG_RESULT if found.contradictions else 0

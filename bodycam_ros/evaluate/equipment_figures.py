@@ -1,0 +1,43 @@
+"""How well a body was coupled to its equipment, in figures."""
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from bodycam_ros.equipment.equipment_record import EquipmentRecord
+from bodycam_ros.evaluate.measures import Distribution
+
+_MM_PER_M = 1000.0
+
+
+def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
+    """Figures by name, the unit at the end of the name.
+
+    Of each attachment: the share of the instants at which it held, how far its points were from each other while it
+    did and while it did not, and when it did not, from and until, since the start [s]. Of each length that the file
+    leaves open: what it is at last, and how well that is known.
+
+    Args:
+        record: of a solved recording.
+        start_ns: of the recording [ns].
+    """
+    attachments = {}
+    for column, name in enumerate(record.attachments):
+        held, deviations = record.held[:, column], _MM_PER_M * record.deviations[:, column]
+        attachments[name] = {
+            "held": float(held.mean()),
+            "deviation_mm": asdict(Distribution.of(deviations[held])),
+            "apart_mm": asdict(Distribution.of(deviations[~held & record.placed])),
+            "let_go_s": [[1e-9 * (stamp - start_ns) for stamp in stretch] for stretch in record.let_go(column)],
+        }
+    lengths = {
+        name: {"value_mm": float(value), "sigma_mm": float(sigma)}
+        for name, value, sigma in zip(record.lengths, _MM_PER_M * record.values, _MM_PER_M * record.sigmas, strict=True)
+    }
+    return {
+        "name": record.name,
+        "placed": float(np.mean(record.placed)),
+        "attachments": attachments,
+        "lengths": lengths,
+    }

@@ -1,0 +1,149 @@
+"""The equipment's place at one instant: anywhere at first, near a prediction afterwards."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.geometry import inverse, rigid, transform_points
+from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints, Prior
+
+Array = NDArray[np.float64]
+
+_ANGLES = 12
+"""Starts of a hinge that turns for ever."""
+
+_KNOWN = np.repeat([0.35, 0.3], 3)
+"""[rad], [m] a root that the attachments know no better than this is not placed yet."""
+
+_BODY_M = 0.003
+_STEPS_NEAR = 6
+
+_LEAST_LEVER_M = 0.01
+"""Points nearer to an axis than this do not feel a turn about it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where the equipment is.
+
+    Attributes:
+        poses: (E, 4, 4) world_T_segment.
+        root_sigmas: (6) of the root's [rad], [m].
+    """
+
+    poses: Array
+    root_sigmas: Array
+
+
+class EquipmentPlace:
+    """Finds the equipment from what the body holds of it at one instant.
+
+    Args:
+        equipment: its attachments and how upright it is.
+        tree: its own joints, parents first.
+        fit: that improves a start.
+    """
+
+    def __init__(self, equipment: Equipment, tree: Sequence[Joint], fit: EquipmentFit) -> None:
+        self._equipment, self._tree, self._fit = equipment, tuple(tree), fit
+        self._endless = [joint for joint in tree if joint.type == "hinge" and joint.limits is None][:1]
+
+    def nominal(self, world_T_root: Array, angles: Mapping[str, float] | None = None) -> Array:
+        """Poses (E, 4, 4) with all joints at zero, but hinges at angles [rad]."""
+        row = self._fit.row
+        poses = np.empty((len(row), 4, 4))
+        poses[row[self._equipment.root]] = world_T_root
+        for joint in self._tree:
+            turn = _turn(joint, (angles or {}).get(joint.name, 0.0))
+            poses[row[joint.child]] = poses[row[joint.parent]] @ joint.parent_T_joint @ turn @ joint.joint_T_child
+        return poses
+
+    def anywhere(self, held: HeldPoints, lengths: Array) -> Placed | None:
+        """The best fit of all; None while what is held does not say where the equipment is."""
+        if not any(holds[0] for holds in held.holds.values()):
+            return None
+        starts = [self._hung_on_body(held, angles) for angles in self._angles()]
+        best = min((self._fit.solve(start[None], lengths, held) for start in starts), key=_cost)
+        if (best.root_sigmas > _KNOWN)[self._felt(best.poses[0])].any():
+            return None
+        return Placed(best.poses[0], best.root_sigmas)
+
+    def _felt(self, poses: Array) -> NDArray[np.bool_]:
+        """(6) which turns and shifts of the root a point that is held would feel: no turn of a bar about itself."""
+        root_T_world = inverse(poses[self._fit.row[self._equipment.root]])
+        points = []
+        for attachment in self._equipment.attachments:
+            root_T_segment = root_T_world @ poses[self._fit.row[attachment.equipment_segment]]
+            points.append(transform_points(root_T_segment, attachment.on_equipment))
+        about_axes = np.linalg.norm(np.cross(np.concatenate(points)[:, None], np.eye(3)), axis=2).max(axis=0)
+        return np.append(about_axes > _LEAST_LEVER_M, np.ones(3, bool))
+
+    def near(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
+        """Poses (E, 4, 4) fitted from a prediction."""
+        if not any(holds[0] for holds in held.holds.values()):
+            return prior.poses.copy()
+        near: Array = self._fit.solve(prior.poses[None], lengths, held, prior, _STEPS_NEAR).poses[0]
+        return near
+
+    def around(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
+        """Poses (E, 4, 4) near a prediction of which a hinge that turns for ever need not be anywhere near."""
+        row, fits = self._fit.row, []
+        loose = prior.sigmas.copy()
+        for joint in self._tree:
+            if joint in self._endless or row[joint.parent] in {row[e.child] for e in self._endless}:
+                loose[row[joint.child]] = 10.0
+        for angles in self._angles():
+            start = prior.poses.copy()
+            for joint in self._tree:
+                parent, child = start[row[joint.parent]], row[joint.child]
+                if joint.name in angles:
+                    turn = _turn(joint, angles[joint.name])
+                    start[child] = parent @ joint.parent_T_joint @ turn @ joint.joint_T_child
+                else:
+                    start[child] = parent @ joint.measured_relative_pose(inverse(parent) @ start[child])
+            fits.append(self._fit.solve(start[None], lengths, held, Prior(prior.poses, loose)))
+        best: Array = min(fits, key=_cost).poses[0]
+        return best
+
+    def _angles(self) -> list[dict[str, float]]:
+        if not self._endless:
+            return [{}]
+        return [{self._endless[0].name: a} for a in np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False).tolist()]
+
+    def _hung_on_body(self, held: HeldPoints, angles: Mapping[str, float]) -> Array:
+        """Poses (E, 4, 4) with joints at angles, moved as one to where the body holds them (Kabsch 1976)."""
+        nominal = self.nominal(np.eye(4), angles)
+        on_equipment, on_body, weights = [], [], []
+        for attachment in self._equipment.attachments:
+            if held.holds[attachment.name][0]:
+                pose = nominal[self._fit.row[attachment.equipment_segment]]
+                on_equipment.append(attachment.on_equipment @ pose[:3, :3].T + pose[:3, 3])
+                on_body.append(held.points[attachment.name][0])
+                off = float(np.max(attachment.unknown))
+                weights.append(1.0 / (np.square(attachment.sigmas) + off**2 + _BODY_M**2))
+        a, b, w = np.concatenate(on_equipment), np.concatenate(on_body), np.concatenate(weights)
+        a_mean, b_mean = w @ a / w.sum(), w @ b / w.sum()
+        scatter = (b - b_mean).T @ ((a - a_mean) * w[:, None])
+        if np.isfinite(self._equipment.upright_sigma):
+            # Standing upright, it only turns about the vertical.
+            turn = np.arctan2(scatter[1, 0] - scatter[0, 1], scatter[0, 0] + scatter[1, 1])
+            c, s = np.cos(turn), np.sin(turn)
+            R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        else:
+            U, _, Vt = np.linalg.svd(scatter)
+            R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+        moved: Array = rigid(R, b_mean - R @ a_mean) @ nominal
+        return moved
+
+
+def _turn(joint: Joint, angle: float) -> Array:
+    """(4, 4) turn of a hinge by an angle [rad]; of any other joint none."""
+    return rigid(joint.hinge_rotation(np.array(angle)) if joint.type == "hinge" else np.eye(3), np.zeros(3))
+
+
+def _cost(fitted: FittedEquipment) -> float:
+    return fitted.cost

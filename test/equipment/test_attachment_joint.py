@@ -1,0 +1,118 @@
+"""The point pairs of an attachment, summed up, are one joint, whose information is the Hessian of their squares."""
+
+import numpy as np
+import pytest
+
+from bodycam_ros.body.joint import LOOSE_RAD, JointType
+from bodycam_ros.equipment.attachment_joint import attachment_joint
+from bodycam_ros.equipment.equipment import Attachment
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
+
+EQUIPMENT_T_BODY = exp_se3(np.array([0.7, -1.9, 0.4, 0.3, -0.2, 0.9]))
+ONE = np.array([[0.12, 0.03, -0.08]])
+TWO = np.array([[0.12, -0.04, -0.08], [0.10, 0.05, -0.06]])
+LINE = ONE + np.array([-0.1, 0.02, 0.15])[:, None] * [[0.6, 0.0, 0.8]]
+PLANE = np.array([[0.18, 0.04, -0.08], [0.18, -0.04, -0.08], [-0.05, 0.04, -0.08], [-0.05, -0.05, -0.08]])
+SOLID = PLANE + [[0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.0, 0.0, 0.02], [0.0, 0.0, 0.0]]
+PLACES = {"one": ONE, "two": TWO, "line": LINE, "plane": PLANE, "solid": SOLID}
+
+
+def attachment(on_body: Array, on_equipment: Array) -> Attachment:
+    """Its points weigh differently."""
+    sigmas = 0.003 * np.arange(1, len(on_body) + 1)
+    return Attachment("hold", "foot", "pedal", on_body, on_equipment, sigmas)
+
+
+def coinciding(on_body: Array) -> Attachment:
+    return attachment(on_body, transform_points(EQUIPMENT_T_BODY, on_body))
+
+
+def squares(held: Attachment, equipment_T_body: Array) -> float:
+    """The weighted sum of squares of the distances, halved (B eq. 15)."""
+    return 0.5 * float(np.sum((held.distances(equipment_T_body, np.eye(4)) / held.sigmas) ** 2))
+
+
+def gradient(held: Attachment, equipment_T_body: Array, small: float = 1e-5) -> Array:
+    """Its central differences along the tangents of the body's segment."""
+    steps = small * np.eye(6)
+    return np.array(
+        [
+            (squares(held, equipment_T_body @ exp_se3(step)) - squares(held, equipment_T_body @ exp_se3(-step)))
+            / (2.0 * small)
+            for step in steps
+        ]
+    )
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_information_is_the_hessian_of_the_pairs(name: str) -> None:
+    """Of coinciding points the Hessian is that of Gauss and Newton; a free turn has an opinion of 10 rad."""
+    held = coinciding(PLACES[name])
+    joint = attachment_joint(held)
+    small = 1e-4
+    hessian = np.array(
+        [
+            (gradient(held, EQUIPMENT_T_BODY @ exp_se3(step)) - gradient(held, EQUIPMENT_T_BODY @ exp_se3(-step)))
+            / (2.0 * small)
+            for step in small * np.eye(6)
+        ]
+    )
+    largest = np.abs(hessian).max()
+    np.testing.assert_allclose(joint.information, hessian, atol=1e-5 * largest + LOOSE_RAD**-2)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_far_from_holding_its_cost_is_theirs_to_second_order(name: str) -> None:
+    held = coinciding(PLACES[name])
+    joint = attachment_joint(held)
+    for tangent in 0.01 * np.random.default_rng(3).standard_normal((5, 6)):
+        equipment_T_body = EQUIPMENT_T_BODY @ exp_se3(tangent)
+        measured = joint.measured_relative_pose(equipment_T_body)
+        off = log_se3(inverse(measured) @ equipment_T_body)
+        assert 0.5 * off @ joint.information @ off == pytest.approx(squares(held, equipment_T_body), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "free"), [("one", "ball", 3), ("two", "hinge", 1), ("line", "hinge", 1), ("plane", "weld", 0)]
+)
+def test_the_points_say_what_may_turn(name: str, kind: JointType, free: int) -> None:
+    joint = attachment_joint(coinciding(PLACES[name]))
+    assert joint.type == kind and (joint.name, joint.parent, joint.child) == ("hold", "pedal", "foot")
+    assert joint.sigmas is not None
+    assert np.count_nonzero(np.array(joint.sigmas[:3]) >= LOOSE_RAD) == free
+
+
+def test_points_in_one_place_hold_that_place() -> None:
+    joint = attachment_joint(coinciding(np.repeat(ONE, 3, axis=0)))
+    assert joint.type == "ball"
+    assert joint.sigmas is not None
+    together = 1.0 / np.sqrt(np.sum(1.0 / (0.003 * np.array([1.0, 2.0, 3.0])) ** 2))
+    np.testing.assert_allclose(joint.sigmas[3:], together)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_it_is_closed_where_the_points_coincide(name: str) -> None:
+    held = coinciding(PLACES[name])
+    joint = attachment_joint(held)
+    np.testing.assert_allclose(joint.measured_relative_pose(EQUIPMENT_T_BODY), EQUIPMENT_T_BODY, atol=1e-9)
+    if name in ("two", "line"):
+        # About their line the body turns freely.
+        line = (held.on_body[1] - held.on_body[0]) / np.linalg.norm(held.on_body[1] - held.on_body[0])
+        about_line = np.concatenate([line, np.cross(held.on_body[0], line)])
+        turned = EQUIPMENT_T_BODY @ exp_se3(2.5 * about_line)
+        assert squares(held, turned) < 1e-12
+        np.testing.assert_allclose(joint.measured_relative_pose(turned), turned, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["two", "line", "plane", "solid"])
+def test_points_that_cannot_coincide_come_as_near_as_they_can(name: str) -> None:
+    """Measured by hand, the two triples of a boot and its binding are never the same; heavy pairs count more."""
+    random = np.random.default_rng(5)
+    exact = coinciding(PLACES[name])
+    on_line = np.array([1.0, -0.5, 0.8])[: len(exact.sigmas), None] * (exact.on_equipment[1] - exact.on_equipment[0])
+    wrong = 0.1 * on_line if name in ("two", "line") else 0.004 * random.standard_normal(exact.on_body.shape)
+    held = attachment(exact.on_body, exact.on_equipment + wrong)
+    nearest = attachment_joint(held).measured_relative_pose(EQUIPMENT_T_BODY)
+    slope = np.abs(gradient(held, nearest)).max()
+    assert slope < 1e-4 < 1e-2 < np.abs(gradient(held, EQUIPMENT_T_BODY)).max()
+    assert squares(held, nearest) < squares(held, EQUIPMENT_T_BODY)

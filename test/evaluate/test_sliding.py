@@ -1,0 +1,85 @@
+"""Sliding of standing feet: what slides by a known way is measured so, and only while it stands."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_walk import FRAME_NS, FRAMES, START_NS, Walk, walking_body, write_solved, write_truth
+
+from bodycam_ros.body.sole import sole_points
+from bodycam_ros.cli.main import main
+from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.sliding import ALL
+from bodycam_ros.geometry import Array, rigid
+
+STANDS = 31
+SHIN_M = 0.4
+CREEP = 0.02  # [m/s]
+SPAN_M = CREEP * (STANDS - 1) * 1e-9 * FRAME_NS
+MEAN_M = 0.25 * SPAN_M * (1.0 + 1.0 / STANDS)
+"""Of the distances from the middle, at an odd number of even steps."""
+
+
+def standing(speed: float, height: float = 0.0) -> Walk:
+    """A body that stands for a second, at a speed all the same, and then glides away at 1 m/s."""
+    body = walking_body()
+    seconds = 1e-9 * FRAME_NS * np.arange(FRAMES)
+    stands = seconds[STANDS - 1]
+    x = speed * np.minimum(seconds, stands) + np.maximum(seconds - stands, 0.0)
+    ankle_to_sole = -sole_points(SHIN_M)[0, 2]
+    root = np.column_stack([0.6 * x, 0.8 * x, np.full(FRAMES, 2 * SHIN_M + ankle_to_sole + height)])
+    poses = rigid(np.tile(np.eye(3), (FRAMES, 1, 1)), root)
+    still: Array = np.tile(np.eye(3), (FRAMES, len(body.tree_joints), 1, 1))
+    return Walk(body, START_NS + FRAME_NS * np.arange(FRAMES, dtype=np.int64), body.forward_kinematics(poses, still))
+
+
+def test_a_foot_that_creeps_slides_by_a_quarter_of_its_way(tmp_path: Path) -> None:
+    measured = evaluate(write_solved(standing(CREEP), tmp_path / "out")).sliding
+    assert set(measured) == {"foot_left", ALL}
+    assert measured[ALL] == measured["foot_left"]
+    foot = measured["foot_left"]
+    assert foot.stances == 2  # heel and ball
+    assert foot.standing == pytest.approx(2e-9 * FRAME_NS * (STANDS - 1))
+    assert foot.way == pytest.approx(SPAN_M, rel=1e-6)
+    assert foot.max == pytest.approx(SPAN_M / 2.0, rel=1e-6)
+    assert foot.mean == pytest.approx(MEAN_M, rel=1e-6)
+
+
+def test_against_the_truth_what_it_does_itself_is_no_error(tmp_path: Path) -> None:
+    out = write_solved(standing(CREEP), tmp_path / "out")
+    alike = evaluate(out, write_truth(standing(CREEP), tmp_path / "alike")).true_sliding["foot_left"]
+    assert alike.true.mean == pytest.approx(alike.solved.mean, rel=1e-6)
+    assert alike.beyond.max < 1e-6
+    still = evaluate(out, write_truth(standing(0.0), tmp_path / "still")).true_sliding["foot_left"]
+    assert still.true.max < 1e-6
+    assert still.solved.way == pytest.approx(SPAN_M, rel=1e-6)
+    assert still.beyond.mean == pytest.approx(MEAN_M, rel=1e-6)
+
+
+def test_a_foot_high_up_or_in_motion_does_not_stand(tmp_path: Path) -> None:
+    high = evaluate(write_solved(standing(0.0, height=0.3), tmp_path / "high")).sliding["foot_left"]
+    assert high.stances == 0
+    assert np.isnan(high.mean)
+    assert evaluate(write_solved(standing(0.2), tmp_path / "fast")).sliding["foot_left"].stances == 0
+
+
+def test_a_gap_ends_a_stance(tmp_path: Path) -> None:
+    gap = standing(0.0).without(list(range(12, 20)))
+    assert evaluate(write_solved(gap, tmp_path / "out")).sliding["foot_left"].stances == 4
+
+
+def test_the_command_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = write_solved(standing(CREEP), tmp_path / "out")
+    truth = write_truth(standing(0.0), tmp_path / "truth")
+    main(["evaluate", str(out), "--truth", str(truth), "-o", str(tmp_path / "report")])
+    said = capsys.readouterr().out
+    assert "sliding of standing feet" in said
+    assert "foot_left beyond the true one" in said
+    slides = (
+        f"standing feet slide by {1000.0 * MEAN_M:.2f} mm on average, {500.0 * SPAN_M:.1f} mm at most, in 2 stances"
+    )
+    assert f"{slides} of heel or ball; {1000.0 * MEAN_M:.2f} mm beyond the true ones" in said
+    figures = json.loads((tmp_path / "report" / "summary.json").read_text())
+    assert figures["sliding"]["foot_left"]["way_mm"] == pytest.approx(1000.0 * SPAN_M, rel=1e-6)
+    assert figures["sliding_against_truth"]["all"]["beyond"]["mean_mm"] == pytest.approx(1000.0 * MEAN_M, rel=1e-6)

@@ -1,0 +1,53 @@
+"""What a solver would say of a ride: a foot that leaves its pedal for a while, and a bar that is somewhere else."""
+
+from pathlib import Path
+
+import numpy as np
+from known_walk import FRAMES, Walk, write_solved
+
+from bodycam_ros.equipment.equipment_record import EquipmentLog, EquipmentRecord
+from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
+from bodycam_ros.recording.typestore import recorded_messages
+
+OFF = range(20, 26)
+"""Frames at which the foot is off its pedal."""
+
+APART_M = 3.0
+"""Of the bar from the hand that should hold it."""
+
+UNPLACED = range(3)
+
+
+def report(frame: int) -> EquipmentReport:
+    off, placed = frame in OFF, frame not in UNPLACED
+    deviations = np.array([0.04 if off else 0.001 + 1e-5 * frame, APART_M])
+    return EquipmentReport(
+        name="bicycle",
+        placed=placed,
+        attachments=("pedal_left", "bar"),
+        engaged=np.array([placed and not off, False]),
+        deviations=deviations if placed else np.full(2, np.nan),
+        lengths=("crank_x",),
+        values=np.array([0.17 - 1e-4 * frame]),
+        sigmas=np.array([0.02 / (1.0 + frame)]),
+    )
+
+
+def record(stamps_ns: list[int]) -> EquipmentRecord:
+    log = EquipmentLog()
+    for frame, stamp_ns in enumerate(stamps_ns):
+        log.add(stamp_ns, report(frame))
+    made = log.record()
+    assert made is not None
+    return made
+
+
+def write_held(ride: Walk, path: Path) -> Path:
+    """The bag of the ride, with what was said of its equipment."""
+    make = recorded_messages()
+    said = [
+        (EQUIPMENT, stamp_ns, equipment_message(make, stamp_ns, report(frame)))
+        for frame, stamp_ns in enumerate(ride.stamps_ns[:FRAMES].tolist())
+    ]
+    return write_solved(ride, path, more=said)

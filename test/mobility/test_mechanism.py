@@ -1,0 +1,94 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from athletes import bicycle
+from known_motion import BODY
+from numpy.typing import NDArray
+
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.mobility.mechanism import Configuration, Mechanism
+
+Array = NDArray[np.float64]
+
+
+def with_unknowns() -> Equipment:
+    """The bicycle with every kind of freedom: unknown lengths of joints and attachments, a saddle post that slides."""
+    bike = bicycle()
+    slides = Joint("post", "frame", "saddle", "weld", exp_se3(np.full(6, 0.1)), sigmas=(1e-3,) * 5 + (10.0,))
+    attachments = tuple(replace(a, unknown=np.array([0.01, 0.0, 0.02])) for a in bike.attachments)
+    seat = replace(attachments[-1], equipment_segment="saddle")
+    return replace(
+        bike,
+        segments={**bike.segments, "saddle": SegmentMotion()},
+        joints=(*bike.joints, slides),
+        attachments=(*attachments[:-1], seat),
+        unknown={"spindle_left": np.array([0.01, 0.0, 0.0]), "crank_axle": np.array([0.0, 0.0, 0.03])},
+        upright_sigma=0.05,
+    )
+
+
+@pytest.fixture
+def mechanism() -> Mechanism:
+    return Mechanism(BODY, with_unknowns())
+
+
+def anywhere(mechanism: Mechanism, seed: int) -> Configuration:
+    """Nothing closed, everything turned, lengths other than said."""
+    random = np.random.default_rng(seed)
+    return mechanism.moved(mechanism.resting(), 0.5 * random.normal(size=mechanism.column_count))
+
+
+def rows(mechanism: Mechanism, configuration: Configuration, standing: Array) -> tuple[Array, Array]:
+    parts = (
+        mechanism.loop_rows(configuration),
+        mechanism.standing_rows(configuration, standing),
+        mechanism.upright_rows(configuration),
+    )
+    return np.concatenate([part.residuals for part in parts]), np.vstack([part.jacobian for part in parts])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_jacobian_is_the_numeric_one_in_every_column(mechanism: Mechanism, seed: int) -> None:
+    configuration = anywhere(mechanism, seed)
+    standing = mechanism.poses(configuration)
+    _, analytic = rows(mechanism, configuration, standing)
+    assert analytic.shape[1] == mechanism.column_count == 6 + 36 + 6 + 3 + 1 + 3 * 7
+    h = 1e-6
+    for column in range(mechanism.column_count):
+        step = np.zeros(mechanism.column_count)
+        step[column] = h
+        after, _ = rows(mechanism, mechanism.moved(configuration, step), standing)
+        before, _ = rows(mechanism, mechanism.moved(configuration, -step), standing)
+        numeric = (after - before) / (2.0 * h)
+        scale = 1.0 + np.abs(numeric)
+        np.testing.assert_allclose(analytic[:, column] / scale, numeric / scale, atol=1e-6, err_msg=str(column))
+
+
+def test_columns_are_named_and_sigmas_are_units(mechanism: Mechanism) -> None:
+    kinds = {freedom.name: freedom.kind for freedom in mechanism.freedoms if freedom.kind != "length"}
+    assert kinds["pelvis"] == kinds["bicycle"] == "place"
+    assert kinds["post"] == kinds["crank_axle"] == kinds["hip_left"] == "joint"
+    assert len(mechanism.columns("joint", names=["post"])) == 1
+    resting = mechanism.resting()
+    found = mechanism.loop_rows(resting)
+    row = found.owners.index("saddle")
+    (saddle,) = (joint for joint in mechanism.loops if joint.name == "saddle")
+    poses, index = mechanism.poses(resting), mechanism.body.segment_index
+    apart = (poses[index["pelvis"]] @ saddle.child_T_joint)[:3, 3] - (poses[index["saddle"]] @ saddle.parent_T_joint)[
+        :3, 3
+    ]
+    assert np.linalg.norm(found.residuals[row : row + 3]) == pytest.approx(np.linalg.norm(apart) / 0.01)
+
+
+def test_longer_lengths_move_what_hangs_on_them(mechanism: Mechanism) -> None:
+    resting = mechanism.resting()
+    step = np.zeros(mechanism.column_count)
+    step[mechanism.columns("length", names=["spindle_left"])] = 0.01, 0.0, 0.0
+    longer = mechanism.moved(resting, step)
+    np.testing.assert_allclose(mechanism.longer_by(longer, "spindle_left"), [0.01, 0.0, 0.0], atol=1e-12)
+    row = mechanism.body.segment_index["pedal_left"]
+    moved = mechanism.poses(longer)[row, :3, 3] - mechanism.poses(resting)[row, :3, 3]
+    np.testing.assert_allclose(moved, [0.01, 0.0, 0.0], atol=1e-12)

@@ -1,0 +1,208 @@
+"""Standing feet: they do not slide, seen or not, and are let go when they leave the floor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standing_leg import BALL, FLAT, FRAMES, ROLLS, STEP_NS, SWINGS, ball_of, frame_of, leg, true_poses
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.solving.body_smoother import BodySmoother
+from bodycam_ros.solving.contact import FootContacts
+from bodycam_ros.solving.contact_settings import ContactSettings
+from bodycam_ros.solving.resting_point import RestingPoint, Step
+from bodycam_ros.solving.smoother_settings import SmootherSettings
+
+OFF = ContactSettings(enabled=False)
+ALL, SHIN_ALONE = ("shin", "foot"), ("shin",)
+ANKLE = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    return leg()
+
+
+def lenses(body: BodyModel) -> dict[str, CameraModel]:
+    k = [240.0, 0, 320.0, 0, 240.0, 240.0, 0, 0, 1]
+    return {name: camera_from_info(name, 640, 480, "equidistant", [0.0] * 4, k) for name in body.mounts}
+
+
+def solved(
+    body: BodyModel,
+    settings: ContactSettings,
+    cameras: tuple[str, ...] = ALL,
+    seed: int = 0,
+    floor: float = 0.0,
+    smoother_settings: SmootherSettings | None = None,
+) -> Array:
+    """Poses (FRAMES, 2, 4, 4)."""
+    rng = np.random.default_rng(seed)
+    smoother = BodySmoother(body, lenses(body), smoother_settings, contacts=FootContacts(body, settings))
+    states = []
+    for frame in range(FRAMES):
+        states += smoother.update(frame_of(body, frame, rng, cameras, floor))
+    states += smoother.flush()
+    assert smoother.restarts == 0
+    return np.array([state.world_T_segment for state in states])
+
+
+def truth(floor: float = 0.0) -> Array:
+    return np.array([true_poses(frame, floor) for frame in range(FRAMES)])
+
+
+def sliding_mm(poses: Array) -> float:
+    """How far the ball goes while the foot is flat, or rolls over it: mean distance from its mean place."""
+    stance = ball_of(poses)[5 : ROLLS.stop]
+    return float(1000.0 * np.linalg.norm((stance - stance.mean(axis=0))[:, :2], axis=1).mean())
+
+
+def way_mm(poses: Array) -> float:
+    """The length of its way."""
+    return float(1000.0 * np.linalg.norm(np.diff(ball_of(poses)[5 : ROLLS.stop], axis=0), axis=1).sum())
+
+
+def place_errors(poses: Array) -> Array:
+    """(FRAMES, 2) distances [m] of shin and foot from the truth."""
+    return np.asarray(np.linalg.norm((poses - truth())[:, :, :3, 3], axis=2))
+
+
+@pytest.mark.parametrize("incremental", [True, False])
+def test_a_foot_that_is_seen_trembles_less_and_is_no_worse(body: BodyModel, incremental: bool) -> None:
+    of = SmootherSettings(incremental=incremental)
+    for seed in range(3):
+        free, held = (solved(body, s, seed=seed, smoother_settings=of) for s in (OFF, ContactSettings()))
+        assert way_mm(held) < 0.8 * way_mm(free)
+        assert sliding_mm(held) < sliding_mm(free) < 1.0
+        assert place_errors(held).mean() < 1.02 * place_errors(free).mean()
+
+
+def test_a_foot_that_no_camera_sees_stands_on_its_ball(body: BodyModel) -> None:
+    free, held = (solved(body, settings, SHIN_ALONE) for settings in (OFF, ContactSettings()))
+    assert sliding_mm(held) < min(2.0, 0.3 * sliding_mm(free))
+    # It knows by it how it turns, and the leg is not dragged.
+    rolls = slice(ROLLS[4], ROLLS.stop)
+    turned = [log_so3(np.swapaxes(p[rolls, 1, :3, :3], 1, 2) @ truth()[rolls, 1, :3, :3]) for p in (free, held)]
+    wrong_deg = [np.degrees(np.linalg.norm(rotation, axis=1).mean()) for rotation in turned]
+    assert wrong_deg[1] < 0.5 * wrong_deg[0]
+    assert place_errors(held).mean() < 1.02 * place_errors(free).mean()
+    assert place_errors(held).max() < 1.1 * place_errors(free).max()
+
+
+def test_a_foot_that_swings_is_free(body: BodyModel) -> None:
+    free, held = (solved(body, settings) for settings in (OFF, ContactSettings()))
+    swings = slice(SWINGS[1], SWINGS[-1])
+    assert place_errors(held)[swings].max() < 1.1 * place_errors(free)[swings].max()
+
+
+def test_a_foot_high_over_the_floor_does_not_stand(body: BodyModel) -> None:
+    settings = ContactSettings()
+    high = settings.max_height + 0.05
+    assert np.array_equal(solved(body, OFF, floor=high), solved(body, settings, floor=high))
+    assert not np.array_equal(solved(body, OFF, floor=-high), solved(body, settings, floor=-high))
+
+
+def test_the_floor_is_where_feet_stood_lowest(body: BodyModel) -> None:
+    rng = np.random.default_rng(0)
+    contacts = FootContacts(body)
+    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    below, above = -0.5, -0.3
+    for floor, first in ((below, 0), (above, FRAMES)):
+        for frame in FLAT:
+            said = frame_of(body, frame, rng, ALL, floor)
+            later = {c: replace(m, stamp_ns=m.stamp_ns + first * STEP_NS) for c, m in said.matches.items()}
+            smoother.update(replace(said, stamp_ns=said.stamp_ns + first * STEP_NS, matches=later))
+        standing = [point.since_ns is not None for point in contacts._points]
+        assert standing == [floor == below] * 2
+
+
+def test_without_the_shin_a_blind_foot_is_a_guess_that_nothing_holds(body: BodyModel) -> None:
+    rng = np.random.default_rng(0)
+    contacts = FootContacts(body)
+    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    for frame in FLAT:
+        seen = frame_of(body, frame, rng, ALL if frame < 15 else (), 0.0)
+        smoother.update(seen)
+        standing = {point.since_ns is not None for point in contacts._points}
+        if frame in (14, 15):
+            assert standing == {True}
+    assert standing == {False}
+
+
+def test_a_foot_is_let_go_while_its_camera_is_not_believed(body: BodyModel) -> None:
+    rng = np.random.default_rng(0)
+    contacts = FootContacts(body)
+    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    standing = {}
+    for frame in FLAT:
+        said = frame_of(body, frame, rng, ALL, 0.0)
+        if frame == 12:
+            foot_camera = said.matches["foot"]
+            assert foot_camera.world_T_camera is not None
+            jumped = rigid(np.eye(3), np.array([0.5, 0.0, 0.0])) @ foot_camera.world_T_camera
+            said = replace(said, matches={**said.matches, "foot": replace(foot_camera, world_T_camera=jumped)})
+        smoother.update(said)
+        # Of the latest two instants before this one.
+        standing[frame - 1] = [point.since_ns is not None for point in contacts._points]
+    assert smoother.refusals.counts == {"foot": 1}
+    assert standing[11] == standing[15] == [True, True]
+    assert standing[12] == [False, False]
+
+
+def test_a_body_without_feet_has_nothing_that_stands(body: BodyModel) -> None:
+    feet = ContactSettings(segments="foot_right")
+    assert np.array_equal(solved(body, OFF), solved(body, feet))
+
+
+@pytest.mark.parametrize("name", ["foot_lef", "shin_left"])
+def test_what_cannot_stand_is_named(body: BodyModel, name: str) -> None:
+    with pytest.raises(BodyError, match=rf"contact\.segments: '?{name}'? cannot stand on body leg.*: foot_left"):
+        FootContacts(body, ContactSettings(segments=f"foot_left {name}"))
+
+
+def foot(pitch: float, x: float, height: float = 0.0) -> Array:
+    """Pose of a foot whose ball is at a place over the floor."""
+    R = exp_so3(np.array([0.0, pitch, 0.0]))
+    return rigid(R, np.array([x, 0.0, height]) - R @ BALL)
+
+
+def test_a_point_comes_to_rest_later_than_it_is_let_go() -> None:
+    settings = ContactSettings()
+    point = RestingPoint(0, ANKLE, BALL, settings)
+
+    def goes_at(speed: float, stamp_ns: int, height: float = 0.0) -> bool:
+        point.follow(Step(foot(0.0, speed, height), foot(0.0, 0.0, height), 1.0, stamp_ns, True), 0.0)
+        return point.since_ns is not None
+
+    between = 0.5 * (settings.rest_speed + settings.leave_speed)
+    speeds = [between, 0.9 * settings.rest_speed, between, 1.1 * settings.leave_speed, between]
+    assert [goes_at(speed, stamp) for stamp, speed in enumerate(speeds)] == [False, True, True, False, False]
+    assert not goes_at(0.0, 9, height=1.1 * settings.max_height)
+
+
+def test_an_ankle_may_rise_about_the_ball_of_a_foot_that_is_not_seen_but_not_leave_it() -> None:
+    point = RestingPoint(0, ANKLE, BALL, ContactSettings())
+
+    def goes(before: Array, after: Array) -> bool:
+        point.follow(Step(after, before, 0.033, 1, False), 0.0)
+        return point.since_ns is not None
+
+    assert goes(foot(0.1, 0.0), foot(0.1, 0.0))
+    assert point.anchor is not None
+    # The ankle was at rest, so the foot is flat, whatever its guessed rotation.
+    assert point.anchor[2] == pytest.approx(foot(0.1, 0.0)[2, 3] + BALL[2])
+    assert goes(foot(0.1, 0.0), foot(0.2, 0.0))  # its ankle at 0.45 m/s
+    assert not goes(foot(0.2, 0.0), foot(0.2, 0.01))
+    assert point.anchor is None
+
+
+def test_a_blind_foot_does_not_spin_when_its_leg_is_carried_sideways() -> None:
+    point = RestingPoint(0, ANKLE, BALL, ContactSettings())
+    aside = rigid(np.eye(3), np.array([0.0, 0.01, 0.0]))
+    point.follow(Step(foot(0.0, 0.0), foot(0.0, 0.0), 0.033, 1, False), 0.0)
+    assert point.since_ns is not None
+    point.follow(Step(aside @ foot(0.0, 0.0), foot(0.0, 0.0), 0.033, 2, False), 0.0)
+    assert point.since_ns is None
