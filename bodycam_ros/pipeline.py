@@ -42,7 +42,7 @@ from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.contact_settings import ContactSettings
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
@@ -85,7 +85,7 @@ class PipelineSettings(SettingsGroups):
     covariance: CovarianceSettings = CovarianceSettings()
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
-    equipment: EquipmentSettings = EquipmentSettings()
+    coupling: CouplingSettings = CouplingSettings()
     verdict: VerdictSettings = VerdictSettings()
 
 
@@ -170,7 +170,7 @@ class SkeletonPipeline:
         from bodycam_ros.solving.coupling import Coupling
 
         of = self._settings
-        coupling = Coupling(self.body, self._equipment, of.equipment, of.motion) if self._equipment else None
+        coupling = Coupling(self.body, self._equipment, of.coupling, of.motion) if self._equipment else None
         self._smoother = BodySmoother(
             self.body,
             self._cameras,

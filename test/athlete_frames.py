@@ -17,7 +17,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.coupling import Coupling
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
@@ -160,7 +160,7 @@ def solved(
 ) -> Solved:
     """Solve what the cameras say, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
-    coupling = Coupling(body, equipment, EquipmentSettings(), MotionSettings()) if equipment else None
+    coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
     smoother = BodySmoother(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
     states = [state for frame in frames(athlete, sight, seed) for state in smoother.update(frame)]
     states += smoother.flush()

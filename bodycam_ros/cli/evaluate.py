@@ -85,7 +85,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     if "equipment" in figures:
         for table in equipment_tables(figures["equipment"]):
             console.print(table)
-    if figures["sliding"]:
+    if figures["sliding"].get("all", {"stances": 0})["stances"]:
         console.print(_sliding_table(figures))
     if "truth" in figures:
         console.print(_joint_table(figures["truth"]))

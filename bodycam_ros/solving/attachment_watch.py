@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.equipment_fit import HeldPoints
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
 
 Array = NDArray[np.float64]
 
 _LENGTH_SIGMAS = 3.0
+
+_NEAR_M = 0.005
+"""A prediction this near to what is seen is as good a start as any."""
 _PLAY_SIGMAS = 2.0
 
 
@@ -71,7 +74,7 @@ class AttachmentWatch:
     """
 
     def __init__(
-        self, body: BodyModel, equipment: Equipment, lengths: UnknownLengths, settings: EquipmentSettings
+        self, body: BodyModel, equipment: Equipment, lengths: UnknownLengths, settings: CouplingSettings
     ) -> None:
         self._settings, self._lengths = settings, lengths
         self._row = {name: row for row, name in enumerate(equipment.segments)}
@@ -126,6 +129,14 @@ class AttachmentWatch:
         for name, distance in distances.items():
             w = self._watched[name]
             w.let_go = w.attachment.detected and distance > self.limit(name, release, length_sigmas)
+
+    def astray(self, distances: Mapping[str, float], length_sigmas: Array) -> bool:
+        """Whether any attachment is seen farther apart than it may well be, so that a fit would say more."""
+        return any(
+            distance
+            > self.limit(name, max(_NEAR_M, float(self._watched[name].attachment.sigmas.mean())), length_sigmas)
+            for name, distance in distances.items()
+        )
 
     def contradicted(self, distances: Mapping[str, float], length_sigmas: Array) -> int:
         """How many of the attachments that should hold are seen too far away."""

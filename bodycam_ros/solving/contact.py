@@ -80,15 +80,14 @@ class FootContacts:
         since = self._since(window, latest)
         poses_since, took_s = window.poses(since), 1e-9 * (latest.stamp_ns - since.stamp_ns)
         for point in self._points:
-            seen = _known(latest, point.row)
+            row = point.row
             # A camera that is not believed may be wrong, or see a foot that jumps: no time to hold on to it.
-            refused = not latest.observed[point.row] and any(
-                c in latest.recorded.refused for c in self._cameras[point.row]
-            )
-            if refused or not (seen or _known(latest, self._above[point.row])):
+            refused = any(camera in latest.recorded.refused for camera in self._cameras[row])
+            if not latest.observed[row] and (refused or not _turns_known(latest, self._above[row])):
                 point.let_go()
                 continue
-            step = Step(poses[point.row], poses_since[point.row], took_s, latest.stamp_ns, seen)
+            seen = _turns_known(latest, row)
+            step = Step(poses[row], poses_since[row], took_s, latest.stamp_ns, seen)
             world_P_point = point.follow(step, self._floor or 0.0)
             if seen and point.since_ns is not None and latest.stamp_ns - point.since_ns >= _FIRM_NS:
                 self._floor = min(float(world_P_point[2]), np.inf if self._floor is None else self._floor)
@@ -124,7 +123,7 @@ def _across(arm: Array, sigma: float) -> Array:
     return np.asarray(sigma**2 * (np.eye(3) - along) + _NO_OPINION_M**2 * along)
 
 
-def _known(instant: Instant, row: int) -> bool:
+def _turns_known(instant: Instant, row: int) -> bool:
     """Whether cameras say how a segment turned."""
     return bool(instant.observed[row]) or row in instant.recorded.turns
 

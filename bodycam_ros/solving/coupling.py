@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
+from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.solving.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.solving.camera_evidence import SegmentPose, poses_as_seen
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
 from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
 from bodycam_ros.solving.held_joint import HeldJoint, held_joint
 from bodycam_ros.solving.motion import MotionSettings
 
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 
 _STANDS = np.repeat([1e-4, 1e-4], 3)
 """[rad], [m] what stands still is never held tighter."""
-
-_NEAR_M = 0.005
-"""A prediction this near to what is seen is as good a start as any."""
 
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
@@ -74,7 +72,7 @@ class Coupling:
     """
 
     def __init__(
-        self, body: BodyModel, equipment: Equipment, settings: EquipmentSettings, motion: MotionSettings
+        self, body: BodyModel, equipment: Equipment, settings: CouplingSettings, motion: MotionSettings
     ) -> None:
         self._body, self.equipment, self.settings = body, equipment, settings
         own = {joint.name for joint in equipment.joints}
@@ -91,6 +89,7 @@ class Coupling:
         self.lengths, self.length_sigmas = np.zeros(len(self.fit.lengths)), self.fit.lengths.priors.copy()
         self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
         self._begin_ns: int | None = None
+        self._learned()
 
     @property
     def joint_names(self) -> frozenset[str]:
@@ -135,7 +134,7 @@ class Coupling:
 
     def sigmas(self, dt_s: float, previous_dt_s: float) -> Array:
         """(E, 6) by how much the segments may deviate from their prediction over a time [rad], [m]."""
-        return self._motion.sigmas(dt_s, previous_dt_s, self._is_driven)
+        return self._motion.sigmas(dt_s, previous_dt_s, self._watch.holding.drives)
 
     def predict(self, moved: Array, latest: Array | None, dt_s: float) -> None:
         """Put the equipment into a prediction of all segments (S, 4, 4).
@@ -151,7 +150,7 @@ class Coupling:
         poses = moved[self.rows]
         if self.stands:
             poses[self._root] = self._world_T_root
-        moved[self.rows] = self._motion.predict(poses, latest[self.rows], self._joints(), dt_s)
+        moved[self.rows] = self._motion.predict(poses, latest[self.rows], self._own, dt_s)
 
     def follow(self, stamp_ns: int, dt_s: float, path: Array, evidence: Mapping[str, SegmentPose]) -> None:
         """Fit the equipment to what is seen of the body at an instant; its rows of the path (S, 4, 4) become that.
@@ -179,21 +178,19 @@ class Coupling:
     def learn_speeds(self, latest: Array, before: Array, dt_s: float) -> None:
         """Hear the estimates (S, 4, 4) of two instants, from which hinges that keep their speed learn it."""
         if self.placed:
-            self._motion.learn_speeds(latest[self.rows], before[self.rows], dt_s, self._is_driven)
+            self._motion.learn_speeds(latest[self.rows], before[self.rows], dt_s, self._watch.holding.drives)
 
     def joints(self, path: Array, holding: Holding | None) -> list[HeldJoint]:
         """The equipment's joints, and what holds it to the body, around poses (S, 4, 4).
 
         A place that is not known yet is as soft as that.
         """
-        own = [HeldJoint(joint, joint.information, False) for joint in self._joints()]
+        own = [HeldJoint(joint, joint.information, False) for joint in self._own]
         if holding is None:
             return own
         held = [a for a in self.equipment.attachments if holding.engaged[a.name]]
         return own + [
-            held_joint(
-                a, self.fit.lengths, self.lengths, self.length_sigmas, self._ends(a, path), a.name in holding.seen
-            )
+            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), a.name in holding.seen)
             for a in held
         ]
 
@@ -220,12 +217,13 @@ class Coupling:
         """Where nobody knows the equipment to be: at the body's root."""
         return self._place.nominal(path[self._body.segment_index[self._body.root]])
 
-    def _joints(self) -> list[Joint]:
-        """Its own joints, where they have been learned to be."""
-        return [self.fit.lengths.joint(joint, self.lengths) for joint in self._tree]
-
-    def _is_driven(self, attachments: frozenset[str]) -> bool:
-        return self._watch.holding.drives(attachments)
+    def _learned(self) -> None:
+        """Where joints and attachments are by now."""
+        lengths = self.fit.lengths
+        self._own = [lengths.joint(joint, self.lengths) for joint in self._tree]
+        self._shifted = {a.name: lengths.attachment(a, self.lengths) for a in self.equipment.attachments}
+        self._held = {name: attachment_joint(attachment) for name, attachment in self._shifted.items()}
+        self._unknown = {name: lengths.along_axes(name, self.length_sigmas) for name in self._shifted}
 
     def _find(self, looked: HeldPoints, path: Array, evidence: Mapping[str, SegmentPose]) -> Array:
         """Poses (E, 4, 4) of equipment that was not placed yet: where its own camera has it, or the body holds it."""
@@ -256,7 +254,7 @@ class Coupling:
         distances = self._watch.distances(looked, poses, self.lengths)
         # What has gone on unseen in another way than expected begins anew where it is seen.
         self.anchored = not self._watch.contradicted(distances, self.length_sigmas)
-        if max(distances.values(), default=0.0) > _NEAR_M:
+        if self._watch.astray(distances, self.length_sigmas):
             poses = self._place.near(self._watch.held(looked), self.lengths, prior)
             distances = self._watch.distances(looked, poses, self.lengths)
         if 2 * self._watch.contradicted(distances, self.length_sigmas) > len(distances):
@@ -283,6 +281,7 @@ class Coupling:
         """Fit where it stands and what is unknown to all that was seen."""
         fitted = self._seen.fit(self.fit, self.lengths)
         self.lengths, self.length_sigmas = fitted.lengths, fitted.length_sigmas
+        self._learned()
         if self.stands:
             self._world_T_root = fitted.poses[-1, self._root]
             self._root_sigmas = np.maximum(fitted.root_sigmas, _STANDS)
@@ -294,5 +293,4 @@ class Coupling:
         return world_T_segment[row[attachment.body_segment]], world_T_segment[row[attachment.equipment_segment]]
 
     def _deviation(self, attachment: Attachment, world_T_segment: Array) -> float:
-        shifted = self.fit.lengths.attachment(attachment, self.lengths)
-        return float(shifted.distances(*self._ends(attachment, world_T_segment)).mean())
+        return float(self._shifted[attachment.name].distances(*self._ends(attachment, world_T_segment)).mean())

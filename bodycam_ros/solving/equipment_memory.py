@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class SeenInstants:
         settings: how many are kept, and how often they are asked.
     """
 
-    def __init__(self, settings: EquipmentSettings) -> None:
+    def __init__(self, settings: CouplingSettings) -> None:
         self._settings = settings
         self._instants: list[tuple[HeldPoints, Array]] = []
         self._kept_ns, self._period_ns, self._new_s = -(1 << 62), 1e9 / settings.learn_rate, 0.0

@@ -6,9 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.attachment_joint import attachment_joint
-from bodycam_ros.equipment.equipment import Attachment
-from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 
 Array = NDArray[np.float64]
 
@@ -28,26 +25,15 @@ class HeldJoint:
     soft: bool
 
 
-def held_joint(
-    attachment: Attachment,
-    lengths: UnknownLengths,
-    shifts: Array,
-    sigmas: Array,
-    ends: tuple[Array, Array],
-    soft: bool,
-) -> HeldJoint:
+def held_joint(joint: Joint, unknown: Array, ends: tuple[Array, Array], soft: bool) -> HeldJoint:
     """An attachment that holds (B eq. 15): as soft as its place is unknown.
 
     Args:
-        attachment: as it is said to be.
-        lengths: what is unknown.
-        shifts: (L) where that is by now [m].
-        sigmas: (L) how well that is known [m].
+        joint: of the attachment, where it has been learned to be.
+        unknown: (3) sigmas of its place along the axes of the equipment's segment [m]; zero along what is known.
         ends: poses (4, 4) of its segments of the body and of the equipment.
         soft: whether it gives way where cameras contradict it.
     """
-    joint = attachment_joint(lengths.attachment(attachment, shifts))
-    unknown = lengths.along_axes(attachment.name, sigmas)
     if not unknown.any():
         return HeldJoint(joint, joint.information, soft)
     # What is unknown lies along the equipment's axes, the joint's place in those of the body.

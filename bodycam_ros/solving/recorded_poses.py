@@ -17,6 +17,7 @@ from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
 _TURN_S = 0.1  # [s] before and after, between which a turn is a velocity, and by which it counts like an angle
 _LASTS_S = 0.5  # for which a joint stays beside where it is told to be
 _LEAST_S = 0.5  # [s] of a joint that was seen for less the forward pass's memory knows more
+_FADES_S = 2.0  # by which poses farther in time tell less: people do now as they did a moment ago
 _MOSTLY = 0.5  # share of those instants at which what tells it must have been seen
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ class RecordedPoses:
         self._memory = memory
         self._earlier: _Instants | None = None
         self._asked: _Instants | None = None
-        self._fits: dict[tuple[int, bytes], _Fit | None] = {}
+        self._fits: dict[tuple[int, int, bytes], _Fit | None] = {}
 
     def expect(
         self, stamps_ns: NDArray[np.int64], rotations: Array, seen: Mask, expected: Sequence[ExpectedJoints]
@@ -104,7 +105,8 @@ class RecordedPoses:
 
         At the ends, where it is seen, the joint is not quite where it was told to be. It stays so for a while.
         """
-        told = [(place, self._fit(asked, row, place)) for place in stretch]
+        middle_ns = int(asked.stamps_ns[[stretch[0], stretch[-1]]].mean())
+        told = [(place, self._fit(asked, row, place, middle_ns)) for place in stretch]
         ends = [
             (end, asked.features[end, 3 * row : 3 * row + 3] - of_end)
             for end, (_, fit) in ((stretch[0] - 1, told[0]), (stretch[-1] + 1, told[-1]))
@@ -119,16 +121,16 @@ class RecordedPoses:
                 now_s = 1e-9 * asked.stamps_ns[place : place + 1].astype(np.float64)
                 yield place, vector + (_alike(now_s, ends_s) @ shared)[0]
 
-    def _fit(self, asked: _Instants, row: int, place: int) -> "_Fit | None":
-        """How a joint follows from what is seen at an instant."""
+    def _fit(self, asked: _Instants, row: int, place: int, middle_ns: int) -> "_Fit | None":
+        """How a joint follows from what is seen at an instant, about the middle of a stretch of them."""
         told = asked.known[place]
-        key = (row, told.tobytes())
+        key = (row, middle_ns, told.tobytes())
         if key not in self._fits:
             known = self._earlier.followed_by(asked) if self._earlier else asked
-            self._fits[key] = self._fitted(known, told, row)
+            self._fits[key] = self._fitted(known, told, row, middle_ns)
         return self._fits[key]
 
-    def _fitted(self, known: _Instants, told: Mask, row: int) -> "_Fit | None":
+    def _fitted(self, known: _Instants, told: Mask, row: int, middle_ns: int) -> "_Fit | None":
         """What tells a joint, fitted to all instants at which it was seen; None if it seldom was.
 
         What tells it was not seen at all of them; there it is where the forward pass has it.
@@ -141,10 +143,14 @@ class RecordedPoses:
         if not told.any():
             return None
         X, Y = known.features[seen][:, told], known.features[seen, wanted]
-        x_mean, y_mean = X.mean(axis=0), Y.mean(axis=0)
+        away_s = 1e-9 * np.abs(known.stamps_ns[seen] - middle_ns).astype(np.float64)
+        share: Array = np.exp(-away_s / _FADES_S)
+        share /= share.sum()
+        x_mean, y_mean = share @ X, share @ Y
         A = X - x_mean
-        noise = len(A) * self._memory.noise**2 * np.eye(A.shape[1])
-        weights = np.linalg.solve(A.T @ A + noise, A.T @ (Y - y_mean))
+        noise = self._memory.noise**2 * np.eye(A.shape[1])
+        W = A.T * share
+        weights = np.asarray(np.linalg.solve(W @ A + noise, W @ (Y - y_mean)), np.float64)
         return _Fit(told, weights, y_mean - x_mean @ weights)
 
     def _within_limits(self, rotations: Array, expected: ExpectedJoints, told: Array) -> Array:

@@ -11,9 +11,9 @@ from bodycam_ros.equipment.equipment import Attachment, Equipment, Interval, Seg
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.solving.attachment_watch import AttachmentWatch
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 
-SETTINGS = EquipmentSettings(release_distance=0.05, engage_distance=0.03, confirm_frames=3)
+SETTINGS = CouplingSettings(release_distance=0.05, engage_distance=0.03, confirm_frames=3)
 PLAY_M = 0.002
 ON_FOOT = np.array([[0.1, 0.0, -0.08], [0.1, 0.04, -0.08]])
 FOOT = BODY.segment_index["foot_left"]

@@ -10,7 +10,7 @@ from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import Array
-from bodycam_ros.solving.equipment_settings import EquipmentSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 CADENCE_RPM = 100.0
@@ -116,7 +116,7 @@ def test_a_foot_that_leaves_its_pedal_is_let_go_and_taken_hold_of_again(delay: i
     free, bound = run("kicker", "nothing", delay), run("kicker", "bicycle", delay)
     times, off = bound.athlete.times, ~bound.engaged("on_pedal_left")
     away = bound.attachment_gaps("on_pedal_left", true_equipment=True)
-    frame_s, settings = times[1], EquipmentSettings()
+    frame_s, settings = times[1], CouplingSettings()
     too_far, near = np.flatnonzero(away > settings.release_distance), np.flatnonzero(away > settings.engage_distance)
     late_s = (settings.confirm_frames + 1) * frame_s
     assert times[too_far[0]] <= times[off][0] <= times[too_far[0]] + late_s

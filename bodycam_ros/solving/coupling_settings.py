@@ -6,7 +6,7 @@ from bodycam_ros.settings import setting
 
 
 @dataclass(frozen=True)
-class EquipmentSettings:
+class CouplingSettings:
     """When attachments hold, and how what is unknown of the equipment is learned."""
 
     release_distance: float = setting(
