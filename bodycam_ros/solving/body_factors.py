@@ -28,16 +28,12 @@ class BodyFactors:
     Args:
         body: segments and joints.
         outlier_sigmas: scale of the Cauchy kernel on registrations.
-        attachment_sigmas: the same for what holds equipment.
         coupled: names of the joints that a ``Coupling`` speaks for: of the equipment, to it and beside it.
     """
 
-    def __init__(
-        self, body: BodyModel, outlier_sigmas: float, attachment_sigmas: float = 4.0, coupled: Collection[str] = ()
-    ) -> None:
+    def __init__(self, body: BodyModel, outlier_sigmas: float, coupled: Collection[str] = ()) -> None:
         self._body = body
         self._kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(outlier_sigmas)
-        self._attachment_kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(attachment_sigmas)
         self._coupled = [joint.name in coupled for joint in body.joints]
         self._joint_noises = [(_noise(joint, 0.0), _noise(joint, _SOFT_M)) for joint in body.joints]
         self._joint_poses = JointPoses(body)
@@ -114,8 +110,9 @@ class BodyFactors:
             parent, child = (self._body.segment_index[name] for name in (held.joint.parent, held.joint.child))
             closed = held.joint.measured_relative_pose(inverse(predicted[parent]) @ predicted[child])
             noise = gtsam.noiseModel.Gaussian.Information(held.information)
-            if held.soft:
-                noise = gtsam.noiseModel.Robust.Create(self._attachment_kernel, noise)
+            if held.kernel is not None:
+                kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(held.kernel)
+                noise = gtsam.noiseModel.Robust.Create(kernel, noise)
             graph.add(_between(self.key(index, parent), self.key(index, child), closed, noise))
         return graph
 

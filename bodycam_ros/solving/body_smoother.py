@@ -101,8 +101,7 @@ class BodySmoother:
         self._covariance_settings = covariance or CovarianceSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._coupled = coupling.joint_names if coupling else frozenset[str]()
-        kernel = coupling.settings.kernel if coupling else self.settings.outlier_sigmas
-        self._factors = BodyFactors(body, self.settings.outlier_sigmas, kernel, self._coupled)
+        self._factors = BodyFactors(body, self.settings.outlier_sigmas, self._coupled)
         self._window = BodyWindow(self._factors, self.settings)
         self._going_on = GoingOn(body, self._window, self._factors, self._motion, coupling)
         self._beside = frozenset(coupling.rows.tolist()) if coupling else frozenset[int]()

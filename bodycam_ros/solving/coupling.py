@@ -7,7 +7,6 @@ seen so far, now and then.
 """
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
 from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
-from bodycam_ros.solving.held_joint import HeldJoint, held_joint
+from bodycam_ros.solving.held_joint import HeldJoint, Standing, held_joint
 from bodycam_ros.solving.motion import MotionSettings
 
 Array = NDArray[np.float64]
@@ -37,21 +36,6 @@ _FOLLOWED = np.repeat([0.1, 0.01], 3)
 
 _ANYHOW = 10.0
 """[rad], [m] of joints before anything is known of them."""
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """What stands still.
-
-    Attributes:
-        row: of its segment in the body.
-        pose: (4, 4) world_T_segment.
-        sigmas: (6) of it [rad], [m].
-    """
-
-    row: int
-    pose: Array
-    sigmas: Array
 
 
 class Coupling:
@@ -185,14 +169,20 @@ class Coupling:
 
         A place that is not known yet is as soft as that.
         """
-        own = [HeldJoint(joint, joint.information, False) for joint in self._own]
+        own = [HeldJoint(joint, joint.information) for joint in self._own]
         if holding is None:
             return own
-        held = [a for a in self.equipment.attachments if holding.engaged[a.name]]
         return own + [
-            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), a.name in holding.seen)
-            for a in held
+            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), self._kernel(a, holding))
+            for a in self.equipment.attachments
+            if holding.engaged[a.name]
         ]
+
+    def _kernel(self, attachment: Attachment, holding: Holding) -> float:
+        """Sigmas from which on an attachment gives way: unseen, nobody has let it go, and it may begin far off."""
+        if attachment.name in holding.seen:
+            return self.settings.kernel
+        return max(self.settings.kernel, self.settings.release_distance / float(attachment.sigmas.min()))
 
     def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
         """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""

@@ -144,14 +144,13 @@ class RecordedPoses:
             return None
         X, Y = known.features[seen][:, told], known.features[seen, wanted]
         away_s = 1e-9 * np.abs(known.stamps_ns[seen] - middle_ns).astype(np.float64)
-        share: Array = np.exp(-away_s / _FADES_S)
+        share = np.exp(-away_s / _FADES_S)
         share /= share.sum()
         x_mean, y_mean = share @ X, share @ Y
         A = X - x_mean
         noise = self._memory.noise**2 * np.eye(A.shape[1])
-        W = A.T * share
-        weights = np.asarray(np.linalg.solve(W @ A + noise, W @ (Y - y_mean)), np.float64)
-        return _Fit(told, weights, y_mean - x_mean @ weights)
+        weights = np.linalg.solve(A.T @ (share[:, None] * A) + noise, A.T @ (share[:, None] * (Y - y_mean)))
+        return _Fit(told, np.asarray(weights, np.float64), np.asarray(y_mean - x_mean @ weights, np.float64))
 
     def _within_limits(self, rotations: Array, expected: ExpectedJoints, told: Array) -> Array:
         """Rotations (U, 3, 3) of the unseen joints, as far as joints turn."""

@@ -17,7 +17,7 @@ from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
 
 FRAMES = 30
-NOTHING = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0))
+NOTHING = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def truth(body: BodyModel) -> np.ndarray:
 def block(body: BodyModel, truth: np.ndarray, seen: tuple[str, ...]) -> Block:
     """Some segments are seen at every instant, with noise; nobody says where it begins."""
     rng, covariance = np.random.default_rng(1), np.diag(np.repeat([0.002, 0.004], 3) ** 2)
-    factors = BodyFactors(body, 4.0, MotionSettings())
+    factors = BodyFactors(body, 4.0)
     fixed = gtsam.NonlinearFactorGraph()
     for frame, poses in enumerate(truth):
         evidence = [
