@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
@@ -105,7 +107,8 @@ def replay(
         equipment=coupling,
         on_together=partial(on_step, _TOGETHER),
     )
-    with write_recording(output_path, force) as writer:
+    # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
+    with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
         watch = skeleton.instants.watch
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
