@@ -169,7 +169,7 @@ def solved(
     count = len(athlete.body.segments)
     lengths = {}
     if coupling:
-        said = coupling.fit.lengths.names, coupling.fit.lengths.said + coupling.lengths, coupling.length_sigmas
+        said = coupling.fit.lengths.names, coupling.fit.lengths.said + coupling.places.shifts, coupling.places.sigmas
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
     reports = [state.equipment for state in states if state.equipment]
     return Solved(athlete, poses[:, :count], poses[:, count:], lengths, reports)

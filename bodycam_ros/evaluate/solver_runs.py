@@ -30,7 +30,7 @@ from bodycam_ros.solving.camera_evidence import MountedCameras, evidence_floor
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.frame_assembler import FrameAssembler
 from bodycam_ros.solving.pose_memory import ExpectedJoints
-from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
+from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 from bodycam_ros.solving.smoother_settings import OFFLINE
 from bodycam_ros.solving.start_poses import first_poses
 from bodycam_ros.solving.whole_recording import WholeRecording
@@ -226,7 +226,7 @@ def _alone(
     def joints(poses: Array) -> gtsam.NonlinearFactorGraph:
         return factors.joints(0, poses[0], nothing)
 
-    motion = SmoothMotion(SegmentMotion.of(settings.motion, len(body.segments)), np.array([frame.stamp_ns]))
+    motion = SmoothMotion(MotionLimits.of(settings.motion, len(body.segments)), np.array([frame.stamp_ns]))
     poses = solve_block(Block(0, graph, joints, motion), start[None], _MOST_STEPS)[0]
     return frame.stamp_ns, poses, 1e3 * (time.process_time() - started_s)
 

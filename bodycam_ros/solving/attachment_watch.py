@@ -101,6 +101,16 @@ class AttachmentWatch:
         return HeldPoints(looked.points, holds)
 
     @property
+    def seen(self) -> frozenset[str]:
+        """Attachments that are said to hold, and whose segment of the body is seen now."""
+        return frozenset(name for name, w in self._watched.items() if w.said and w.seen)
+
+    def said(self, seconds: float, observed: NDArray[np.bool_]) -> Holding:
+        """What holds by the file alone, seconds after the first image, and whose segments are observed (S,)."""
+        engaged = {name: w.attachment.holds_at(seconds) for name, w in self._watched.items()}
+        return Holding(engaged, frozenset(name for name, w in self._watched.items() if observed[w.row]))
+
+    @property
     def holding(self) -> Holding:
         """What holds now."""
         seen = frozenset(name for name, w in self._watched.items() if w.seen)
@@ -137,6 +147,11 @@ class AttachmentWatch:
             > self.limit(name, max(_NEAR_M, float(self._watched[name].attachment.sigmas.mean())), length_sigmas)
             for name, distance in distances.items()
         )
+
+    def surprised(self, distances: Mapping[str, float], length_sigmas: Array) -> bool:
+        """Whether an attachment that may be let go, and should hold, is seen too far away."""
+        may_go = {name: d for name, d in distances.items() if self._watched[name].attachment.detected}
+        return self.contradicted(may_go, length_sigmas) > 0
 
     def contradicted(self, distances: Mapping[str, float], length_sigmas: Array) -> int:
         """How many of the attachments that should hold are seen too far away."""

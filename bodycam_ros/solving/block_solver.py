@@ -104,7 +104,7 @@ def _step(linear: gtsam.GaussianFactorGraph, ordering: gtsam.Ordering, first_key
     """
     unit = gtsam.noiseModel.Unit.Create(6)
     for damping in _DAMPING:
-        damped = linear.clone()
+        damped = linear.clone() if damping else linear
         for key in range(first_key, first_key + ordering.size()) if damping else ():
             damped.push_back(gtsam.JacobianFactor(key, np.sqrt(damping) * np.eye(6), np.zeros(6), unit))
         try:

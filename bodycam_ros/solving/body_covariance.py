@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
@@ -122,8 +124,10 @@ class BodyCovariance:
         self._carry_on(dt_s, turns)
         prior = self._pose
         count = len(prior)
-        # Where the body is the segments know from each other: together they must not know it better than each of them.
-        own = np.repeat([1.0, 1.0 / np.sqrt(count)], 3)
+        held = list(held)
+        # Where they are, segments that are tied know from each other: together no better than each of them.
+        own = np.ones((count, 6))
+        own[:, 3:] = 1.0 / np.sqrt(self._tied(held))[:, None]
         prior_information = np.linalg.inv(prior)
         rows = [self._body.segment_index[seen.segment] for seen in evidence]
         of_cameras = np.linalg.inv(np.array([seen.covariance for seen in evidence]).reshape(-1, 6, 6))
@@ -132,7 +136,7 @@ class BodyCovariance:
         information = np.zeros((count, 6, count, 6))
         each = np.arange(count)
         information[each, :, each, :] = (
-            own[:, None] * prior_information * own + _summed(of_segment, of_cameras) + of_joints
+            own[:, :, None] * prior_information * own[:, None, :] + _summed(of_segment, of_cameras) + of_joints
         )
         children, parents = self._pairs.T
         information[children, :, parents, :] += crossed
@@ -184,6 +188,17 @@ class BodyCovariance:
         of_parent = np.swapaxes(child_xi_parent, -1, -2) @ crossed
         of_segments = _summed(self._of_child, of_child) + _summed(self._of_parent, of_parent)
         return of_segments, _summed(self._of_pair, crossed)
+
+    def _tied(self, held: Iterable[HeldJoint]) -> NDArray[np.intp]:
+        """How many segments (S,) each is tied to by joints that hold, itself among them."""
+        ends = self._pairs[self._of_pair @ np.abs(self._joint_information).sum(axis=(1, 2)) > 0.0].tolist()
+        for each in held:
+            ends.append([self._body.segment_index[name] for name in (each.joint.child, each.joint.parent)])
+        rows, columns = np.array(ends, int).reshape(-1, 2).T
+        count = len(self._pose)
+        graph = csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+        _, part = connected_components(graph, directed=False)
+        return np.asarray(np.bincount(part)[part])
 
     def _hold(
         self, information: NDArray[np.float64], world_T_segment: NDArray[np.float64], held: Iterable[HeldJoint]

@@ -156,6 +156,8 @@ class BodySmoother:
         Returns:
             The states that are now old enough to publish; empty until the first camera is registered.
         """
+        if self._coupling:
+            self._coupling.begin(frame.stamp_ns)
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
         if not self._window.instants and not registered:
@@ -175,6 +177,7 @@ class BodySmoother:
         known = observed | self._of_segments(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
         turning = known[self._joint_ends].all(axis=1)
+        self._memory.machine_is_known = bool(self._coupling and self._coupling.placed)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         start = seated(path, trusted.seats)
@@ -254,7 +257,7 @@ class BodySmoother:
         if self._coupling is None:
             return [], None
         self._coupling.follow(stamp_ns, dt_s, start, trusted.evidence)
-        return self._coupling.joints(start, self._coupling.holding), self._coupling.holding
+        return self._coupling.places.joints(start, self._coupling.holding), self._coupling.holding
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
         """What cameras say that are not registered, and what the refused ones say when they are asked again."""

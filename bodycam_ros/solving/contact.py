@@ -28,6 +28,10 @@ _FIRM_NS = 200_000_000
 """A point that has rested for so long lies on the floor; a foot that turns back in the air does not rest so long."""
 
 
+_LEAST_SHIN_M = 0.05
+"""Where a shin begins at its ankle nobody knows how large the foot is."""
+
+
 class FootContacts:
     """Tells which points of the soles rest, and holds them.
 
@@ -138,9 +142,11 @@ def _feet(body: BodyModel, names: Iterable[str]) -> list[Joint]:
     joints = []
     for name in names:
         joint = body.joint_to_parent(name)
-        if joint is not None:
+        if joint is not None and np.linalg.norm(joint.parent_T_joint[:3, 3]) > _LEAST_SHIN_M:
             joints.append(joint)
-        elif name == body.root or name not in usual:
+        elif joint is not None:
+            continue
+        elif name not in usual:
             raise BodyError(
                 f"contact.segments: {shown(name)} cannot stand on body {body.name}; a segment that stands hangs on "
                 f"another: {', '.join(joint.child for joint in body.tree_joints)}"

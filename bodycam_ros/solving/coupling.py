@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.attachment_joint import attachment_joint
-from bodycam_ros.equipment.equipment import Attachment, Equipment
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.solving.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.solving.camera_evidence import SegmentPose, poses_as_seen
@@ -22,9 +21,11 @@ from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_memory import SeenInstants
 from bodycam_ros.solving.equipment_motion import EquipmentMotion
-from bodycam_ros.solving.equipment_place import EquipmentPlace, Placed
-from bodycam_ros.solving.held_joint import HeldJoint, Standing, held_joint
+from bodycam_ros.solving.equipment_place import EquipmentPlace
+from bodycam_ros.solving.equipment_places import EquipmentPlaces
+from bodycam_ros.solving.held_joint import Standing
 from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.search_pacing import SearchPacing
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,6 @@ _STANDS = np.repeat([1e-4, 1e-4], 3)
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
 
-_ANYHOW = 10.0
 """[rad], [m] of joints before anything is known of them."""
 
 
@@ -50,9 +50,8 @@ class Coupling:
     Attributes:
         rows: (E) of the equipment's segments in the body.
         placed: whether it is known where the equipment is.
-        anchored: whether it has gone on from the instant before as was expected.
-        lengths: (L) how far what was unknown is from where it was said to be [m].
-        length_sigmas: (L) [m].
+        went_on: whether it has gone on from the instant before as was expected.
+        places: where its joints and attachments are by now.
     """
 
     def __init__(
@@ -69,11 +68,11 @@ class Coupling:
         self.rows = np.array([body.segment_index[name] for name in equipment.segments])
         self._root = self.fit.row[equipment.root]
         self.stands = equipment.segments[equipment.root].stands
-        self.placed = self.anchored = False
-        self.lengths, self.length_sigmas = np.zeros(len(self.fit.lengths)), self.fit.lengths.priors.copy()
+        self.placed = self.went_on = False
+        self.places = EquipmentPlaces(body, equipment, self._tree, self.fit.lengths, settings)
         self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
         self._begin_ns: int | None = None
-        self._learned()
+        self._pacing = SearchPacing()
 
     @property
     def joint_names(self) -> frozenset[str]:
@@ -111,10 +110,30 @@ class Coupling:
             return None
         return Standing(int(self.rows[self._root]), self._world_T_root, self._root_sigmas)
 
+    def begin(self, stamp_ns: int) -> None:
+        """The first image of the recording [ns]; later ones do not count."""
+        if self._begin_ns is None:
+            self._begin_ns = stamp_ns
+
     def begin_anew(self) -> None:
-        """After a pause: it is looked for again."""
+        """After a pause: what stands is where it was, anything else is looked for again."""
         self._motion.forget()
-        self.placed = self.anchored = False
+        self._pacing.forget()
+        self.placed, self.went_on = self.placed and self.stands, False
+
+    def held_unplaced(self, stamp_ns: int, observed: NDArray[np.bool_]) -> Holding | None:
+        """What held while nobody knew where it stands, as far as the file says; None if nobody knows it yet.
+
+        Args:
+            stamp_ns: of the instant.
+            observed: (S,) which segments were seen at it.
+        """
+        if self.standing is None:
+            return None
+        return self._watch.said(self._seconds(stamp_ns), observed)
+
+    def _seconds(self, stamp_ns: int) -> float:
+        return 1e-9 * (stamp_ns - (stamp_ns if self._begin_ns is None else self._begin_ns))
 
     def sigmas(self, dt_s: float, previous_dt_s: float) -> Array:
         """(E, 6) by how much the segments may deviate from their prediction over a time [rad], [m]."""
@@ -134,7 +153,7 @@ class Coupling:
         poses = moved[self.rows]
         if self.stands:
             poses[self._root] = self._world_T_root
-        moved[self.rows] = self._motion.predict(poses, latest[self.rows], self._own, dt_s)
+        moved[self.rows] = self._motion.predict(poses, latest[self.rows], self.places.own, dt_s)
 
     def follow(self, stamp_ns: int, dt_s: float, path: Array, evidence: Mapping[str, SegmentPose]) -> None:
         """Fit the equipment to what is seen of the body at an instant; its rows of the path (S, 4, 4) become that.
@@ -145,17 +164,17 @@ class Coupling:
             path: where the solver starts; changed in place.
             evidence: camera -> its registration, of those that are believed.
         """
-        if self._begin_ns is None:
-            self._begin_ns = stamp_ns
         seen = {self._body.segment_index[pose.segment] for pose in evidence.values()}
-        looked = self._watch.look(
-            1e-9 * (stamp_ns - self._begin_ns), poses_as_seen(self._body, path, evidence.values()), seen
-        )
-        self.anchored = self.placed
+        looked = self._watch.look(self._seconds(stamp_ns), poses_as_seen(self._body, path, evidence.values()), seen)
+        may_search = self._pacing.is_due(stamp_ns, self._watch.seen)
+        self.went_on = self.placed
         if self.placed:
-            path[self.rows] = self._follow(looked, path[self.rows], dt_s, evidence)
+            found, poses = self._follow(looked, self._prior(path[self.rows], dt_s, evidence), may_search)
         else:
-            path[self.rows] = self._find(looked, path, evidence)
+            found, poses = self._find(looked, path, evidence, may_search)
+        path[self.rows] = poses
+        if not found and may_search:
+            self._pacing.in_vain(stamp_ns)
         if self.placed and self._seen.add(stamp_ns, self._watch.held(looked), path[self.rows]):
             self._learn(path)
 
@@ -164,32 +183,12 @@ class Coupling:
         if self.placed:
             self._motion.learn_speeds(latest[self.rows], before[self.rows], dt_s, self._watch.holding.drives)
 
-    def joints(self, path: Array, holding: Holding | None) -> list[HeldJoint]:
-        """The equipment's joints, and what holds it to the body, around poses (S, 4, 4).
-
-        A place that is not known yet is as soft as that.
-        """
-        own = [HeldJoint(joint, joint.information) for joint in self._own]
-        if holding is None:
-            return own
-        return own + [
-            held_joint(self._held[a.name], self._unknown[a.name], self._ends(a, path), self._kernel(a, holding))
-            for a in self.equipment.attachments
-            if holding.engaged[a.name]
-        ]
-
-    def _kernel(self, attachment: Attachment, holding: Holding) -> float:
-        """Sigmas from which on an attachment gives way: unseen, nobody has let it go, and it may begin far off."""
-        if attachment.name in holding.seen:
-            return self.settings.kernel
-        return max(self.settings.kernel, self.settings.release_distance / float(attachment.sigmas.min()))
-
     def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
         """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""
         attachments = self.equipment.attachments
         deviations = np.full(len(attachments), np.nan)
         if holding is not None:
-            deviations = np.array([self._deviation(attachment, world_T_segment) for attachment in attachments])
+            deviations = np.array([self.places.distance(a.name, world_T_segment) for a in attachments])
         return EquipmentReport(
             name=self.equipment.name,
             placed=holding is not None,
@@ -199,62 +198,59 @@ class Coupling:
             ),
             deviations=deviations,
             lengths=self.fit.lengths.names,
-            values=self.fit.lengths.said + self.lengths,
-            sigmas=self.length_sigmas.copy(),
+            values=self.fit.lengths.said + self.places.shifts,
+            sigmas=self.places.sigmas.copy(),
         )
 
     def _beside(self, path: Array) -> Array:
-        """Where nobody knows the equipment to be: at the body's root."""
+        """Where its hinges are not known: where it stands; or nothing of it, beside the body's root."""
+        if self.standing is not None:
+            return self._place.nominal(self._world_T_root)
         return self._place.nominal(path[self._body.segment_index[self._body.root]])
 
-    def _learned(self) -> None:
-        """Where joints and attachments are by now."""
-        lengths = self.fit.lengths
-        self._own = [lengths.joint(joint, self.lengths) for joint in self._tree]
-        self._shifted = {a.name: lengths.attachment(a, self.lengths) for a in self.equipment.attachments}
-        self._held = {name: attachment_joint(attachment) for name, attachment in self._shifted.items()}
-        self._unknown = {name: lengths.along_axes(name, self.length_sigmas) for name in self._shifted}
+    def _find(
+        self, looked: HeldPoints, path: Array, evidence: Mapping[str, SegmentPose], may_search: bool
+    ) -> tuple[bool, Array]:
+        """Equipment that was not placed yet: where its own camera has it, or the body holds it.
 
-    def _find(self, looked: HeldPoints, path: Array, evidence: Mapping[str, SegmentPose]) -> Array:
-        """Poses (E, 4, 4) of equipment that was not placed yet: where its own camera has it, or the body holds it."""
-        found = self._see_itself(looked, evidence) or self._place.anywhere(looked, np.zeros(len(self.lengths)))
+        Returns:
+            Whether it was found, and poses (E, 4, 4).
+        """
+        own = [seen for seen in evidence.values() if seen.segment == self.equipment.root]
+        found = self._place.by_camera(looked, self.places.shifts, own) if own else None
+        if found is None and may_search:
+            found = self._place.anywhere(looked, self.places.shifts)
         if found is None:
-            return self._beside(path)
+            return False, self._beside(path)
         self.placed = True
         self._world_T_root = found.poses[self._root]
         self._root_sigmas = np.maximum(found.root_sigmas, _STANDS)
-        self._watch.begin(self._watch.distances(looked, found.poses, self.lengths), self.length_sigmas)
-        return found.poses
+        self._watch.begin(self._watch.distances(looked, found.poses, self.places.shifts), self.places.sigmas)
+        return True, found.poses
 
-    def _see_itself(self, looked: HeldPoints, evidence: Mapping[str, SegmentPose]) -> Placed | None:
-        """Where it is by a camera on its root."""
-        own = [seen for seen in evidence.values() if seen.segment == self.equipment.root]
-        if not own:
-            return None
-        surest = min(own, key=lambda seen: float(np.trace(seen.covariance)))
-        sigmas = np.full((len(self.rows), 6), _ANYHOW)
-        sigmas[self._root] = np.sqrt(np.diag(surest.covariance))
-        prior = Prior(self._place.nominal(surest.world_T_segment), sigmas)
-        return Placed(self._place.around(looked, self.lengths, prior), sigmas[self._root])
+    def _follow(self, looked: HeldPoints, prior: Prior, may_search: bool) -> tuple[bool, Array]:
+        """Near the prediction, or where hinges must have turned meanwhile; what is let go.
 
-    def _follow(self, looked: HeldPoints, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Array:
-        """Poses (E, 4, 4) near the prediction, or where hinges must have turned meanwhile; what is let go."""
-        prior = self._prior(predicted, dt_s, evidence)
+        Returns:
+            Whether it is where it should be, and poses (E, 4, 4).
+        """
         poses = prior.poses
-        distances = self._watch.distances(looked, poses, self.lengths)
+        distances = self._watch.distances(looked, poses, self.places.shifts)
         # What has gone on unseen in another way than expected begins anew where it is seen.
-        self.anchored = not self._watch.contradicted(distances, self.length_sigmas)
-        if self._watch.astray(distances, self.length_sigmas):
-            poses = self._place.near(self._watch.held(looked), self.lengths, prior)
-            distances = self._watch.distances(looked, poses, self.lengths)
-        if 2 * self._watch.contradicted(distances, self.length_sigmas) > len(distances):
-            elsewhere = self._place.around(looked, self.lengths, prior)
-            anew = self._watch.distances(looked, elsewhere, self.lengths)
+        self.went_on = not self._watch.surprised(distances, self.places.sigmas)
+        if self._watch.astray(distances, self.places.sigmas):
+            poses = self._place.near(self._watch.held(looked), self.places.shifts, prior)
+            distances = self._watch.distances(looked, poses, self.places.shifts)
+        found = 2 * self._watch.contradicted(distances, self.places.sigmas) <= len(distances)
+        if not found and may_search:
+            elsewhere = self._place.around(looked, self.places.shifts, prior)
+            anew = self._watch.distances(looked, elsewhere, self.places.shifts)
             if sum(anew.values()) < sum(distances.values()):
-                poses, distances = elsewhere, anew
+                poses, distances, self.went_on = elsewhere, anew, False
                 self._motion.forget()
-        self._watch.notice(distances, self.length_sigmas)
-        return poses
+            found = 2 * self._watch.contradicted(distances, self.places.sigmas) <= len(distances)
+        self._watch.notice(distances, self.places.sigmas)
+        return found, poses
 
     def _prior(self, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Prior:
         """Where the equipment should be: as predicted (E, 4, 4), or where cameras of its own have it."""
@@ -269,18 +265,9 @@ class Coupling:
 
     def _learn(self, path: Array) -> None:
         """Fit where it stands and what is unknown to all that was seen."""
-        fitted = self._seen.fit(self.fit, self.lengths)
-        self.lengths, self.length_sigmas = fitted.lengths, fitted.length_sigmas
-        self._learned()
+        fitted = self._seen.fit(self.fit, self.places.shifts)
+        self.places.learn(fitted.lengths, fitted.length_sigmas)
         if self.stands:
             self._world_T_root = fitted.poses[-1, self._root]
             self._root_sigmas = np.maximum(fitted.root_sigmas, _STANDS)
             path[self.rows[self._root]] = self._world_T_root
-
-    def _ends(self, attachment: Attachment, world_T_segment: Array) -> tuple[Array, Array]:
-        """Poses (4, 4) of its segments of the body and of the equipment."""
-        row = self._body.segment_index
-        return world_T_segment[row[attachment.body_segment]], world_T_segment[row[attachment.equipment_segment]]
-
-    def _deviation(self, attachment: Attachment, world_T_segment: Array) -> float:
-        return float(self._shifted[attachment.name].distances(*self._ends(attachment, world_T_segment)).mean())

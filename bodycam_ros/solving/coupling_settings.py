@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import setting
 
 
@@ -52,3 +53,15 @@ class CouplingSettings:
         limits=(0.01, 10.0),
         reason="a segment that keeps its speed keeps the mean over so long; two images alone say little of a speed",
     )
+
+    def __post_init__(self) -> None:
+        """Refuse what would flip between two states.
+
+        Raises:
+            SettingsError: an attachment would be held again farther off than it is let go.
+        """
+        if self.engage_distance > self.release_distance:
+            raise SettingsError(
+                f"coupling.engage_distance = {self.engage_distance:g} m is more than coupling.release_distance = "
+                f"{self.release_distance:g} m; what was let go must come nearer than that to hold again"
+            )

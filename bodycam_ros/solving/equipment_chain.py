@@ -100,6 +100,18 @@ class EquipmentChain:
         return poses, J
 
 
+def closed_but_sliding(joint: Joint, parent_T_child: Array) -> Array:
+    """The pose (4, 4) of a child that closes its joint as it stands (4, 4): what slides stays where it has slid to."""
+    closed = joint.measured_relative_pose(parent_T_child)
+    slides = np.array(joint.sigmas)[3:] > _HELD_M
+    if not slides.any():
+        return closed
+    joint_T_end = inverse(joint.parent_T_joint) @ parent_T_child @ joint.child_T_joint
+    motion = inverse(joint.parent_T_joint) @ closed @ joint.child_T_joint
+    motion[:3, 3] = np.where(slides, joint_T_end[:3, 3], 0.0)
+    return np.asarray(joint.parent_T_joint @ motion @ joint.joint_T_child)
+
+
 def _freedom(joint: Joint) -> tuple[Array, Array]:
     """Twists (6, F) along which a joint moves, in its frame, and how far (F): infinite where there is no opinion."""
     sigmas = np.array(joint.sigmas)

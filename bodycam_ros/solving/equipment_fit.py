@@ -20,7 +20,7 @@ from bodycam_ros.solving.equipment_chain import EquipmentChain
 
 Array = NDArray[np.float64]
 
-_BODY_M = 0.003
+BODY_M = 0.003
 """How well a seen segment is known; no pair of points weighs more."""
 
 _KERNEL = 10.0
@@ -121,7 +121,7 @@ class EquipmentFit:
             new_root, moved = self.chain.moved(root, motions, step)
             longer = lengths + step[0, self.chain.length_columns]
             H_new, g_new, cost_new = self._normal_equations(new_root, moved, longer, held, expected)
-            if cost_new > cost:
+            if not cost_new <= cost:
                 damping *= 10.0
                 continue
             settled = cost - cost_new < _SETTLED * (1.0 + cost)
@@ -220,7 +220,7 @@ class EquipmentFit:
         J = of_segment @ moves[:, None, row]
         for column, axis in self.lengths.of(attachment.name):
             J[:, :, axis, self.chain.length_columns[column]] -= 1.0
-        sigmas = np.hypot(attachment.sigmas, _BODY_M)[:, None]
+        sigmas = np.hypot(attachment.sigmas, BODY_M)[:, None]
         rows = 3 * len(attachment.sigmas)
         return (J / sigmas[..., None]).reshape(len(poses), rows, -1), (off / sigmas).reshape(len(poses), rows)
 

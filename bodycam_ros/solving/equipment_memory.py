@@ -29,7 +29,7 @@ class SeenInstants:
             return False
         self._kept_ns = stamp_ns
         self._instants.append((held, poses.copy()))
-        self._new_s += 1.0 / self._settings.learn_rate
+        self._new_s += 1e-9 * self._period_ns
         if len(self._instants) > self._settings.learn_instants:
             # All that was seen, at half the rate.
             self._instants = self._instants[::2]

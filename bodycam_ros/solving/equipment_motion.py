@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.solving.equipment_chain import closed_but_sliding
 from bodycam_ros.solving.motion import MotionSettings
 
 Array = NDArray[np.float64]
@@ -93,7 +94,7 @@ class EquipmentMotion:
                 turn = rigid(joint.hinge_rotation(np.array(angle)), np.zeros(3))
                 poses[c] = poses[p] @ joint.parent_T_joint @ turn @ joint.joint_T_child
             else:
-                poses[c] = poses[p] @ joint.measured_relative_pose(inverse(poses[p]) @ poses[c])
+                poses[c] = poses[p] @ closed_but_sliding(joint, inverse(poses[p]) @ poses[c])
         return poses
 
     def learn_speeds(

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, rigid, transform_points
-from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints, Prior
+from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.equipment_chain import closed_but_sliding
+from bodycam_ros.solving.equipment_fit import BODY_M, EquipmentFit, FittedEquipment, HeldPoints, Prior
 
 Array = NDArray[np.float64]
 
@@ -19,8 +21,8 @@ _ANGLES = 12
 _KNOWN = np.repeat([0.35, 0.3], 3)
 """[rad], [m] a root that the attachments know no better than this is not placed yet."""
 
-_BODY_M = 0.003
 _STEPS_NEAR = 6
+_ANYHOW = 10.0  # [rad], [m] no opinion
 
 _LEAST_LEVER_M = 0.01
 """Points nearer to an axis than this do not feel a turn about it."""
@@ -50,7 +52,11 @@ class EquipmentPlace:
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint], fit: EquipmentFit) -> None:
         self._equipment, self._tree, self._fit = equipment, tuple(tree), fit
-        self._endless = [joint for joint in tree if joint.type == "hinge" and joint.limits is None][:1]
+        endless = [joint for joint in tree if joint.type == "hinge" and joint.limits is None]
+        # Pedals follow the foot once their crank is found.
+        outer = {joint.child for joint in endless}
+        self._endless = [joint for joint in endless if joint.parent not in outer]
+        self._turning = outer
 
     def nominal(self, world_T_root: Array, angles: Mapping[str, float] | None = None) -> Array:
         """Poses (E, 4, 4) with all joints at zero, but hinges at angles [rad]."""
@@ -66,7 +72,9 @@ class EquipmentPlace:
         """The best fit of all; None while what is held does not say where the equipment is."""
         if not any(holds[0] for holds in held.holds.values()):
             return None
-        starts = [self._hung_on_body(held, angles) for angles in self._angles()]
+        starts = [
+            self._hung_on_body(held, angles) for angles in self._angles(self._endless[0] if self._endless else None)
+        ]
         best = min((self._fit.solve(start[None], lengths, held) for start in starts), key=_cost)
         if (best.root_sigmas > _KNOWN)[self._felt(best.poses[0])].any():
             return None
@@ -82,6 +90,15 @@ class EquipmentPlace:
         about_axes = np.linalg.norm(np.cross(np.concatenate(points)[:, None], np.eye(3)), axis=2).max(axis=0)
         return np.append(about_axes > _LEAST_LEVER_M, np.ones(3, bool))
 
+    def by_camera(self, held: HeldPoints, lengths: Array, own: Sequence[SegmentPose]) -> Placed:
+        """Where it is by cameras on its root."""
+        surest = min(own, key=lambda seen: float(np.trace(seen.covariance)))
+        sigmas = np.full((len(self._fit.row), 6), _ANYHOW)
+        root = self._fit.row[self._equipment.root]
+        sigmas[root] = np.sqrt(np.diag(surest.covariance))
+        prior = Prior(self.nominal(surest.world_T_segment), sigmas)
+        return Placed(self.around(held, lengths, prior), sigmas[root])
+
     def near(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
         """Poses (E, 4, 4) fitted from a prediction."""
         if not any(holds[0] for holds in held.holds.values()):
@@ -90,29 +107,30 @@ class EquipmentPlace:
         return near
 
     def around(self, held: HeldPoints, lengths: Array, prior: Prior) -> Array:
-        """Poses (E, 4, 4) near a prediction of which a hinge that turns for ever need not be anywhere near."""
-        row, fits = self._fit.row, []
+        """Poses (E, 4, 4) near a prediction of which hinges that turn for ever need not be anywhere near."""
         loose = prior.sigmas.copy()
-        for joint in self._tree:
-            if joint in self._endless or row[joint.parent] in {row[e.child] for e in self._endless}:
-                loose[row[joint.child]] = 10.0
-        for angles in self._angles():
-            start = prior.poses.copy()
-            for joint in self._tree:
-                parent, child = start[row[joint.parent]], row[joint.child]
-                if joint.name in angles:
-                    turn = _turn(joint, angles[joint.name])
-                    start[child] = parent @ joint.parent_T_joint @ turn @ joint.joint_T_child
-                else:
-                    start[child] = parent @ joint.measured_relative_pose(inverse(parent) @ start[child])
-            fits.append(self._fit.solve(start[None], lengths, held, Prior(prior.poses, loose)))
-        best: Array = min(fits, key=_cost).poses[0]
-        return best
+        loose[[row for name, row in self._fit.row.items() if name in self._turning]] = _ANYHOW
+        poses = prior.poses
+        for endless in self._endless or (None,):
+            starts = [self._turned(poses, angles) for angles in self._angles(endless)]
+            fits = [self._fit.solve(start[None], lengths, held, Prior(prior.poses, loose)) for start in starts]
+            poses = min(fits, key=_cost).poses[0]
+        return poses
 
-    def _angles(self) -> list[dict[str, float]]:
-        if not self._endless:
+    def _turned(self, poses: Array, angles: Mapping[str, float]) -> Array:
+        """Poses (E, 4, 4) with some hinges at angles [rad], and what hangs on them."""
+        row, start = self._fit.row, poses.copy()
+        for joint in self._tree:
+            parent_T_child = inverse(poses[row[joint.parent]]) @ poses[row[joint.child]]
+            if joint.name in angles:
+                parent_T_child = joint.parent_T_joint @ _turn(joint, angles[joint.name]) @ joint.joint_T_child
+            start[row[joint.child]] = start[row[joint.parent]] @ closed_but_sliding(joint, parent_T_child)
+        return start
+
+    def _angles(self, endless: Joint | None) -> list[dict[str, float]]:
+        if endless is None:
             return [{}]
-        return [{self._endless[0].name: a} for a in np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False).tolist()]
+        return [{endless.name: angle} for angle in np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False).tolist()]
 
     def _hung_on_body(self, held: HeldPoints, angles: Mapping[str, float]) -> Array:
         """Poses (E, 4, 4) with joints at angles, moved as one to where the body holds them (Kabsch 1976)."""
@@ -124,7 +142,7 @@ class EquipmentPlace:
                 on_equipment.append(attachment.on_equipment @ pose[:3, :3].T + pose[:3, 3])
                 on_body.append(held.points[attachment.name][0])
                 off = float(np.max(attachment.unknown))
-                weights.append(1.0 / (np.square(attachment.sigmas) + off**2 + _BODY_M**2))
+                weights.append(1.0 / (np.square(attachment.sigmas) + off**2 + BODY_M**2))
         a, b, w = np.concatenate(on_equipment), np.concatenate(on_body), np.concatenate(weights)
         a_mean, b_mean = w @ a / w.sum(), w @ b / w.sum()
         scatter = (b - b_mean).T @ ((a - a_mean) * w[:, None])

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.coupling import Coupling
 from bodycam_ros.solving.equipment_fit import HeldPoints
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.recorded_instants import RecordedInstant
-from bodycam_ros.solving.smooth_motion import SegmentMotion
+from bodycam_ros.solving.smooth_motion import MotionLimits
 
 Array = NDArray[np.float64]
 
@@ -40,27 +41,32 @@ class RecordedEquipment:
 
     def joints(self, instant: RecordedInstant, around: Array) -> gtsam.NonlinearFactorGraph:
         """The factors that couple the body at an instant, around poses (S, 4, 4)."""
-        holding = instant.recorded.holding
-        graph = self._factors.equipment(instant.index, around, self._coupling.joints(around, holding))
+        holding = self._holding(instant)
+        graph = self._factors.equipment(instant.index, around, self._coupling.places.joints(around, holding))
         standing = self._coupling.standing
         if standing and holding:
             graph.push_back(self._factors.anchor(instant.index, {standing.row: standing.pose}, standing.sigmas))
         return graph
 
-    def motion(self, instants: Sequence[RecordedInstant], settings: MotionSettings) -> SegmentMotion:
+    def _holding(self, instant: RecordedInstant) -> Holding | None:
+        """What held at an instant; before anybody knew where something stands, what the file says."""
+        known = instant.recorded.holding
+        return known or self._coupling.held_unplaced(instant.state.stamp_ns, instant.state.observed)
+
+    def motion(self, instants: Sequence[RecordedInstant], settings: MotionSettings) -> MotionLimits:
         """How suddenly the segments of T instants move."""
-        motion = SegmentMotion.of(settings, len(self._body.segments))
+        motion = MotionLimits.of(settings, len(self._body.segments))
         accelerations = np.tile(motion.accelerations, (len(instants), 1, 1))
         velocity_time = motion.velocity_time.copy()
         rows = self._coupling.rows
         for place, instant in enumerate(instants):
-            accelerations[place, rows] = self._coupling.accelerations(instant.recorded.holding)
+            accelerations[place, rows] = self._coupling.accelerations(self._holding(instant))
         velocity_time[rows[self._coupling.keeping]] = _KEPT_S
-        return SegmentMotion(accelerations, velocity_time)
+        return MotionLimits(accelerations, velocity_time)
 
     def report(self, instant: RecordedInstant, world_T_segment: Array) -> EquipmentReport:
         """What is published of an instant whose poses (S, 4, 4) have become others."""
-        return self._coupling.report(world_T_segment, instant.recorded.holding)
+        return self._coupling.report(world_T_segment, self._holding(instant))
 
     def _held(self, instants: Sequence[RecordedInstant], poses: Array) -> HeldPoints:
         """Where the body is seen to hold it, of poses (T, S, 4, 4)."""
@@ -68,7 +74,7 @@ class RecordedEquipment:
         for attachment in self._coupling.equipment.attachments:
             name, body = attachment.name, poses[:, self._body.segment_index[attachment.body_segment]]
             points[name] = attachment.on_body @ np.swapaxes(body[:, :3, :3], 1, 2) + body[:, None, :3, 3]
-            holding = [instant.recorded.holding for instant in instants]
+            holding = [self._holding(instant) for instant in instants]
             holds[name] = np.array([h is not None and h.engaged[name] and name in h.seen for h in holding], bool)
         return HeldPoints(points, holds)
 
@@ -78,13 +84,13 @@ class RecordedEquipment:
         standing = self._coupling.standing
         if standing:
             start[:, standing.row] = standing.pose
-        chain, lengths = self._coupling.fit.chain, self._coupling.lengths
+        chain, lengths = self._coupling.fit.chain, self._coupling.places.shifts
         # By what holds it at each instant alone: the forward pass takes some to believe what it did not expect.
         fitted = self._coupling.fit.solve(start[:, rows], lengths, self._held(instants, poses))
         motions = chain.motions(fitted.poses, fitted.lengths)
         for f, motion in zip(chain.freedoms, motions, strict=True):
             if f.joint.name in self._coupling.keeping_joints:
-                driven = np.array([self._coupling.drives(f.joint, i.recorded.holding) for i in instants], bool)
+                driven = np.array([self._coupling.drives(f.joint, self._holding(i)) for i in instants], bool)
                 angles = np.unwrap(hinge_angle(motion[:, :3, :3], f.joint.axis))
                 stamps_s = 1e-9 * np.array([i.state.stamp_ns - instants[0].state.stamp_ns for i in instants])
                 motion[:, :3, :3] = f.joint.hinge_rotation(on_the_way(angles, stamps_s, driven))

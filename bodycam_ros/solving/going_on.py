@@ -103,7 +103,7 @@ class GoingOn:
         if not self._coupling:
             return self._factors.motion(index, steps, sigmas, everything)
         sigmas[self._coupling.rows] = self._coupling.sigmas(dt_s, previous_dt_s)
-        begins = {} if self._coupling.anchored else {row: start[row] for row in self._coupling.rows.tolist()}
+        begins = {} if self._coupling.went_on else {row: start[row] for row in self._coupling.rows.tolist()}
         graph = self._factors.anchor(index, begins, _BEGIN)
         standing = self._coupling.standing
         if standing:

@@ -106,6 +106,7 @@ class PoseMemory:
     ) -> None:
         self._settings = settings
         self._machine = np.array([joint.name in machine for joint in body.tree_joints], bool)
+        self.machine_is_known = False
         self._turning_rows = [
             row for row, joint in enumerate(body.tree_joints) if self._machine[row] and joint.type == "hinge"
         ]
@@ -171,7 +172,7 @@ class PoseMemory:
     def remember(self, rotations: NDArray[np.float64], seen: NDArray[np.bool_], dt_s: float) -> None:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
         self._learned = None
-        seen = seen | self._machine
+        seen = seen | (self._machine & self.machine_is_known)
         kept = np.exp(-dt_s / self._settings.forget_after)
         angles = self._joint_angles.angles(rotations, self._rest_angles)
         moved = seen[self._joint_of_angle]
@@ -198,15 +199,15 @@ class PoseMemory:
             turning: (J,) whether the rotation of what is not seen is measured at least.
             dt_s: since the instant before [s].
         """
-        seen = seen | self._machine
+        seen = seen | (self._machine & self.machine_is_known)
         self._unseen_s = np.where(seen, 0.0, self._unseen_s + dt_s)
-        rows = np.flatnonzero(~seen)
+        rows = np.flatnonzero(~seen & ~self._machine)
         if len(rows) == 0:
             self._expected_before[:] = np.nan
             return ExpectedJoints(rows, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
         self._learned = self._learned or self._gaussian()
         mean, covariance = self._learned
-        known, wanted = np.repeat(seen, 3), np.repeat(~seen, 3)
+        known, wanted = np.repeat(seen, 3), np.repeat(~seen & ~self._machine, 3)
         noise = self._settings.noise**2
         gain = np.linalg.solve(
             covariance[np.ix_(known, known)] + noise * np.eye(int(known.sum())), covariance[np.ix_(known, wanted)]

@@ -19,8 +19,8 @@ class Recorded:
     """What an instant brought, kept for later.
 
     Attributes:
-        factors: group -> factors of it that speak of it alone or of it and earlier ones; "past" and "joints" are made
-            anew.
+        factors: group -> factors of it that speak of it alone or of it and earlier ones; "past", "joints" and
+            "equipment" are made anew.
         joints: makes the factors of its joints around poses (S, 4, 4), with what is expected of those not seen.
         joints_seen: (J,) whether both segments of a joint were seen.
         joints_turning: (J,) whether both were, or their rotations measured at least.

@@ -19,7 +19,7 @@ Key = int
 
 
 @dataclass(frozen=True)
-class SegmentMotion:
+class MotionLimits:
     """How suddenly each segment may change its motion.
 
     Attributes:
@@ -49,7 +49,7 @@ class SmoothMotion:
         stamps_ns: (T,) of the instants.
     """
 
-    def __init__(self, motion: SegmentMotion, stamps_ns: NDArray[np.int64]) -> None:
+    def __init__(self, motion: MotionLimits, stamps_ns: NDArray[np.int64]) -> None:
         dt_s = 1e-9 * np.diff(stamps_ns).astype(np.float64)
         before_s = np.concatenate([dt_s[:1], dt_s[:-1]])
         left = np.exp(-dt_s[:, None] / motion.velocity_time)

@@ -26,7 +26,7 @@ from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
 from bodycam_ros.solving.recorded_instants import RecordedInstant, border, known_by_turns
 from bodycam_ros.solving.recorded_poses import RecordedPoses
-from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
+from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import hung
 
@@ -158,7 +158,7 @@ class WholeRecording:
             steps_done += 1
             self._on_progress(1.0 - 0.5**steps_done)
 
-        motion = SegmentMotion.of(self._motion, len(self._body.segments))
+        motion = MotionLimits.of(self._motion, len(self._body.segments))
         if self._equipment:
             motion = self._equipment.motion(instants, self._motion)
         block = Block(first_key, self._fixed(instants, held), joints, SmoothMotion(motion, stamps_ns))
@@ -226,7 +226,8 @@ class WholeRecording:
             rotations[each.rows] = np.where(known_joints[each.rows, None, None], each.rotations, middle[each.rows])
             children = self._ends[each.rows, 1]
             known = np.ones(len(poses), bool)
-            known[[row for row in children.tolist() if not instant.state.observed[self._below[row]].any()]] = False
+            limbs = [self._below[row] for row in children.tolist() if row in self._below]
+            known[[limb[0] for limb in limbs if not instant.state.observed[limb].any()]] = False
             hanging.append(hung(self._body, poses, rotations, known))
         return np.array(hanging)
 

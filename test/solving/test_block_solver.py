@@ -14,7 +14,7 @@ from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints
-from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
+from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 
 FRAMES = 30
 NOTHING = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
@@ -50,7 +50,7 @@ def block(body: BodyModel, truth: np.ndarray, seen: tuple[str, ...]) -> Block:
             graph.push_back(factors.joints(frame, poses, NOTHING))
         return graph
 
-    motion = SegmentMotion.of(MotionSettings(), len(body.segments))
+    motion = MotionLimits.of(MotionSettings(), len(body.segments))
     return Block(0, fixed, joints, SmoothMotion(motion, STEP_NS * np.arange(FRAMES, dtype=np.int64)))
 
 

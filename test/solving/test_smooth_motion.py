@@ -5,10 +5,10 @@ import pytest
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.smooth_motion import SegmentMotion, SmoothMotion
+from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 
 STAMPS_NS = np.array([0, 33, 71, 100], np.int64) * 1_000_000
-MOTION = SegmentMotion.of(MotionSettings(), 2)
+MOTION = MotionLimits.of(MotionSettings(), 2)
 
 
 def wandering(rng: np.random.Generator) -> np.ndarray:
@@ -48,8 +48,8 @@ def test_a_velocity_that_fades_costs_nothing_but_its_beginning() -> None:
 
 def test_each_segment_has_its_own_sigmas() -> None:
     poses = wandering(np.random.default_rng(2))
-    stiff = SegmentMotion(MOTION.accelerations * np.array([[1.0], [0.1]]), MOTION.velocity_time)
+    stiff = MotionLimits(MOTION.accelerations * np.array([[1.0], [0.1]]), MOTION.velocity_time)
     ordinary = SmoothMotion(MOTION, STAMPS_NS)
-    alone = SmoothMotion(SegmentMotion(MOTION.accelerations[1:], MOTION.velocity_time[1:]), STAMPS_NS)
+    alone = SmoothMotion(MotionLimits(MOTION.accelerations[1:], MOTION.velocity_time[1:]), STAMPS_NS)
     more = SmoothMotion(stiff, STAMPS_NS).error(poses) - ordinary.error(poses)
     assert more == pytest.approx(99.0 * alone.error(poses[:, 1:]))
