@@ -35,6 +35,7 @@ WITHOUT = {
     "none": lambda camera, seconds: False,
     "early": lambda camera, seconds: camera in LEGS and 1.2 < seconds < 2.2,
     "late": lambda camera, seconds: camera in LEGS and 1.5 < seconds < 3.0,
+    "steady": lambda camera, seconds: camera in LEGS and 2.5 < seconds < 3.5,
     "half": lambda camera, seconds: camera in HALF,
 }
 """Which images there are none of, by camera and seconds since the start."""
@@ -283,6 +284,15 @@ def test_legs_that_no_camera_sees_go_on_with_the_pedals(
     assert bound[0].mean() < 0.04 and bound[1].mean() < 8.0
     assert free[0].mean() > 0.06 and free[1].mean() > 10.0
     assert bound[0].max() < 0.5 * free[0].max()
+
+
+def test_live_they_go_on_at_the_speed_that_they_had(recorded: Recorded) -> None:
+    """For as long as the rider keeps it: live nobody knows that somebody speeds up unseen."""
+    bound, free = (
+        recorded.ridden("calibrated", "steady", coupled, 4).leg_errors(2.5, 3.5) for coupled in (True, False)
+    )
+    assert bound[0].mean() < 0.04 and bound[1].mean() < 8.0
+    assert bound[0].mean() < 0.5 * free[0].mean() and bound[1].mean() < 0.7 * free[1].mean()
 
 
 def test_half_of_the_leg_cameras_are_enough(recorded: Recorded) -> None:
