@@ -1,9 +1,9 @@
 """What a recording that is known as a whole says of a limb that nothing sees.
 
 The memory of the forward pass (``pose_memory``) is a Gaussian of what was seen until then, and of joints that were
-seldom seen together it knows too little. Here each unseen joint is a linear function of what is seen with it, fitted to
-all instants at which both were: of the seen joints' rotations, and of how fast they turn, which tells the phases of a
-step apart.
+seldom seen together it knows too little. Here each unseen joint is a linear function of what is seen with it: of the
+seen joints' rotations, and of how fast they turn, which tells the phases of a step apart. It is fitted to the instants
+before and after at which the joint was seen, the near ones first.
 """
 
 from collections.abc import Iterator, Sequence
@@ -54,6 +54,7 @@ class RecordedPoses:
         self._memory = memory
         self._earlier: _Instants | None = None
         self._asked: _Instants | None = None
+        self._known: _Instants | None = None
         self._fits: dict[tuple[int, int, bytes], _Fit | None] = {}
 
     def expect(
@@ -71,6 +72,7 @@ class RecordedPoses:
         if self._earlier:
             ago_ns = stamps_ns[0] - self._earlier.stamps_ns
             self._earlier = self._earlier.only((ago_ns > 0) & (ago_ns < 1e9 * self._memory.forget_after))
+        self._known = self._earlier.followed_by(self._asked) if self._earlier else self._asked
         better = [each.rotations.copy() for each in expected]
         for row in np.flatnonzero(~seen.all(axis=0)).tolist():
             unseen = np.flatnonzero(~seen[:, row])
@@ -126,15 +128,17 @@ class RecordedPoses:
         told = asked.known[place]
         key = (row, middle_ns, told.tobytes())
         if key not in self._fits:
-            known = self._earlier.followed_by(asked) if self._earlier else asked
-            self._fits[key] = self._fitted(known, told, row, middle_ns)
+            self._fits[key] = self._fitted(told, row, middle_ns)
         return self._fits[key]
 
-    def _fitted(self, known: _Instants, told: Mask, row: int, middle_ns: int) -> "_Fit | None":
+    def _fitted(self, told: Mask, row: int, middle_ns: int) -> "_Fit | None":
         """What tells a joint, fitted to all instants at which it was seen; None if it seldom was.
 
         What tells it was not seen at all of them; there it is where the forward pass has it.
         """
+        known = self._known
+        if known is None or len(known.stamps_ns) < 2:
+            return None
         wanted = slice(3 * row, 3 * row + 3)
         seen = known.known[:, wanted].all(axis=1)
         if seen.sum() * np.median(np.diff(known.stamps_ns)) < 1e9 * _LEAST_S:

@@ -175,7 +175,7 @@ class WholeRecording:
         for instant in instants:
             for name, factors in instant.recorded.factors.items():
                 if name not in _MADE_ANEW:
-                    graph.push_back(_within(factors, first_key) if instant.index < begin.index + _HELD else factors)
+                    graph.push_back(_within(factors, first_key))
         for instant in instants[1:]:
             graph.push_back(self._factors.turns(instant.index, self._turns_until_seen(instant)))
         for instant in instants[:held]:
@@ -247,7 +247,9 @@ class WholeRecording:
 
 
 def _within(factors: gtsam.NonlinearFactorGraph, first_key: int) -> gtsam.NonlinearFactorGraph:
-    """Those factors that speak of no variable before the first."""
+    """Those factors that speak of no variable before the first: what they tie an instant to has been published."""
+    if min(factors.keyVector(), default=first_key) >= first_key:
+        return factors
     kept = gtsam.NonlinearFactorGraph()
     for place in range(factors.size()):
         factor = factors.at(place)

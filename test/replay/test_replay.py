@@ -49,6 +49,21 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
         assert np.array_equal(one[stamp][1], two[stamp][1])
 
 
+def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, short: Path, tmp_path: Path) -> None:
+    settings = PipelineSettings.from_mapping({"smoother": {"output_delay": "offline"}}, "test")
+    steps: list[tuple[str, float]] = []
+    inputs = (short, sample / "map", sample / "body.yaml")
+    summary = replay(*inputs, tmp_path / "whole", settings, 1, on_step=lambda step, share: steps.append((step, share)))
+    replay(*inputs, tmp_path / "forward", PipelineSettings(), 1)
+    whole, forward = joint_states(tmp_path / "whole"), joint_states(tmp_path / "forward")
+    assert summary.solved == 8 and list(whole) == list(forward)
+    # What the three cameras see; of the other limbs the whole recording has another opinion.
+    seen = [number for number, name in enumerate(whole[min(whole)][0]) if name.startswith(("spine", "hip_left"))]
+    gaps = [np.abs(whole[stamp][1] - forward[stamp][1])[seen].max() for stamp in whole]
+    assert len(seen) == 6 and 0.0 < max(gaps) < 0.005
+    assert {step for step, _ in steps} == {"all instants together"} and steps[-1][1] == 1.0
+
+
 def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_path: Path) -> None:
     def late(topic: str, number: int, message: object) -> object:
         return None if topic == "/thigh_left/image_raw/compressed" and number < 40 else message

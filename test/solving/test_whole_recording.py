@@ -1,5 +1,6 @@
 """The whole recording solved from both sides: against the filter, against one block, and across borders of blocks."""
 
+import gtsam
 import numpy as np
 import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
@@ -7,10 +8,14 @@ from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, see
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import log_so3
+from bodycam_ros.solving.back_end import BackEndError
+from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
+from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.solving.whole_recording import WholeRecording
 
 OFFLINE = SmootherSettings(output_delay="offline")
 IN_BLOCKS = SmootherSettings(output_delay="offline", block=1.0, overlap=0.5)
@@ -79,6 +84,23 @@ def test_blocks_are_the_whole(body, cameras) -> None:
     assert waiting.max() < 1.1 * 30 * (IN_BLOCKS.block + 2 * IN_BLOCKS.overlap) and waiting.min() < 40
 
 
+def test_what_ties_an_instant_to_one_long_ago_ends_at_the_border(body, cameras, monkeypatch) -> None:
+    """A factor of another kind, which holds a segment where it was a second before, by next to nothing."""
+    original = BodyFactors.cameras
+
+    def tied_back(self: BodyFactors, index: int, evidence: object) -> gtsam.NonlinearFactorGraph:
+        graph = original(self, index, evidence)
+        if index % 40 == 39:
+            vague = gtsam.noiseModel.Isotropic.Sigma(6, 1e3)
+            graph.add(gtsam.BetweenFactorPose3(self.key(index - 30, 0), self.key(index, 0), gtsam.Pose3(), vague))
+        return graph
+
+    plain = run(body, cameras, IN_BLOCKS)
+    monkeypatch.setattr(BodyFactors, "cameras", tied_back)
+    tied = run(body, cameras, SmootherSettings(output_delay="offline", block=1.0, overlap=0.5, window=3.0))
+    assert max(np.abs(plain[f].world_T_segment - tied[f].world_T_segment).max() for f in range(FRAMES)) < 1e-4
+
+
 def test_a_border_is_no_jump(body, cameras) -> None:
     """Blind from before the border until after it, where a block knows least of what follows."""
 
@@ -126,6 +148,32 @@ def test_a_long_pause_ends_one_recording_and_begins_another(body, cameras) -> No
     states = run(body, cameras, OFFLINE, gone=lambda frame: 30 <= frame < 70)
     assert list(states) == [*range(30), *range(70, FRAMES)]
     assert position_errors(body, states).max() < 0.02
+
+
+class Unsolvable(BodySmoother):
+    """Its blocks cannot be solved."""
+
+    def outgoing(self) -> ForwardStates | WholeRecording:
+        def fail(*_: object) -> np.ndarray:
+            raise BackEndError("no digits left")
+
+        outgoing = super().outgoing()
+        assert isinstance(outgoing, WholeRecording)
+        outgoing.solve = fail
+        return outgoing
+
+
+def test_a_block_that_cannot_be_solved_stays_as_one_pass_has_it(body, cameras, caplog) -> None:
+    rng = np.random.default_rng(3)
+    smoother, states = Unsolvable(body, cameras, OFFLINE, offline=True), []
+    for frame in range(FRAMES):
+        matches = {c: seen_by(body, c, frame, rng) for c in body.mounts}
+        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    states += smoother.flush()
+    forward = run(body, cameras, SmootherSettings(output_delay=4))
+    assert max(np.abs(s.world_T_segment - forward[f].world_T_segment).max() for f, s in enumerate(states)) < 1e-9
+    assert len(states) == FRAMES
+    assert "the recording is as one pass has it: no digits left" in caplog.text
 
 
 def test_says_how_far_it_is_and_can_be_interrupted(body, cameras) -> None:
