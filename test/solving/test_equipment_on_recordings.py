@@ -40,6 +40,8 @@ WITHOUT = {
 }
 """Which images there are none of, by camera and seconds since the start."""
 
+DELAYS = pytest.mark.parametrize("delay", [4, "offline"])
+
 
 @dataclass(frozen=True)
 class Recorded:
@@ -137,7 +139,7 @@ class Ridden:
     @cached_property
     def people(self) -> list[str]:
         """Segments of the person."""
-        return [segment for segment in self.recorded.body(self.which[0]).segments]
+        return list(self.usual.body.segments)
 
     @cached_property
     def truth(self) -> Array:
@@ -215,9 +217,6 @@ def recorded(shared: Path) -> Recorded:
     return Recorded(folder, cameras, [image.matches for image in images if isinstance(image, RegisteredImage)])
 
 
-DELAYS = pytest.mark.parametrize("delay", [4, "offline"])
-
-
 @DELAYS
 def test_feet_are_on_the_true_pedals(recorded: Recorded, delay: int | str) -> None:
     """5 mm is the figure of B; half a millimetre is what this body leaves, whose segments are the true ones."""
@@ -249,7 +248,6 @@ def test_pedals_go_round_in_circles_and_the_crank_with_them(recorded: Recorded, 
     angle = np.unwrap(np.arctan2(-crank[:, 2, 0], crank[:, 0, 0]))
     off = np.degrees((angle - truth + np.pi) % (2.0 * np.pi) - np.pi)
     assert np.abs(off).max() < 1.0
-    # As many turns in all, and at every moment as fast.
     assert angle[-1] - angle[0] == pytest.approx(truth[-1] - truth[0], abs=np.radians(1.0))
     second = int(np.searchsorted(rides.seconds, 1.0))
     cadence, true_cadence = angle[second:] - angle[:-second], truth[second:] - truth[:-second]
