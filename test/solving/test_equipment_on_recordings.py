@@ -35,9 +35,12 @@ WITHOUT = {
     "none": lambda camera, seconds: False,
     "early": lambda camera, seconds: camera in LEGS and 1.2 < seconds < 2.2,
     "late": lambda camera, seconds: camera in LEGS and 1.5 < seconds < 3.0,
+    "steady": lambda camera, seconds: camera in LEGS and 2.5 < seconds < 3.5,
     "half": lambda camera, seconds: camera in HALF,
 }
 """Which images there are none of, by camera and seconds since the start."""
+
+DELAYS = pytest.mark.parametrize("delay", [4, "offline"])
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ class Ridden:
     @cached_property
     def people(self) -> list[str]:
         """Segments of the person."""
-        return [segment for segment in self.recorded.body(self.which[0]).segments]
+        return list(self.usual.body.segments)
 
     @cached_property
     def truth(self) -> Array:
@@ -214,9 +217,6 @@ def recorded(shared: Path) -> Recorded:
     return Recorded(folder, cameras, [image.matches for image in images if isinstance(image, RegisteredImage)])
 
 
-DELAYS = pytest.mark.parametrize("delay", [4, "offline"])
-
-
 @DELAYS
 def test_feet_are_on_the_true_pedals(recorded: Recorded, delay: int | str) -> None:
     """5 mm is the figure of B; half a millimetre is what this body leaves, whose segments are the true ones."""
@@ -248,7 +248,6 @@ def test_pedals_go_round_in_circles_and_the_crank_with_them(recorded: Recorded, 
     angle = np.unwrap(np.arctan2(-crank[:, 2, 0], crank[:, 0, 0]))
     off = np.degrees((angle - truth + np.pi) % (2.0 * np.pi) - np.pi)
     assert np.abs(off).max() < 1.0
-    # As many turns in all, and at every moment as fast.
     assert angle[-1] - angle[0] == pytest.approx(truth[-1] - truth[0], abs=np.radians(1.0))
     second = int(np.searchsorted(rides.seconds, 1.0))
     cadence, true_cadence = angle[second:] - angle[:-second], truth[second:] - truth[:-second]
@@ -283,6 +282,15 @@ def test_legs_that_no_camera_sees_go_on_with_the_pedals(
     assert bound[0].mean() < 0.04 and bound[1].mean() < 8.0
     assert free[0].mean() > 0.06 and free[1].mean() > 10.0
     assert bound[0].max() < 0.5 * free[0].max()
+
+
+def test_live_they_go_on_at_the_speed_that_they_had(recorded: Recorded) -> None:
+    """For as long as the rider keeps it: live nobody knows that somebody speeds up unseen."""
+    bound, free = (
+        recorded.ridden("calibrated", "steady", coupled, 4).leg_errors(2.5, 3.5) for coupled in (True, False)
+    )
+    assert bound[0].mean() < 0.04 and bound[1].mean() < 8.0
+    assert bound[0].mean() < 0.5 * free[0].mean() and bound[1].mean() < 0.7 * free[1].mean()
 
 
 def test_half_of_the_leg_cameras_are_enough(recorded: Recorded) -> None:
