@@ -238,7 +238,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)
-            self._coupled = output.state.equipment
+            # What nobody saw is bridged, and says nothing of equipment.
+            self._coupled = output.state.equipment or self._coupled
 
     def health(self) -> list[Health]:
         """How the body and its cameras fared in the last second."""

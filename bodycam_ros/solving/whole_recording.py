@@ -59,7 +59,6 @@ class WholeRecording:
     Attributes:
         bridged: instants without any image that were filled in.
         solve: solves a block; another one may take its place, to be compared.
-        unsolved: instants that stay as the forward pass had them, because their block could not be solved.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class WholeRecording:
             [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
         ).reshape(-1, 2)
         self._below = body.rows_below
-        self.bridged = self.unsolved = 0
+        self.bridged, self._unsolved = 0, 0
 
     def add(self, instant: RecordedInstant, following: Sequence[BodyState]) -> list[BodyState]:
         """The next instant; returns the states of a block once it is long enough. What follows comes by itself."""
@@ -109,11 +108,11 @@ class WholeRecording:
         try:
             solved = self._solve_together(instants, held)[held:]
         except BackEndError as error:
-            if not self.unsolved:
+            if not self._unsolved:
                 logger.warning(
                     "from %d ns on the recording is as one pass has it: %s", instants[0].state.stamp_ns, error
                 )
-            self.unsolved += count
+            self._unsolved += count
             solved = np.array([instant.state.world_T_segment for instant in self._waiting])
         states = [
             replace(
