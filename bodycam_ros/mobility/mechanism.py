@@ -99,6 +99,21 @@ class Mechanism:
         self.loops = self.body.loop_joints
 
     @cached_property
+    def loops_through(self) -> dict[str, tuple[str, ...]]:
+        """Joint of the tree -> the loops that it is in."""
+        above = {joint.child: joint for joint in self.body.tree_joints}
+
+        def chain(segment: str) -> set[str]:
+            joint = above.get(segment)
+            return set() if joint is None else {joint.name, *chain(joint.parent)}
+
+        within = {loop.name: chain(loop.parent) ^ chain(loop.child) for loop in self.loops}
+        return {
+            joint.name: tuple(loop for loop, joints in within.items() if joint.name in joints)
+            for joint in self.body.tree_joints
+        }
+
+    @cached_property
     def stands(self) -> tuple[str, ...]:
         """Segments of the equipment that do not move in the world."""
         segments = {} if self.equipment is None else self.equipment.segments
