@@ -102,4 +102,4 @@ def _apart(contradiction: Contradiction) -> str:
     text += " while all else is held"
     if contradiction.against:
         return f"{text}; it holds without {' or '.join(contradiction.against)}"
-    return f"{text}; without any one of these it would not hold either"
+    return f"{text}; to let go of any one other is not enough"

@@ -104,8 +104,11 @@ class Mechanism:
         above = {joint.child: joint for joint in self.body.tree_joints}
 
         def chain(segment: str) -> set[str]:
-            joint = above.get(segment)
-            return set() if joint is None else {joint.name, *chain(joint.parent)}
+            names = set()
+            while joint := above.get(segment):
+                names.add(joint.name)
+                segment = joint.parent
+            return names
 
         within = {loop.name: chain(loop.parent) ^ chain(loop.child) for loop in self.loops}
         return {
