@@ -45,6 +45,8 @@ class BodyModel:
         joints: in the order of the file, tree and loops alike.
         mounts: camera -> where it is strapped to.
         report: figures of whoever made the body; kept, never used.
+        standing: segments, of a machine, that do not move in the world; said to other programs, the solver has it from
+            the equipment.
 
     Raises:
         BodyError: the parts do not make one body.
@@ -56,6 +58,7 @@ class BodyModel:
     joints: tuple[Joint, ...]
     mounts: Mapping[str, CameraMount]
     report: Mapping[str, Any] = field(default_factory=dict)
+    standing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check_unique("segment", self.segments)
@@ -66,6 +69,9 @@ class BodyModel:
             for role, segment in (("parent", joint.parent), ("child", joint.child)):
                 if segment not in self.segments:
                     raise BodyError(f"joint {joint.name}: {role} {segment} is not among the segments")
+        for segment in self.standing:
+            if segment not in self.segments:
+                raise BodyError(f"{segment}, which is said to stand, is not among the segments")
         for camera, mount in self.mounts.items():
             if mount.segment not in self.segments:
                 raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")

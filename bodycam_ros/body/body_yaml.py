@@ -11,6 +11,7 @@
         axis: [0.0, 1.0, 0.0], limits: [0.0, 2.6]}
     cameras:
       waist_front: {segment: pelvis, position: [0.144, -0.006, 0.043], quaternion_xyzw: [-0.49, 0.48, -0.58, 0.44]}
+    standing: [frame]  # if any: segments of a machine that do not move in the world, for other programs
     report: {anything: kept as it is, never used}
 
 ========================= ============================================================================================
@@ -96,13 +97,15 @@ def yaml_text(body: BodyModel) -> str:
     parts.append(indent(joints_text(body.joints), "  "))
     parts.append("cameras:\n" if body.mounts else "cameras: {}\n")
     parts += [f"  {_line(camera)}: {_line(_mount_entry(mount))}\n" for camera, mount in body.mounts.items()]
+    if body.standing:
+        parts.append(f"standing: {_line(list(body.standing))}\n")
     if body.report:
         parts.append(yaml.safe_dump({"report": dict(body.report)}, sort_keys=False, default_flow_style=None))
     return "".join(parts)
 
 
 def _body(document: Any) -> BodyModel:
-    check_keys(document, "a body file", _BODY_KEYS, {"report"})
+    check_keys(document, "a body file", _BODY_KEYS, {"report", "standing"})
     joints, cameras = document["joints"], document["cameras"]
     _check_table(cameras, "cameras")
     report = document.get("report") or {}
@@ -111,6 +114,9 @@ def _body(document: Any) -> BodyModel:
     segments = document["segments"]
     if not isinstance(segments, list) or len(segments) > _MOST_PARTS:
         raise BodyError(f"segments must be a list of at most {_MOST_PARTS} names, not {shown(segments)}")
+    standing = document.get("standing") or []
+    if not isinstance(standing, list):
+        raise BodyError(f"standing must be a list of segments, not {shown(standing)}")
     return BodyModel(
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),
@@ -118,6 +124,7 @@ def _body(document: Any) -> BodyModel:
         joints=_joints(joints),
         mounts={name_of(name, "cameras"): mount_of(name, entry) for name, entry in cameras.items()},
         report=report,
+        standing=tuple(name_of(segment, "standing") for segment in standing),
     )
 
 

@@ -6,7 +6,7 @@ the body, three prismatic ones and then three continuous ones, so that the robot
 ``<cam>_optical_frame``, so their TF comes for free.
 
 URDF knows trees only. The joints that close loops are in an element of our own, ``<bodycam_loops>``, which other
-readers pass over; its text is their table as a body YAML has it.
+readers pass over; its text is their table as a body YAML has it. What stands in the world is in ``<bodycam_standing>``.
 """
 
 import xml.etree.ElementTree as ET
@@ -20,7 +20,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joints_text
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
-from bodycam_ros.body.urdf_document import LOOPS
+from bodycam_ros.body.urdf_document import LOOPS, STANDING
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 
@@ -78,6 +78,8 @@ def urdf_text(body: BodyModel) -> str:
     if body.loop_joints:
         robot.append(ET.Comment(_SAYS_LOOPS))
         ET.SubElement(robot, LOOPS).text = f"\n{joints_text(body.loop_joints)}"
+    for segment in body.standing:
+        ET.SubElement(robot, STANDING, link=segment)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 

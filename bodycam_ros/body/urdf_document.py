@@ -23,6 +23,9 @@ MOST_LETTERS = 4_000_000
 LOOPS = "bodycam_loops"
 """Tag of the element whose text is the joints that close loops."""
 
+STANDING = "bodycam_standing"
+"""Tag of an element for each link that does not move in the world; its attribute ``link`` names it."""
+
 _MOST_LEVELS = 50
 _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
@@ -88,6 +91,7 @@ class UrdfDocument:
         drawn: those that have a shape.
         joints: parents first, else in the order of the document.
         loops: what it says, in YAML, of the joints that close loops, which it cannot show; mostly nothing.
+        standing: links that it says do not move in the world.
     """
 
     name: str
@@ -96,6 +100,7 @@ class UrdfDocument:
     drawn: frozenset[str]
     joints: tuple[UrdfJoint, ...]
     loops: str = ""
+    standing: tuple[str, ...] = ()
 
     @classmethod
     def parse(cls, text: str) -> "UrdfDocument":
@@ -121,7 +126,8 @@ class UrdfDocument:
         drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
         ordered = _parents_first(joints, roots[0])
         loops = robot.findtext(LOOPS, default="")
-        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, ordered, loops)
+        standing = tuple(element.attrib.get("link", "") for element in robot.iterfind(STANDING))
+        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, ordered, loops, standing)
 
 
 def said_loops(text: str) -> str:

@@ -1,8 +1,8 @@
 """A body from URDF: what ``urdf`` wrote, read back.
 
-URDF carries segments, tree joints with their limits, and camera mounts; the joints that close loops come along in an
-element of our own. It cannot carry own sigmas of tree joints, and the report; a body that must keep these is kept as
-YAML. Joints come in the order of the tree, those that close loops last.
+URDF carries segments, tree joints with their limits, and camera mounts; the joints that close loops, and what stands,
+come along in elements of our own. It cannot carry own sigmas of tree joints, and the report; a body that must keep
+these is kept as YAML. Joints come in the order of the tree, those that close loops last.
 Links and joints are told apart by the names and the structure that ``urdf`` gives them, so a document that another
 program wrote out again, with other visuals or without, reads as the same body.
 """
@@ -76,6 +76,7 @@ class _Structure:
             segments=tuple(segments),
             joints=(*(_joint(chain) for chain in chains if not _is_camera(chain)), *_loops(document)),
             mounts=mounts,
+            standing=document.standing,
         )
 
     def _chain(self, first: UrdfJoint) -> list[UrdfJoint]:

@@ -25,13 +25,17 @@ def print_mobility(terminal: Terminal, found: Mobility, body: BodyModel, equipme
         terminal.width = max(terminal.width, _WIDTH)
     terminal.print("\n".join(_counts(found, body, equipment)), soft_wrap=True)
     terminal.print(_motions(found))
-    for line in _remarks(found, equipment):
+    for line in _remarks(found):
         terminal.print(line, soft_wrap=True)
     for contradiction in found.contradictions:
         terminal.print(Text.assemble(("contradicts: ", "bold red"), _apart(contradiction)), soft_wrap=True)
     if found.contradictions:
         names = ", ".join(contradiction.name for contradiction in found.contradictions)
-        verdict = f"verdict: cannot be held together; measure the points of {names} again, or leave them out"
+        against = {other for contradiction in found.contradictions for other in contradiction.against}
+        verdict = (
+            f"verdict: cannot be held together; measure the points of {names} again, and of "
+            f"{', '.join(sorted(against)) or 'the other attachments'}; or leave {names} out"
+        )
         terminal.print(Text(verdict, "bold red"), soft_wrap=True)
     else:
         terminal.print(Text("verdict: everything can be held together", "green"), soft_wrap=True)
@@ -43,13 +47,13 @@ def _counts(found: Mobility, body: BodyModel, equipment: Equipment | None) -> It
     yield f"{body.name} {f'with {equipment.name}' if equipment else 'alone'}: {len(count.joints)} joints"
     leaning = f" - {count.leaning} that keep it upright" if count.leaning else ""
     yield (
-        f"Gruebler's count (B eq. 9): 6 x {count.links} segments - {held} that the joints hold{leaning} "
+        f"Gruebler's count: 6 x {count.links} segments - {held} that the joints hold{leaning} "
         f"= {count.freedoms} freedoms"
     )
     if found.rows:
-        low, high = found.rank_along
-        along = f"{low}" if low == high else f"{low} to {high}"
-        yield f"loops and ground: {found.rows} rows, {found.rank} of them independent; along motions {along}"
+        low, high = found.rank_along or (None, None)
+        along = "" if low is None else f"; along motions {low}" if low == high else f"; along motions {low} to {high}"
+        yield f"loops and ground: {found.rows} rows, {found.rank} of them independent{along}"
     whole = f", {found.parts.as_a_whole} of them of all together in the world" if found.parts.as_a_whole else ""
     yield f"in truth: {found.freedoms} freedoms{' without what contradicts' if found.contradictions else ''}{whole}"
 
@@ -72,7 +76,7 @@ def _motions(found: Mobility) -> Table:
     return table
 
 
-def _remarks(found: Mobility, equipment: Equipment | None) -> Iterator[str]:
+def _remarks(found: Mobility) -> Iterator[str]:
     for joint in found.parts.stuck:
         yield f"cannot move: {joint}"
     for row, same in found.redundant.items():
@@ -97,5 +101,5 @@ def _apart(contradiction: Contradiction) -> str:
         text += f" and turned by {np.degrees(contradiction.turned_rad):.0f} deg"
     text += " while all else is held"
     if contradiction.against:
-        text += f"; it holds without {' or '.join(contradiction.against)}"
-    return text
+        return f"{text}; it holds without {' or '.join(contradiction.against)}"
+    return f"{text}; to let go of any one other is not enough"

@@ -34,6 +34,7 @@ def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
             segments=(*body.segments, *equipment.segments),
             joints=(*body.joints, beside, *equipment.joints, *map(attachment_joint, equipment.attachments)),
             mounts={**body.mounts, **equipment.mounts},
+            standing=(*body.standing, *(name for name, motion in equipment.segments.items() if motion.stands)),
         )
     except BodyError as error:
         raise BodyError(f"equipment {equipment.name} with body {body.name}: {error}") from error

@@ -1,10 +1,12 @@
 """The body as MJCF, for MuJoCo: a tree of bodies that have mass, and its loops closed by equality constraints.
 
 Bodies are named as the segments and have their frames. The root moves freely in the world, and so does equipment, which
-MuJoCo wants beside the body and not on it. Joints are named as the body's; at zero the body stands in its N-pose. A
+MuJoCo wants beside the body and not on it. A machine that stands is a mocap body: nothing moves it, and it is where
+``mocap_pos`` says. Joints are named as the body's; at zero the body stands in its N-pose. A
 ball's quaternion is its joint rotation in the child's axes; its range holds every rotation that its three limits allow.
 Cameras are sites. A ball that closes a loop is a connection of two sites, a hinge two of them along its axis, a weld
-one of both place and rotation.
+one of both place and rotation. What such a joint's own sigmas leave loose, as a seat that rolls on a rail, is given to
+a small carriage between it and the child, which slides and turns along just that.
 
 No body file says masses: the shapes, those of the URDF, weigh what water does. They touch nothing, because neighbours
 overlap in their joint.
@@ -24,8 +26,11 @@ from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_e
 from bodycam_ros.body.urdf import optical_frame, xml_numbers
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
+from bodycam_ros.mobility.joint_gap import held_rows, row_axes
 
 _LEVER_M = 0.05  # from a hinge's middle to each of the two points that hold its axis
+_CARRIAGE_RADIUS_M = 0.02  # of what slides where a loop's joint is loose: it needs some mass
+_STIFF = "0.999 0.9999 0.001"  # MuJoCo holds what is light softly, and a carriage carries who sits on the seat
 _STEPS = 9  # of each angle of a ball between its limits, to find the widest rotation
 _MOST_LEVELS = 200  # of bodies within each other: what writes XML goes down them by recursion
 _COLOURS = {"body": "0.85 0.82 0.75 1", "equipment": "0.56 0.29 0.54 1"}
@@ -69,7 +74,10 @@ def _add_bodies(world: ET.Element, body: BodyModel) -> None:
         place = standing[joint.child] if beside else joint.parent_T_joint @ joint.joint_T_child
         element = _add_body(world if beside else elements[joint.parent], body, joint.child, place)
         elements[joint.child] = element
-        _add_joint(element, joint)
+        if beside and joint.child in body.standing:
+            element.set("mocap", "true")
+        else:
+            _add_joint(element, joint)
 
 
 def _add_body(above: ET.Element, body: BodyModel, segment: str, above_T_segment: Array) -> ET.Element:
@@ -112,14 +120,36 @@ def _widest_rotation(joint: Joint) -> float:
 
 def _add_loop(equality: ET.Element, parent: ET.Element, child: ET.Element, joint: Joint) -> None:
     """What holds a joint that closes a loop; MuJoCo's own softness, which is not the joint's."""
-    levers = [-_LEVER_M * joint.axis, _LEVER_M * joint.axis] if joint.type == "hinge" else [np.zeros(3)]
-    for number, lever in enumerate(levers if joint.type != "free" else []):
+    held = held_rows(joint)
+    if not held:
+        return
+    is_hinge = joint.type == "hinge" and {1, 2} <= set(held)
+    is_ball = min(held) > 2
+    loose = [row for row in range(6) if row not in held and (row > 2 or not (is_hinge or is_ball))]
+    child_T_joint = joint.child_T_joint
+    if loose:
+        child, child_T_joint = _add_carriage(child, joint, loose), np.eye(4)
+    levers = [-_LEVER_M * joint.axis, _LEVER_M * joint.axis] if is_hinge else [np.zeros(3)]
+    for number, lever in enumerate(levers):
         name = f"{joint.name}_{number}" if len(levers) > 1 else joint.name
         at_lever = rigid(np.eye(3), lever)
         _add_site(parent, f"{name}_on_parent", joint.parent_T_joint @ at_lever)
-        _add_site(child, f"{name}_on_child", joint.child_T_joint @ at_lever)
-        kind = "weld" if joint.type == "weld" else "connect"
-        ET.SubElement(equality, kind, name=name, site1=f"{name}_on_parent", site2=f"{name}_on_child")
+        _add_site(child, f"{name}_on_child", child_T_joint @ at_lever)
+        kind = "connect" if is_hinge or is_ball else "weld"
+        held_sites = ET.SubElement(equality, kind, name=name, site1=f"{name}_on_parent", site2=f"{name}_on_child")
+        if loose:
+            held_sites.set("solimp", _STIFF)
+
+
+def _add_carriage(child: ET.Element, joint: Joint, loose: list[int]) -> ET.Element:
+    """A body in the joint's frame on its child that moves along those of the joint's six rows that are loose."""
+    carriage = ET.SubElement(child, "body", {"name": f"{joint.name}_carriage", **_pose(joint.child_T_joint)})
+    ET.SubElement(carriage, "geom", type="sphere", size=str(_CARRIAGE_RADIUS_M))
+    axes = np.vstack([row_axes(joint), np.eye(3)])
+    for row in sorted(loose, reverse=True):  # places first: they are along the child's axes, however it is turned
+        kind, way = ("slide", f"along_{'xyz'[row - 3]}") if row > 2 else ("hinge", f"about_{row}")
+        ET.SubElement(carriage, "joint", name=f"{joint.name}_{way}", type=kind, axis=xml_numbers(axes[row]))
+    return carriage
 
 
 def _add_site(element: ET.Element, name: str, segment_T_site: Array) -> None:
@@ -132,10 +162,15 @@ def _pose(pose: Array) -> dict[str, str]:
 
 
 def _check_names(mujoco: ET.Element) -> None:
-    kinds = {"joint": ("joint", "freejoint"), "site": ("site",), "constraint": ("connect", "weld")}
+    kinds = {
+        "bodies": ("body",),
+        "joints": ("joint", "freejoint"),
+        "sites": ("site",),
+        "constraints": ("connect", "weld"),
+    }
     for kind, tags in kinds.items():
         names = Counter(element.attrib["name"] for tag in tags for element in mujoco.iter(tag))
         if twice := sorted(name for name, count in names.items() if count > 1):
             raise BodyError(
-                f"two {kind}s of the MJCF would be named {', '.join(twice)}; rename the segment, joint or camera"
+                f"two {kind} of the MJCF would be named {', '.join(twice)}; rename the segment, joint or camera"
             )

@@ -14,18 +14,13 @@ from bodycam_ros.geometry import exp_so3
 from bodycam_ros.mobility.angle_limits import AngleLimits
 from bodycam_ros.mobility.descent import Descent
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism
+from bodycam_ros.mobility.open_loops import CLOSED_SIGMAS, open_loops, strains
 
-CLOSED_SIGMAS = 3.0  # a loop whose rows are all within it is closed
 _ANNEALING = 0.2
 _STEPS, _STEPS_TO_THE_END = 6, 60
 _QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 _KEPT_STARTS = 2
 _BENT = 0.6  # of the way to the middle of its limits: a straight knee does not know which way to bend
-
-
-def open_loops(mechanism: Mechanism, configuration: Configuration) -> tuple[str, ...]:
-    """Names of the loops that are not closed."""
-    return tuple(name for name, sigmas in _worst(mechanism, configuration).items() if sigmas > CLOSED_SIGMAS)
 
 
 def placed(mechanism: Mechanism) -> list[Configuration]:
@@ -73,20 +68,11 @@ def nearest(mechanism: Mechanism, start: Configuration, weak: Collection[str]) -
 
 
 def _annealed(mechanism: Mechanism, descent: Descent, start: Configuration) -> Configuration:
-    configuration, kernel = start, max(_worst(mechanism, start).values(), default=0.0)
+    configuration, kernel = start, max(strains(mechanism, start).values(), default=0.0)
     while kernel > CLOSED_SIGMAS:
         configuration, _ = descent.run(configuration, _STEPS, kernel)
         kernel *= _ANNEALING
     return descent.run(configuration, _STEPS_TO_THE_END, CLOSED_SIGMAS)[0]
-
-
-def _worst(mechanism: Mechanism, configuration: Configuration) -> dict[str, float]:
-    """Loop -> its worst row, in sigmas."""
-    rows = mechanism.loop_rows(configuration)
-    worst = dict.fromkeys((joint.name for joint in mechanism.loops), 0.0)
-    for owner, residual in zip(rows.owners, rows.residuals, strict=True):
-        worst[owner] = max(worst[owner], abs(float(residual)))
-    return worst
 
 
 def _starts(mechanism: Mechanism, start: Configuration) -> Iterator[Configuration]:

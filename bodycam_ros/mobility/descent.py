@@ -16,7 +16,7 @@ _KNOWN_M = 1e-6
 _WEAK = 0.03  # of what is only to come near: enough to stretch an arm, too little to tear a foot off
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _LONGEST_STEP = 0.6  # [rad], or of a limb's length
-_ENOUGH = 1e-7  # relative decrease of the cost
+_ENOUGH = 1e-5  # relative decrease of the cost
 
 
 class Descent:

@@ -99,6 +99,24 @@ class Mechanism:
         self.loops = self.body.loop_joints
 
     @cached_property
+    def loops_through(self) -> dict[str, tuple[str, ...]]:
+        """Joint of the tree -> the loops that it is in."""
+        above = {joint.child: joint for joint in self.body.tree_joints}
+
+        def chain(segment: str) -> set[str]:
+            names = set()
+            while joint := above.get(segment):
+                names.add(joint.name)
+                segment = joint.parent
+            return names
+
+        within = {loop.name: chain(loop.parent) ^ chain(loop.child) for loop in self.loops}
+        return {
+            joint.name: tuple(loop for loop, joints in within.items() if joint.name in joints)
+            for joint in self.body.tree_joints
+        }
+
+    @cached_property
     def stands(self) -> tuple[str, ...]:
         """Segments of the equipment that do not move in the world."""
         segments = {} if self.equipment is None else self.equipment.segments

@@ -32,7 +32,7 @@ class Mobility:
         count: Gruebler's.
         rows: how many constraint rows there are.
         rank: how many of them are independent where the loops are closed.
-        rank_along: least and greatest along motions that keep them closed.
+        rank_along: least and greatest along motions that keep them closed; None: nothing moves.
         freedoms: how many there are in truth.
         parts: what moves with what.
         redundant: row -> rows that say the same.
@@ -44,7 +44,7 @@ class Mobility:
     count: GrueblerCount
     rows: int
     rank: int
-    rank_along: tuple[int, int]
+    rank_along: tuple[int, int] | None
     freedoms: int
     parts: MotionParts
     redundant: Mapping[str, tuple[str, ...]]
@@ -97,7 +97,9 @@ def _embedded(unit: Array, moving: NDArray[np.int_]) -> Array:
     return free
 
 
-def _rank_along(mechanism: Mechanism, start: Configuration, apart: tuple[str, ...], free: Array) -> tuple[int, int]:
+def _rank_along(
+    mechanism: Mechanism, start: Configuration, apart: tuple[str, ...], free: Array
+) -> tuple[int, int] | None:
     """Least and greatest rank on some ways through what the constraints permit."""
     random = np.random.default_rng(1)
     moving, units = mechanism.columns("place", "joint"), mechanism.column_units
@@ -117,4 +119,4 @@ def _rank_along(mechanism: Mechanism, start: Configuration, apart: tuple[str, ..
             left = constraints(mechanism, configuration, apart, standing).residuals
             if np.abs(left).max(initial=0.0) > _STILL_CLOSED:
                 break  # at the end of its reach
-    return (min(found), max(found)) if found else (0, 0)
+    return (min(found), max(found)) if found else None

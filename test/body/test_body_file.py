@@ -142,3 +142,12 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(body: BodyModel, tm
     assert [file.name for file in tmp_path.iterdir()] == ["body.yaml"]
     with pytest.raises(OutputError, match="cannot be written"):
         write_body(body, tmp_path / "no_such_folder" / "body.yaml")
+
+
+def test_what_stands_is_kept_and_must_be_a_segment(body: BodyModel, tmp_path: Path) -> None:
+    write_body(replace(body, standing=(body.segments[-1],)), tmp_path / "machine.yaml")
+    assert read_body(tmp_path / "machine.yaml").standing == (body.segments[-1],)
+    with pytest.raises(BodyError, match="stool, which is said to stand, is not among the segments"):
+        read(tmp_path, f"{STOOL}standing: [stool]\n")
+    with pytest.raises(BodyError, match="standing must be a list"):
+        read(tmp_path, f"{STOOL}standing: foot\n")

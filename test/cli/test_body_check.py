@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 
 BODY = str(Path(__file__).parents[2] / "bags" / "body.yaml")
 BOARD = """
@@ -17,13 +18,13 @@ attachments:
     {body: [180, 40, -85], equipment: [180, 140, 0]}, {body: [180, -40, -85], equipment: [180, 60, 0]},
     {body: [-50, 0, -85], equipment: [-50, 100, 0]}]}
   right: {body: foot_right, equipment: board, weight: 3, points: [
-    {body: [180, 40, -85], equipment: [180, RIGHT, 0]}, {body: [-50, 0, -85], equipment: [-50, RIGHT, 0]}]}
+    {body: [180, 40, -85], equipment: [180, -100, 0]}, {body: [-50, 0, -85], equipment: [-50, -100, 0]}]}
 """
 
 
-def board(folder: Path, right_mm: int) -> str:
+def board(folder: Path) -> str:
     path = folder / "board.yaml"
-    path.write_text(BOARD.replace("RIGHT", str(right_mm)))
+    path.write_text(BOARD)
     return str(path)
 
 
@@ -44,7 +45,7 @@ def test_a_body_alone_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_board_takes_freedoms_and_says_in_words_what_is_left(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    code, said = check(capsys, BODY, "--equipment", board(tmp_path, -100))
+    code, said = check(capsys, BODY, "--equipment", board(tmp_path))
     assert code == 0
     # Three points weld a foot, six rows; two let it turn about their line, five.
     assert "6 x 14 segments - 47 that the joints hold = 37 freedoms" in said
@@ -53,20 +54,7 @@ def test_a_board_takes_freedoms_and_says_in_words_what_is_left(
     assert "each on its own 18 spine, neck, shoulder_left" in said
 
 
-def test_what_contradicts_is_named_and_the_exit_code_says_so(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    code, said = check(capsys, BODY, "--equipment", board(tmp_path, -4000))
-    assert code == 3
-    (name,) = {"left", "right"} & set(said.split("contradicts: ")[1].split(" stays ")[:1])
-    assert " mm apart" in said and "while all else is held; it holds without " in said
-    assert f"verdict: cannot be held together; measure the points of {name} again" in said
-
-
-def test_supplied_equipment_is_known_by_name(capsys: pytest.CaptureFixture[str]) -> None:
-    code, said = check(capsys, BODY, "--equipment", "snowboard")
-    assert code == 0
-    assert f"subject with {read_equipment('snowboard').name}" in said
+def test_equipment_that_is_not_supplied_is_an_error_that_says_what_is(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = check(capsys, BODY, "--equipment", "skis")
     assert code == 1 and "skis" in said and "snowboard" in said
 
@@ -84,4 +72,45 @@ def test_the_command_of_one_word_is_still_there(capsys: pytest.CaptureFixture[st
     assert "--rig" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["body", "check", "--help"])
-    assert "--equipment" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "--equipment" in said and all(name in said for name in supplied_equipment())
+    assert "3 if not" in said
+
+
+def reaching(folder: Path, bar_mm: int, *, saddle: bool = True) -> str:
+    """The supplied bicycle with its bar so far in front of the crank, with or without a saddle."""
+    document = yaml.safe_load(equipment_path("bicycle").read_text())
+    for name in ("hand_left", "hand_right"):
+        for point in document["attachments"][name]["points"]:
+            point["equipment"][0] = bar_mm
+    if not saddle:
+        del document["attachments"]["saddle"]
+    path = folder / "bicycle.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return str(path)
+
+
+@pytest.mark.parametrize(("bar_mm", "saddle"), [(1400, True), (2000, True), (3400, False)])
+def test_a_bar_out_of_reach_is_not_held_by_arms_and_lengths_that_nobody_has(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, bar_mm: int, saddle: bool
+) -> None:
+    code, said = check(capsys, BODY, "--equipment", reaching(tmp_path, bar_mm, saddle=saddle))
+    assert code == 3
+    named = {part.split(" stays ")[0] for part in said.split("contradicts: ")[1:]}
+    # Leaning forward as far as can be, one lets go of the saddle; further away than that, of the bar.
+    assert named == ({"saddle"} if saddle else {"hand_left", "hand_right"})
+    assert ("it holds without hand_left or hand_right" in said) == (bar_mm == 1400)
+    assert ("to let go of any one other is not enough" in said) == (bar_mm != 1400)
+    assert " mm apart" in said and " while all else is held; " in said
+    measured = f"verdict: cannot be held together; measure the points of {', '.join(sorted(named))} again, and of "
+    assert f"{measured}{'hand_left, hand_right' if bar_mm == 1400 else 'the other attachments'}; or leave" in said
+
+
+@pytest.mark.parametrize("name", supplied_equipment())
+def test_all_supplied_equipment_is_held_by_the_body_of_the_sample(
+    capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    code, said = check(capsys, BODY, "--equipment", name)
+    assert code == 0, said
+    assert f"subject with {read_equipment(name).name}" in said
+    assert "verdict: everything can be held together" in said
