@@ -14,6 +14,7 @@ from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
@@ -110,7 +111,7 @@ def replay(
     # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
     with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
         watch = skeleton.instants.watch
-        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
+        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(recording_path, map_path, settings, readouts=known, hints=hints or BodyHints())
@@ -147,7 +148,7 @@ def replay(
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
         judged = judge(agreement, body, settings.verdict)
-        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment)))
+        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment, coupling)))
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
@@ -178,6 +179,7 @@ class _Output:
         summary: ReplaySummary,
         log: AgreementLog,
         watch: ClockWatch,
+        equipment: Equipment | None,
     ) -> None:
         self._writer = writer
         self._body = body
@@ -185,6 +187,7 @@ class _Output:
         self._summary = summary
         self._log = log
         self._watch = watch
+        self._equipment = equipment
         self._make = recorded_messages()
         self._health_due_ns = -1
         self._begun_ns = 0
@@ -201,8 +204,8 @@ class _Output:
     def write_robot(self) -> None:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
         body, coupled = self._limits.body, self.coupled.record()
-        if coupled is not None:
-            body = learned_body(body, coupled.lengths, coupled.values)
+        if coupled is not None and self._equipment is not None:
+            body = learned_body(body, self._equipment, coupled.values)
         text = text_message(self._make, urdf_text(body))
         self._writer.write("/robot_description", self._begun_ns, text)
 

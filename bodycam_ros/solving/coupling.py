@@ -199,6 +199,7 @@ class Coupling:
             ),
             deviations=deviations,
             lengths=self.fit.lengths.names,
+            priors=self.fit.lengths.priors,
             values=self.fit.lengths.said + self.lengths,
             sigmas=self.length_sigmas.copy(),
         )

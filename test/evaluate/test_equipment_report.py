@@ -33,6 +33,7 @@ def test_the_command_tells_of_every_attachment_and_length(
         "equipment bicycle",
         "pedal_left",
         "85.0%",
+        "placed from 0.10 s",
         "3000.0",
         "crank_x",
         "attachment bar is 3 m from the body",
@@ -47,9 +48,8 @@ def test_the_command_tells_of_every_attachment_and_length(
     assert pedal["deviation_mm"]["max"] == pytest.approx(1.0 + 0.01 * held[-1])
     assert pedal["apart_mm"]["median"] == pytest.approx(40.0)
     frame_s = 1e-9 * FRAME_NS
-    np.testing.assert_allclose(
-        pedal["let_go_s"], [[0.0, frame_s * UNPLACED[-1]], [frame_s * OFF[0], frame_s * OFF[-1]]], atol=1e-6
-    )
+    np.testing.assert_allclose(pedal["let_go_s"], [[frame_s * OFF[0], frame_s * OFF[-1]]], atol=1e-6)
+    assert figures["placed_from_s"] == pytest.approx(frame_s * len(UNPLACED), abs=1e-6)
     assert (bar["held"], bar["deviation_mm"]["mean"]) == (0.0, None)
     assert figures["lengths"]["crank_x"] == {
         "value_mm": pytest.approx(170.0 - 0.1 * (FRAMES - 1)),
