@@ -13,11 +13,10 @@ from std_srvs.srv import Trigger
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import equipment_health, verdict_health
@@ -101,7 +100,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _know(self, person: BodyModel) -> None:
         """There is a body; with the equipment, if any, it is what is solved and published."""
         # Fitted once: what is left out is told once.
-        self._held = None if self._equipment is None else fitted_equipment(self._equipment, person)
+        self._held = held_equipment(self.parameters.equipment, person) if self.parameters.equipment else None
         self._person, self._body = person, coupled_body(person, self._held)
 
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:

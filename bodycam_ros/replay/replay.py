@@ -13,11 +13,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
@@ -66,7 +64,7 @@ def replay(
     force: bool = False,
     hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
-    equipment: str | Path | None = None,
+    equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
@@ -81,7 +79,7 @@ def replay(
         force: replace an output that is there already.
         hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
-        equipment: name or file of what the body rides, holds or stands on.
+        equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
 
     Raises:
@@ -89,7 +87,7 @@ def replay(
     """
     warm_up()
     person = read_body(body_path)
-    coupling = None if equipment is None else fitted_equipment(read_equipment(equipment), person)
+    coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
     body = coupled_body(person, coupling)
     reference_map = ReferenceMap.load(map_path)
     check_metric(reference_map, map_path)
