@@ -40,8 +40,8 @@ def bench_solver(arguments: argparse.Namespace, settings: PipelineSettings) -> i
 
         compared = compare_solvers(body, cameras, registered, settings, truth, on_instant)
     console = widened(Terminal())
-    console.print(_table(compared.as_recorded, "as recorded"))
-    console.print(_table(compared.dark, "a quarter of the cameras dark in turn"))
+    console.print(solver_table(compared.as_recorded, "as recorded"))
+    console.print(solver_table(compared.dark, "a quarter of the cameras dark in turn"))
     if truth is not None and arguments.picture is not None:
         with whole_file(arguments.picture) as path:
             draw_solvers(body, truth, compared, path)
@@ -53,7 +53,8 @@ _AGAINST_TRUTH = ("error [cm]", "worst [cm]", "error [°]", "p95 [°]", "jitter 
 _COSTS = ("CPU [ms]", "p95 [ms]", "late [ms]", "memory [MB]")
 
 
-def _table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
+def solver_table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
+    """What each way costs, and how far it is from the truth where that is known."""
     is_known = any(one.errors is not None for one in runs.values())
     caption = "CPU: of an instant or its share, median; late: from an instant to its state"
     if is_known:

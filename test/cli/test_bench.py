@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bodycam_ros.cli.bench_solver import solver_table
 from bodycam_ros.cli.main import main
+from bodycam_ros.evaluate.solver_comparison import MeasuredRun
+from bodycam_ros.evaluate.solver_runs import SolverRun, Way
 
 INPUTS = ["bench", "bag", "--map", "map", "--body", "body.yaml"]
 
@@ -53,3 +57,10 @@ def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
     assert main([*INPUTS, "--solver", "--truth", "walk", "--picture", picture, *force]) == 1
     assert complaint in " ".join(capsys.readouterr().err.split())
     assert Path("old.png").read_bytes() == b"\x89PNG of before" and Path("notes.txt").read_text() == "mine"
+
+
+def test_without_truth_the_table_has_no_columns_of_errors() -> None:
+    run = SolverRun(Way.WINDOW, np.arange(2), np.tile(np.eye(4), (2, 1, 1, 1)), np.array([2.0, 4.0]), 7.0, 30.0)
+    table = solver_table({Way.WINDOW: MeasuredRun(run, None)}, "as recorded")
+    assert [column.header for column in table.columns] == ["way", "CPU [ms]", "p95 [ms]", "late [ms]", "memory [MB]"]
+    assert [list(column.cells) for column in table.columns] == [["iSAM2 + 4"], ["3.0"], ["3.9"], ["30"], ["7"]]
