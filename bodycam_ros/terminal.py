@@ -27,6 +27,17 @@ class Terminal(Console):
             yield segment if control else Segment(printable(text), style)
 
 
+_NARROWEST = 128
+"""Columns of a table that is written to a file or pipe, whose width nobody knows."""
+
+
+def widened(console: Terminal) -> Terminal:
+    """The console, with room for wide tables where it is no terminal."""
+    if not console.is_terminal:
+        console.width = max(console.width, _NARROWEST)
+    return console
+
+
 def log_to_terminal(verbose: bool) -> None:
     """Show warnings, with ``verbose`` everything, on stderr."""
     handler = RichHandler(console=Terminal(stderr=True), show_time=False, show_path=False, markup=False)

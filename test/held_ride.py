@@ -29,6 +29,7 @@ def report(frame: int) -> EquipmentReport:
         engaged=np.array([placed and not off, False]),
         deviations=deviations if placed else np.full(2, np.nan),
         lengths=("crank_x",),
+        priors=np.array([0.02]),
         values=np.array([0.17 - 1e-4 * frame]),
         sigmas=np.array([0.02 / (1.0 + frame)]),
     )

@@ -2,6 +2,7 @@
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from rich.progress import Progress
@@ -41,11 +42,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--truth", type=Path, help="with --solver: the recording's folder with its ground truth")
     parser.add_argument("--picture", type=Path, help="with --solver and --truth: PNG to draw of it")
-    parser.set_defaults(run=run)
+    parser.add_argument("--force", action="store_true", help="with --picture: replace it if it is there already")
+    parser.set_defaults(run=partial(run, parser))
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
     """Run the command."""
+    _check_flags(parser, arguments)
     settings = pipeline_settings(arguments)
     if arguments.solver:
         return bench_solver(arguments, settings)
@@ -79,6 +82,20 @@ def run(arguments: argparse.Namespace) -> int:
             soft_wrap=True,
         )
     return 0
+
+
+def _check_flags(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Refuse flags that would be passed over."""
+    for flag, given, needs, there in (
+        ("--truth", arguments.truth, "--solver", arguments.solver),
+        ("--picture", arguments.picture, "--solver", arguments.solver),
+        ("--picture", arguments.picture, "--truth", arguments.truth),
+        ("--force", arguments.force, "--picture", arguments.picture),
+    ):
+        if given and not there:
+            parser.error(f"{flag} needs {needs}")
+    if arguments.solver and arguments.minutes > 0.0:
+        parser.error("--minutes is not for --solver, which solves the recording as it is; leave out one of them")
 
 
 def _endurance(

@@ -12,14 +12,21 @@ from bodycam_ros.evaluate.solver_comparison import MeasuredRun, compare_solvers,
 from bodycam_ros.evaluate.solver_picture import draw_solvers
 from bodycam_ros.evaluate.solver_runs import Way
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.terminal import Terminal, widened
 from bodycam_ros.whole_file import whole_file
+
+_PNG = b"\x89PNG"
 
 
 def bench_solver(arguments: argparse.Namespace, settings: PipelineSettings) -> int:
     """Run the command."""
+    if arguments.picture is not None:
+        inputs = (arguments.recording, arguments.map, arguments.body, arguments.config, arguments.truth)
+        check_output(arguments.picture, inputs)
+        check_file(arguments.picture, arguments.force, _PNG, "picture (PNG)")
     body = read_body(arguments.body)
     truth = None if arguments.truth is None else read_true_motion(arguments.truth)
     with open_recording(arguments.recording) as recording:
@@ -32,8 +39,9 @@ def bench_solver(arguments: argparse.Namespace, settings: PipelineSettings) -> i
             progress.update(task, description=what, advance=1)
 
         compared = compare_solvers(body, cameras, registered, settings, truth, on_instant)
-    Terminal().print(_table(compared.as_recorded, "as recorded"))
-    Terminal().print(_table(compared.dark, "a quarter of the cameras dark in turn"))
+    console = widened(Terminal())
+    console.print(solver_table(compared.as_recorded, "as recorded"))
+    console.print(solver_table(compared.dark, "a quarter of the cameras dark in turn"))
     if truth is not None and arguments.picture is not None:
         with whole_file(arguments.picture) as path:
             draw_solvers(body, truth, compared, path)
@@ -41,17 +49,20 @@ def bench_solver(arguments: argparse.Namespace, settings: PipelineSettings) -> i
     return 0
 
 
-def _table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
-    heads = ("cm", "worst", "°", "p95", "jitter", "ms", "p95", "late", "MB")
-    table = Table(
-        "way",
-        *heads,
-        title=title,
-        caption="cm, °: mean error; jitter [mm]; ms: CPU of an instant or its share; late [ms]",
-    )
+_AGAINST_TRUTH = ("error [cm]", "worst [cm]", "error [°]", "p95 [°]", "jitter [mm]")
+_COSTS = ("CPU [ms]", "p95 [ms]", "late [ms]", "memory [MB]")
+
+
+def solver_table(runs: Mapping[Way, MeasuredRun], title: str) -> Table:
+    """What each way costs, and how far it is from the truth where that is known."""
+    is_known = any(one.errors is not None for one in runs.values())
+    caption = "CPU: of an instant or its share, median; late: from an instant to its state"
+    if is_known:
+        caption = f"error: mean, of joints and of their rotations; {caption}"
+    table = Table("way", *(_AGAINST_TRUTH if is_known else ()), *_COSTS, title=title, caption=caption)
     for way, one in runs.items():
         errors, ms = one.errors, one.run.solve_ms
-        row = ["-"] * 5
+        row = []
         if errors is not None:
             degrees = np.degrees(errors.rotations)
             row = [

@@ -35,12 +35,12 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.body.body_file import read_body
     from bodycam_ros.cli.mobility_lines import print_mobility
     from bodycam_ros.cli.verdict_lines import WRONG_RESULT
-    from bodycam_ros.equipment.equipment_yaml import read_equipment
+    from bodycam_ros.equipment.coupled_body import held_equipment
     from bodycam_ros.mobility.mobility import mobility
     from bodycam_ros.terminal import Terminal
 
     body = read_body(arguments.body)
-    equipment = None if arguments.equipment is None else read_equipment(arguments.equipment)
+    equipment = None if arguments.equipment is None else held_equipment(arguments.equipment, body)
     found = mobility(body, equipment)
     print_mobility(Terminal(), found, body, equipment)
     return WRONG_RESULT if found.contradictions else 0

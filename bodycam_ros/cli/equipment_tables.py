@@ -14,9 +14,11 @@ def equipment_tables(figures: Mapping[str, Any]) -> Iterator[Table]:
     Args:
         figures: of ``equipment_figures``; what is unknown may be None or NaN.
     """
+    placed_s = figures["placed_from_s"]
+    placed = "never placed" if placed_s is None else f"placed from {placed_s:.2f} s"
     table = Table(
         title=f"equipment {figures['name']}",
-        caption="held: share of the instants; mean, p95, max: distance between the points while it held; "
+        caption=f"{placed}; held: share of the instants; mean, p95, max: distance between the points while it held; "
         "apart: while it did not, median",
     )
     table.add_column("attachment", no_wrap=True)

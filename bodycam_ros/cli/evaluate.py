@@ -9,13 +9,10 @@ from rich.table import Table
 
 from bodycam_ros.cli.equipment_tables import equipment_tables
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
-
-_NARROWEST = 128
-"""Columns of a table that is written to a file or pipe, whose width nobody knows."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -75,9 +72,7 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
     from bodycam_ros.evaluate.summary import summary
 
     figures = summary(evaluation)
-    console = Terminal()  # units stand in square brackets
-    if not console.is_terminal:
-        console.width = max(console.width, _NARROWEST)
+    console = widened(Terminal())  # units stand in square brackets
     console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
     if any("clock" in camera for camera in figures["cameras"].values()):
         console.print(_clock_table(figures["cameras"]))

@@ -16,7 +16,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description=__doc__,
         epilog="formats: " + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items()),
     )
-    parser.add_argument("source", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote, or a body YAML")
+    parser.add_argument(
+        "source", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote, or a body file, YAML or URDF"
+    )
     parser.add_argument("--to", choices=sorted(FORMATS), required=True, help="format to write")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="file to write")
     parser.add_argument("--force", action="store_true", help="replace FILE if it is there already")

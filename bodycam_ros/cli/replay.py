@@ -19,7 +19,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.passes import replay_in_passes
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.terminal import Terminal, widened
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
-    equipment = equipment_path(arguments.equipment) if arguments.equipment else None
+    equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config, equipment))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
@@ -81,8 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
         print_rounds(rounds)
     Terminal().print(_table(summary))
     if summary.equipment is not None:
+        console = widened(Terminal())
         for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
-            Terminal().print(table)
+            console.print(table)
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)

@@ -1,6 +1,7 @@
 """A body and its equipment as one body: more segments, more rows in the joint table, loops where it is held (B 3)."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -8,8 +9,24 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.errors import BodyError
+
+
+def held_equipment(name_or_path: str | Path, body: BodyModel) -> Equipment:
+    """The equipment of a name or file, as far as a body can hold it (``fitted_equipment``).
+
+    Raises:
+        BodyError: it cannot be read, or does not fit the body; the message names the file.
+    """
+    equipment = read_equipment(name_or_path)
+    try:
+        held = fitted_equipment(equipment, body)
+        coupled_body(body, held)
+    except BodyError as error:
+        raise BodyError(f"{equipment_path(name_or_path)}: {error}") from error
+    return held
 
 
 def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:

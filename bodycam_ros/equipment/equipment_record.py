@@ -21,6 +21,7 @@ class EquipmentRecord:
         engaged: (T, K)
         deviations: (T, K) [m]
         lengths: (L) names.
+        priors: (L,) how far the file says they may be off [m].
         values: (L,) at last [m].
         sigmas: (L,) at last [m].
     """
@@ -32,6 +33,7 @@ class EquipmentRecord:
     engaged: NDArray[np.bool_]
     deviations: Array
     lengths: tuple[str, ...]
+    priors: Array
     values: Array
     sigmas: Array
 
@@ -42,8 +44,8 @@ class EquipmentRecord:
         return held
 
     def let_go(self, attachment: int) -> list[tuple[int, int]]:
-        """First and last stamp [ns] of each stretch in which an attachment did not hold."""
-        off = np.concatenate([[False], ~self.held[:, attachment], [False]])
+        """First and last stamp [ns] of each stretch in which an attachment did not hold what was placed."""
+        off = np.concatenate([[False], self.placed & ~self.held[:, attachment], [False]])
         starts, ends = np.flatnonzero(off[1:] & ~off[:-1]), np.flatnonzero(off[:-1] & ~off[1:]) - 1
         return [(int(self.stamps_ns[a]), int(self.stamps_ns[b])) for a, b in zip(starts, ends, strict=True)]
 
@@ -81,6 +83,7 @@ class EquipmentLog:
             engaged=np.array([report.engaged for report in reports], dtype=bool).reshape(len(stamps), -1),
             deviations=np.array([report.deviations for report in reports], dtype=np.float64).reshape(len(stamps), -1),
             lengths=last.lengths,
+            priors=last.priors,
             values=last.values,
             sigmas=last.sigmas,
         )

@@ -20,6 +20,7 @@ class EquipmentReport:
         deviations: (K,) distance between its points on the body and on the equipment, the mean over them [m]; NaN while
             the equipment is not placed.
         lengths: (L) what was unknown, ``<attachment or joint>_<x, y or z>``.
+        priors: (L,) how far the file says they may be off [m].
         values: (L,) as far as it is known [m].
         sigmas: (L,) [m].
     """
@@ -30,5 +31,6 @@ class EquipmentReport:
     engaged: NDArray[np.bool_]
     deviations: Array
     lengths: tuple[str, ...]
+    priors: Array
     values: Array
     sigmas: Array

@@ -108,6 +108,12 @@ def equipment_path(name_or_path: str | Path) -> Path:
     if path.name != str(name_or_path) or path.suffix.lower() in _ENDINGS:
         return path
     if path.name not in (supplied := supplied_equipment()):
+        if not path.name:
+            raise BodyError(
+                f"no equipment is named; there are {', '.join(supplied)}, or give a file that ends in .yaml"
+            )
+        if path.exists():
+            raise BodyError(f"{path}: an equipment file must end in .yaml; name it {path.stem}.yaml")
         raise BodyError(
             f"equipment {path.name}: none of that name is supplied; there are {', '.join(supplied)}. A file of yours "
             f"is named with its ending: {path.name}.yaml"
@@ -194,6 +200,8 @@ def _check_parts(equipment: Equipment) -> None:
     if not equipment.attachments:
         raise BodyError("attachments: there is none, so nothing would couple a body to it")
     segments = tuple(equipment.segments)
+    if equipment.root not in segments:
+        raise BodyError(f"root {equipment.root} is not among the segments {', '.join(segments) or '(there are none)'}")
     if standing := [name for name, moves in equipment.segments.items() if moves.stands and name != equipment.root]:
         raise BodyError(f"segment {standing[0]}: stands, which only the root {equipment.root} can; weld it to the root")
     for attachment in equipment.attachments:

@@ -1,24 +1,21 @@
-"""A body with equipment whose joints are where they were found to be: what is published fits the motion."""
+"""A body with its equipment as it was found to be: what is published fits the motion."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.geometry import Array
 
 
-def learned_body(body: BodyModel, lengths: Sequence[str], values: Array) -> BodyModel:
-    """The body with joints of its equipment moved to where they were found to be.
+def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyModel:
+    """The body with joints of its equipment, and the loops that its attachments close, moved to where they were found.
 
     Args:
         body: coupled.
-        lengths: (L) ``<attachment or joint>_<x, y or z>``; an attachment is no part of the tree, and stays.
-        values: (L) of them [m].
+        equipment: that it is coupled to, as far as it can hold it.
+        values: (L) lengths of the equipment that its file leaves open, in the order of ``UnknownLengths`` [m].
     """
-    places = {joint.name: joint.parent_T_joint.copy() for joint in body.tree_joints}
-    for length, value in zip(lengths, values.tolist(), strict=True):
-        name, _, axis = length.rpartition("_")
-        if name in places:
-            places[name]["xyz".index(axis), 3] = value
-    joints = [replace(j, parent_T_joint=places[j.name]) if j.name in places else j for j in body.joints]
-    return replace(body, joints=tuple(joints)) if lengths else body
+    lengths = UnknownLengths(equipment, equipment.joints)
+    shifts = values - lengths.said
+    return replace(body, joints=tuple(lengths.joint(joint, shifts) for joint in body.joints)) if len(lengths) else body

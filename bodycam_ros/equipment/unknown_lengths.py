@@ -62,7 +62,7 @@ class UnknownLengths:
         return replace(attachment, on_equipment=attachment.on_equipment + shift) if shift.any() else attachment
 
     def joint(self, joint: Joint, shifts: Array) -> Joint:
-        """A joint where its shifts (L) [m] have it."""
+        """A joint, or an attachment's (``attachment_joint``), where its shifts (L) [m] have it."""
         shift = self.along_axes(joint.name, shifts)
         if not shift.any():
             return joint

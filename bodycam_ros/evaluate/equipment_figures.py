@@ -14,9 +14,10 @@ _MM_PER_M = 1000.0
 def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
     """Figures by name, the unit at the end of the name.
 
-    Of each attachment: the share of the instants at which it held, how far its points were from each other while it
-    did and while it did not, and when it did not, from and until, since the start [s]. Of each length that the file
-    leaves open: what it is at last, and how well that is known.
+    From when on it was known where it is. Of each attachment: the share of the instants at which it held, how far its
+    points were from each other while it did and while it did not, and when it did not although the equipment was
+    placed, from and until, since the start [s]. Of each length that the file leaves open: what it is at last, and how
+    well that is known.
 
     Args:
         record: of a solved recording.
@@ -35,9 +36,11 @@ def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
         name: {"value_mm": float(value), "sigma_mm": float(sigma)}
         for name, value, sigma in zip(record.lengths, _MM_PER_M * record.values, _MM_PER_M * record.sigmas, strict=True)
     }
+    placed = record.stamps_ns[record.placed]
     return {
         "name": record.name,
         "placed": float(np.mean(record.placed)),
+        "placed_from_s": 1e-9 * float(placed[0] - start_ns) if placed.size else None,
         "attachments": attachments,
         "lengths": lengths,
     }

@@ -24,7 +24,7 @@ def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord)
     """Draw the panel: a line per attachment in the colour of its side, thin and faint while it did not hold."""
     panel_title(axes, f"Distance from {record.name}", "between points that should coincide; faint: let go")
     kinds = list(dict.fromkeys(map(_kind, record.attachments)))
-    low, high = _LEAST_MM * _ROOM, 10.0 * _LEAST_MM
+    low, high = np.inf, 10.0 * _LEAST_MM
     handles = []
     for column, name in enumerate(record.attachments):
         distance = np.maximum(MM_PER_M * record.deviations[:, column], _LEAST_MM)
@@ -38,7 +38,7 @@ def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord)
             axes.plot(*curve, linewidth=width, alpha=alpha, color=colour, linestyle=dashes)
         handles.append(Line2D([], [], label=name, linewidth=1.5, color=colour, linestyle=dashes))
     axes.set_yscale("log")
-    axes.set_ylim(low / _ROOM, high * _ROOM)
+    axes.set_ylim(min(low, high / 10.0) / _ROOM, high * _ROOM)
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel("distance [mm]")
     axes.set_xlabel("time [s]")

@@ -43,12 +43,14 @@ class _Scene:
     Attributes:
         view: from where.
         rows: (F,) instants shown.
+        placed: (T,) whether equipment is drawn at an instant.
         shifts: (F, 2) on the screen [m]; zero unless drawn side by side.
         floor_z: height of the floor [m].
     """
 
     view: ObliqueView
     rows: NDArray[np.int64]
+    placed: NDArray[np.bool_]
     shifts: Array
     floor_z: float
 
@@ -62,7 +64,7 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     solved = evaluation.solved
     body = solved.urdf.bones(solved.world_T_link)
     root = solved.motion.world_T_root[:, :3, 3]
-    scene = _scene(solved.motion.world_T_root, body)
+    scene = _scene(solved.motion.world_T_root, body, solved.placed)
     _draw_floor(axes, scene, root)
     if evaluation.comparison is not None:
         known = dict(zip(evaluation.comparison.segments, evaluation.comparison.true_segments, strict=True))
@@ -73,14 +75,18 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     for number in np.argsort(-depth):
         _draw_body(axes, scene, body, int(number))
     _label_times(axes, scene, root, solved.seconds(solved.stamps_ns[scene.rows]))
-    _draw_key(axes, evaluation.comparison is not None, any(bone.is_equipment for bone in body))
+    _draw_key(
+        axes,
+        evaluation.comparison is not None,
+        any(bone.is_equipment for bone in body) and bool(solved.placed[scene.rows].any()),
+    )
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
     how = "drawn side by side" if scene.apart else "floor tiles of 1 m"
     panel_title(axes, "Skeleton", f"the root travels {_travelled(root)[-1]:.1f} m; {how}")
 
 
-def _scene(world_T_root: Array, body: list[Bone]) -> _Scene:
+def _scene(world_T_root: Array, body: list[Bone], placed: NDArray[np.bool_]) -> _Scene:
     """Where they are if that leaves room for each, else side by side and evenly spread over time."""
     view = ObliqueView.of_path(world_T_root)
     root = world_T_root[:, :3, 3]
@@ -91,11 +97,11 @@ def _scene(world_T_root: Array, body: list[Bone]) -> _Scene:
     rows = np.unique(np.append(after, len(root) - 1))
     across = np.sort(root[rows] @ view.right)
     if len(root) == 1 or (len(rows) == FIGURES and np.diff(across).min() >= _LEAST_STEP_M):
-        return _Scene(view, rows, np.zeros((len(rows), 2)), lowest)
+        return _Scene(view, rows, placed, np.zeros((len(rows), 2)), lowest)
     rows = np.unique(np.linspace(0, len(root) - 1, FIGURES).round().astype(np.int64))
     ground = view.project(np.column_stack([root[rows, :2], np.full(len(rows), lowest)]))
     beside = np.column_stack([_SIDE_BY_SIDE_M * np.arange(len(rows)), np.zeros(len(rows))])
-    return _Scene(view, rows, beside - ground, lowest)
+    return _Scene(view, rows, placed, beside - ground, lowest)
 
 
 def _travelled(points: Array) -> Array:
@@ -127,6 +133,8 @@ def _draw_body(axes: Axes, scene: _Scene, body: list[Bone], number: int) -> None
     row, shift = scene.rows[number], scene.shifts[number]
     # The far side first; what is nearer covers it.
     for bone in sorted(body, key=lambda b: -float(scene.view.depth(b.start[row] + b.end[row]))):
+        if bone.is_equipment and not scene.placed[row]:
+            continue
         line = scene.view.project(np.stack([bone.start[row], bone.end[row]])) + shift
         if bone.is_equipment:
             axes.plot(*line.T, color=EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)

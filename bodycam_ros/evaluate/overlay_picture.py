@@ -146,6 +146,8 @@ def _view(
     found = solved.landmarks((record.camera,))
     matches = next(matches for matches in found if matches.stamp_ns == time_ns)
     limbs = solved.urdf.bones({s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments})
+    if not solved.placed[np.abs(solved.stamps_ns - at_ns[0]).argmin()]:
+        limbs = [limb for limb in limbs if not limb.is_equipment]
     return OverlayView(
         camera=record.camera,
         seconds=float(solved.seconds(np.array([time_ns]))[0]),

@@ -59,6 +59,8 @@ def solver_errors(run: SolverRun, body: BodyModel, truth: TrueMotion) -> SolverE
             ours, theirs = (_turn(of[joint.parent], of[joint.child]) for of in (poses, true))
             rotations.append(measures.rotation_errors(ours, theirs, *measures.fit_constant_frames(ours, theirs)))
             angles[joint.child], true_angles[joint.child] = measures.turned(ours), measures.turned(theirs)
+    if not rotations:
+        raise RecordingError(f"{truth.path}: no joint of body {body.name} has both of its segments in this truth")
     return SolverErrors(
         stamps_ns,
         measures.position_errors(origins, true_origins, scale, R, t),

@@ -27,6 +27,7 @@ from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.camera_evidence import MountedCameras, evidence_floor
+from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.frame_assembler import FrameAssembler
 from bodycam_ros.solving.pose_memory import ExpectedJoints
@@ -195,6 +196,7 @@ def _smoother(
         settings.covariance,
         settings.pose_fit,
         offline=True,
+        contacts=FootContacts(body, settings.contact),
     )
 
 

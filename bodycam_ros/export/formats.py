@@ -1,7 +1,7 @@
 """What ``bodycam export`` writes: a new format is a new line of the table."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from bodycam_ros.body.joint import Joint, default_sigmas
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body.urdf_document import LOOPS, said_loops
 from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.export.mjcf import mjcf_text
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.recording.bag_file import BagFile
@@ -150,10 +150,31 @@ def export(source: Path, format_name: str, output: Path, force: bool) -> list[Pa
     contents = {
         output.with_suffix(suffix) if suffix else output: text for suffix, text in chosen.content(source).items()
     }
+    stale = _stale_loops(output, contents) if force and format_name == "urdf" else None
     with ExitStack() as stack:
         for path, text in contents.items():
             if path != output:
                 check_output(path, (source,), makes_folders=False)
                 check_file(path, force, _LOOPS_HEADER.encode(), "loops of a URDF")
             stack.enter_context(whole_file(path)).write_bytes(text.encode())
+    if stale is not None:
+        _remove(stale)
     return list(contents)
+
+
+def _stale_loops(output: Path, written: Collection[Path]) -> Path | None:
+    """The loops of an earlier URDF of this name, if the one to be has none: they would be taken for its own."""
+    path = output.with_suffix(LOOPS_SUFFIX)
+    try:
+        is_ours = path not in written and path.is_file() and path.read_bytes().startswith(_LOOPS_HEADER.encode())
+    except OSError:
+        return None
+    return path if is_ours else None
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink()
+    except OSError as error:
+        raise OutputError(f"{path}: is of an earlier URDF, and cannot be removed: {error.strerror or error}") from error
+    logger.warning("%s: removed; it was of an earlier URDF, and the one beside it closes no loops", path)

@@ -20,6 +20,7 @@ def equipment_message(make: MessageFactory, stamp_ns: int, report: EquipmentRepo
         engaged=make.sequence(flat(report.engaged, np.uint8)),
         deviations=make.sequence(flat(report.deviations, np.float64)),
         lengths=list(report.lengths),
+        priors=make.sequence(flat(report.priors, np.float64)),
         values=make.sequence(flat(report.values, np.float64)),
         sigmas=make.sequence(flat(report.sigmas, np.float64)),
     )
@@ -39,6 +40,7 @@ def equipment_report(message: Message) -> EquipmentReport:
         engaged=numbers(message.engaged, np.uint8, len(attachments)).astype(bool),
         deviations=numbers(message.deviations, np.float64, len(attachments)),
         lengths=lengths,
+        priors=numbers(message.priors, np.float64, len(lengths)),
         values=numbers(message.values, np.float64, len(lengths)),
         sigmas=numbers(message.sigmas, np.float64, len(lengths)),
     )

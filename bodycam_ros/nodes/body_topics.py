@@ -10,6 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.messages.body import output_messages
@@ -57,8 +58,9 @@ class BodyTopics:
             if is_installed(type_name)
         }
 
-    def describe(self, body: BodyModel) -> None:
-        """Publish the body itself; those that come later hear it too."""
+    def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
+        """Publish the body itself, coupled to equipment if there is some; those that come later hear it too."""
+        self._equipment = equipment
         self._limits = SeenLimits(body)
         self._lengths: EquipmentReport | None = None
         self._describe_as_known()
@@ -69,8 +71,8 @@ class BodyTopics:
     def _describe_as_known(self) -> None:
         """Publish the body with limits that hold, and with the lengths of its equipment as far as they are known."""
         body, coupled = self._limits.body, self._lengths
-        if coupled is not None:
-            body = learned_body(body, coupled.lengths, coupled.values)
+        if coupled is not None and self._equipment is not None:
+            body = learned_body(body, self._equipment, coupled.values)
         self._description.publish(text_message(self._make, urdf_text(body)))
 
     def _has_learned(self, report: EquipmentReport | None) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
 
@@ -67,8 +67,13 @@ def live_graph(
             cannot be read, or does not fit the body.
     """
     known, what = (body, "body") if rig is None else (rig, "rig")
-    machine = read_equipment(equipment) if equipment else None
-    carried = tuple(coupled_body(read_body(body), machine).mounts if rig is None else Rig.from_yaml(rig).cameras)
+    if rig is None:
+        person = read_body(body)
+        carried = tuple(coupled_body(person, held_equipment(equipment, person) if equipment else None).mounts)
+    else:
+        if equipment:
+            read_equipment(equipment)
+        carried = tuple(Rig.from_yaml(rig).cameras)
     used = list(cameras_used(cameras, carried, f"{known}: the {what}"))
     if rig is not None and len(used) < len(carried):
         raise BodyError(f"{known}: a calibration needs all cameras of the rig, so leave out 'cameras'")

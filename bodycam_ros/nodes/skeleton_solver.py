@@ -13,7 +13,8 @@ from std_srvs.srv import Trigger
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
@@ -54,6 +55,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         of = self.parameters
         self._equipment = read_equipment(of.equipment) if of.equipment else None
         self._topics = BodyTopics(self, with_equipment=self._equipment is not None)
+        self._held: Equipment | None = None
         self._coupled: EquipmentReport | None = None
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None
@@ -92,12 +94,14 @@ class SkeletonSolver(StageNode[SolverParameters]):
         """Learn the body that is there; its cameras."""
         self._know(read_body(path))
         used = cameras_used(self.parameters.cameras, tuple(self._body.mounts), f"{path}: the body")
-        self._topics.describe(self._body)
+        self._topics.describe(self._body, self._held)
         return used
 
     def _know(self, person: BodyModel) -> None:
         """There is a body; with the equipment, if any, it is what is solved and published."""
-        self._person, self._body = person, coupled_body(person, self._equipment)
+        # Fitted once: what is left out is told once.
+        self._held = held_equipment(self.parameters.equipment, person) if self.parameters.equipment else None
+        self._person, self._body = person, coupled_body(person, self._held)
 
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
@@ -152,7 +156,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 self.settings,
                 live=True,
                 on_corrected=self._on_corrected,
-                equipment=self._equipment,
+                equipment=self._held,
             )
             self._hints.begin(self._body)
             self._judge_anew()
@@ -167,7 +171,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._flush()
         self._know(body)
         self._solve_with_those_known()
-        self._topics.describe(self._body)
+        self._topics.describe(self._body, self._held)
 
     def _take(self, matches: LandmarkMatches) -> None:
         if self._calibration is not None:

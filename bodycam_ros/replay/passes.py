@@ -6,8 +6,7 @@ from pathlib import Path
 from tempfile import gettempdir
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -57,7 +56,8 @@ def replay_in_passes(
         )
         return summary, ()
     person = read_body(body_path)
-    body = coupled_body(person, None if equipment is None else read_equipment(equipment))
+    held = None if equipment is None else held_equipment(equipment, person)
+    body = coupled_body(person, held)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
@@ -75,7 +75,7 @@ def replay_in_passes(
             force,
             extension.hints,
             on_progress,
-            equipment,
+            held,
             on_step,
         )
     summary.elapsed_s += extension.elapsed_s

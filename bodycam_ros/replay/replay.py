@@ -13,10 +13,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.equipment.coupled_body import coupled_body
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
+from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.errors import BodyError, MapError
 from bodycam_ros.messages.body import output_messages
@@ -65,7 +64,7 @@ def replay(
     force: bool = False,
     hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
-    equipment: str | Path | None = None,
+    equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
@@ -80,7 +79,7 @@ def replay(
         force: replace an output that is there already.
         hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
-        equipment: name or file of what the body rides, holds or stands on.
+        equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
 
     Raises:
@@ -88,7 +87,7 @@ def replay(
     """
     warm_up()
     person = read_body(body_path)
-    coupling = None if equipment is None else fitted_equipment(read_equipment(equipment), person)
+    coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
     body = coupled_body(person, coupling)
     reference_map = ReferenceMap.load(map_path)
     check_metric(reference_map, map_path)
@@ -110,7 +109,7 @@ def replay(
     # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
     with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
         watch = skeleton.instants.watch
-        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch)
+        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(recording_path, map_path, settings, readouts=known, hints=hints or BodyHints())
@@ -147,7 +146,7 @@ def replay(
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
         judged = judge(agreement, body, settings.verdict)
-        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment)))
+        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment, coupling)))
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
@@ -178,6 +177,7 @@ class _Output:
         summary: ReplaySummary,
         log: AgreementLog,
         watch: ClockWatch,
+        equipment: Equipment | None,
     ) -> None:
         self._writer = writer
         self._body = body
@@ -185,6 +185,7 @@ class _Output:
         self._summary = summary
         self._log = log
         self._watch = watch
+        self._equipment = equipment
         self._make = recorded_messages()
         self._health_due_ns = -1
         self._begun_ns = 0
@@ -201,8 +202,8 @@ class _Output:
     def write_robot(self) -> None:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
         body, coupled = self._limits.body, self.coupled.record()
-        if coupled is not None:
-            body = learned_body(body, coupled.lengths, coupled.values)
+        if coupled is not None and self._equipment is not None:
+            body = learned_body(body, self._equipment, coupled.values)
         text = text_message(self._make, urdf_text(body))
         self._writer.write("/robot_description", self._begun_ns, text)
 

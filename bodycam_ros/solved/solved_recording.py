@@ -116,6 +116,13 @@ class SolvedRecording:
         return self.urdf.forward_kinematics(self.motion.world_T_root, angles)
 
     @cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """(T,) whether it is known where the equipment is; of a recording that does not tell, always."""
+        if self.equipment is None:
+            return np.ones(len(self.stamps_ns), bool)
+        return np.isin(self.stamps_ns, self.equipment.stamps_ns[self.equipment.placed])
+
+    @cached_property
     def start_ns(self) -> int:
         """The first image or instant [ns]."""
         return int(min([self.stamps_ns[0], *(record.stamps_ns[0] for record in self.cameras)]))

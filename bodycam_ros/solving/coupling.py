@@ -198,6 +198,7 @@ class Coupling:
             ),
             deviations=deviations,
             lengths=self.fit.lengths.names,
+            priors=self.fit.lengths.priors,
             values=self.fit.lengths.said + self.places.shifts,
             sigmas=self.places.sigmas.copy(),
         )

@@ -14,6 +14,7 @@ from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.drawing.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
@@ -38,6 +39,7 @@ class Motion:
         registered: camera -> (stamps (K,) increasing [ns], world_T_camera (K, 4, 4) [m]) where it knew its own pose;
             only cameras of which the recording says so.
         equipment: lines of what the recording has beside the body, and the body file does not, over the T instants.
+        unplaced: instants at which nobody knew yet where that is.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -46,6 +48,7 @@ class Motion:
     angles: Array
     registered: Mapping[str, tuple[NDArray[np.int64], Array]]
     equipment: tuple[Bone, ...] = ()
+    unplaced: frozenset[int] = frozenset()
 
     @classmethod
     def standing(cls, body: BodyModel) -> "Motion":
@@ -78,6 +81,10 @@ class Motion:
         angles = self.angles[instant, [column[name] for name in joint_angles.names]]
         return body.forward_kinematics(self.world_T_root[instant], joint_angles.poses(angles))
 
+    def equipment_at(self, instant: int) -> list[Bone]:
+        """The lines of what stands beside the body at one instant; none while nobody knows where it is."""
+        return [] if instant in self.unplaced else [line.at(instant) for line in self.equipment]
+
     def registered_at(self, camera: str, instant: int) -> Array | None:
         """Pose world_T_camera (4, 4) that a camera found for itself within half a frame of an instant; None: lost."""
         stamps_ns, world_T_camera = self.registered[camera]
@@ -98,15 +105,20 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     """
     names = JointAngles(body).names
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
+    unplaced_ns = set()
     with BagFile(path) as bag:
         _check_topics(bag)
         robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
         beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
         joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *cameras]):
+        coupled = [EQUIPMENT] if beside and bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *coupled, *cameras]):
             if topic in MOTION_TOPICS:
                 joiner.add(topic, message)
+            elif topic in coupled:
+                if not message.placed:
+                    unplaced_ns.add(stamp_ns(message.header.stamp))
             else:
                 poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
     motion = joiner.joined()
@@ -119,6 +131,7 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         # Where some cameras' poses were recorded, a camera without one never knew where it was.
         registered={camera: _in_order(poses[camera]) for camera in body.mounts} if cameras else {},
         equipment=_lines_beside(robot, motion) if robot is not None and beside else (),
+        unplaced=frozenset(i for i, stamp in enumerate(motion.stamps_ns.tolist()) if stamp in unplaced_ns),
     )
 
 

@@ -47,7 +47,7 @@ class Scene:
         self._world = server.scene.add_frame(WORLD, show_axes=False)
         self._landmarks = _add_map(server.scene, reference_map)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
-        self._equipment = EquipmentScene(server.scene, motion.equipment)
+        self._equipment = EquipmentScene(server.scene, len(motion.equipment))
         self._cameras = CameraScene(server.scene, body, on_click)
 
     def show(self, body: BodyModel, instant: int, *, follow: bool) -> None:
@@ -58,7 +58,7 @@ class Scene:
                 x, y, _ = world_T_segment[body.segment_index[body.root], :3, 3]
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, world_T_segment)
-            self._equipment.show(instant)
+            self._equipment.show(self._motion.equipment_at(instant))
             for camera in self._motion.registered:
                 self._cameras.show_registered(camera, self._motion.registered_at(camera, instant) is not None)
 
@@ -115,7 +115,7 @@ class Scene:
         if image is None:
             return None
         limbs = limbs_of(body, self._motion.segments_at(body, instant))
-        limbs += [line.at(instant) for line in self._motion.equipment]
+        limbs += self._motion.equipment_at(instant)
         world_T_camera = self.world_T_camera(body, instant, footage.camera)
         return draw_picture(image, footage.model, world_T_camera, limbs, footage.matches.get(image.stamp_ns))
 

@@ -91,20 +91,21 @@ def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
 
 
 class EquipmentScene:
-    """Draws lines over the instants of a recording, of what stands beside the body."""
+    """Draws so many lines of what stands beside the body."""
 
-    def __init__(self, scene: SceneApi, lines: Sequence[Bone]) -> None:
-        self._lines = lines
+    def __init__(self, scene: SceneApi, count: int) -> None:
         self._rods = [
             scene.add_cylinder(f"{WORLD}/equipment/line_{number}", _EQUIPMENT_RADIUS_M, 1.0, rgb(EQUIPMENT))
-            for number in range(len(lines))
+            for number in range(count)
         ]
 
-    def show(self, instant: int) -> None:
-        """Show the lines at an instant."""
-        for rod, line in zip(self._rods, self._lines, strict=True):
-            rod.height = float(np.linalg.norm(line.end[instant] - line.start[instant]))
-            place(rod, _halfway(line.start[instant], line.end[instant]))
+    def show(self, lines: Sequence[Bone]) -> None:
+        """Show all lines, at one instant, or none of them."""
+        for rod in self._rods:
+            rod.visible = bool(lines)
+        for rod, line in zip(self._rods, lines, strict=False):
+            rod.height = float(np.linalg.norm(line.end[0] - line.start[0]))
+            place(rod, _halfway(line.start[0], line.end[0]))
 
 
 def _halfway(start: Array, end: Array) -> Array:

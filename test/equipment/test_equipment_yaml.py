@@ -118,6 +118,7 @@ attachments:
         ("  stem:\n", "  stem:\n  deck:\n", "line 9: 'deck' is listed twice"),
         ("{acceleration: 5}", "{acceleration: 0}", "segment deck: acceleration must be a number from 0.01 to 1"),
         ("{acceleration: 5}", "{acceleration: fast}", "segment deck: acceleration must be a number"),
+        ("root: deck", "root: scooter", "root scooter is not among the segments deck, wheel, stem"),
         ("{acceleration: 5}", "{stand: true}", "segment deck: has unknown 'stand'; known are .*stands"),
         ("  stem:\n", "  stem: {stands: true}\n", "segment stem: stands, which only the root deck can"),
         ("{acceleration: 5}", "{stands: 5}", "segment deck: stands must be true or false, not 5"),
@@ -204,5 +205,10 @@ def test_a_name_is_of_what_is_supplied_and_a_path_is_a_file(tmp_path: Path, monk
         BodyError, match=r"equipment unicycle: none of that name is supplied; there are .*bicycle.*unicycle\.yaml"
     ):
         read_equipment("unicycle")
+    (tmp_path / "bike.txt").write_text(SCOOTER)
+    with pytest.raises(BodyError, match=r"^bike\.txt: an equipment file must end in \.yaml; name it bike\.yaml"):
+        read_equipment("bike.txt")
+    with pytest.raises(BodyError, match=r"^no equipment is named; there are .*bicycle"):
+        read_equipment("")
     with pytest.raises(BodyError, match=r"unicycle\.yaml: cannot read this equipment file: No such file"):
         read_equipment("unicycle.yaml")

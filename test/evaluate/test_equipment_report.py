@@ -1,6 +1,7 @@
 """What evaluate says of a body that was solved with equipment."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,11 @@ from matplotlib.figure import Figure
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.drawing.picture_style import CENTRE, LEFT
+from bodycam_ros.drawing.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.equipment_panel import draw_equipment
+from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
+from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.messages.equipment import EQUIPMENT
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
@@ -33,6 +37,7 @@ def test_the_command_tells_of_every_attachment_and_length(
         "equipment bicycle",
         "pedal_left",
         "85.0%",
+        "placed from 0.10 s",
         "3000.0",
         "crank_x",
         "attachment bar is 3 m from the body",
@@ -47,9 +52,8 @@ def test_the_command_tells_of_every_attachment_and_length(
     assert pedal["deviation_mm"]["max"] == pytest.approx(1.0 + 0.01 * held[-1])
     assert pedal["apart_mm"]["median"] == pytest.approx(40.0)
     frame_s = 1e-9 * FRAME_NS
-    np.testing.assert_allclose(
-        pedal["let_go_s"], [[0.0, frame_s * UNPLACED[-1]], [frame_s * OFF[0], frame_s * OFF[-1]]], atol=1e-6
-    )
+    np.testing.assert_allclose(pedal["let_go_s"], [[frame_s * OFF[0], frame_s * OFF[-1]]], atol=1e-6)
+    assert figures["placed_from_s"] == pytest.approx(frame_s * len(UNPLACED), abs=1e-6)
     assert (bar["held"], bar["deviation_mm"]["mean"]) == (0.0, None)
     assert figures["lengths"]["crank_x"] == {
         "value_mm": pytest.approx(170.0 - 0.1 * (FRAMES - 1)),
@@ -71,6 +75,34 @@ def test_the_picture_shows_each_attachment_over_time_and_what_is_let_go_faint(ba
     assert np.isnan(np.asarray(never.get_ydata(), dtype=float)).all()
     assert np.nanmin(np.asarray(bar.get_ydata(), dtype=float)) == pytest.approx(3000.0)
     assert held.get_color() == LEFT and bar.get_color() == CENTRE
+
+
+def test_the_axis_begins_at_what_was_measured(bag: Path) -> None:
+    solved = read_solved(bag)
+    assert solved.equipment is not None
+    axes = Figure().add_subplot()
+    draw_equipment(axes, solved, solved.equipment)
+    assert 0.5 < axes.get_ylim()[0] < 1.0, "the foot was never nearer than a millimetre"
+
+
+def test_equipment_is_drawn_only_once_it_is_known_where_it_is(bag: Path) -> None:
+    def lines_of_equipment(evaluation: Evaluation) -> int:
+        axes = Figure().add_subplot()
+        draw_figures(axes, evaluation)
+        return sum(line.get_color() == EQUIPMENT_COLOUR for line in axes.get_lines())
+
+    evaluation = evaluate(bag)
+    record = evaluation.solved.equipment
+    assert record is not None
+    np.testing.assert_array_equal(np.flatnonzero(~evaluation.solved.placed), UNPLACED)
+    drawn = lines_of_equipment(evaluation)
+    late = replace(record, placed=np.arange(len(record.placed)) > len(record.placed) // 2)
+    never = replace(record, placed=np.zeros_like(record.placed))
+    drawn_late, drawn_never = (
+        lines_of_equipment(replace(evaluation, solved=replace(evaluation.solved, equipment=changed)))
+        for changed in (late, never)
+    )
+    assert drawn > drawn_late > drawn_never == 0
 
 
 def test_without_equipment_nothing_is_said_of_it(walk: Walk, solved: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Every way to solve the same registrations, on a body whose truth is known."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,13 @@ from moving_body import STEP_NS, body_with_cameras, lenses, seen_by, true_poses
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.solver_comparison import SolverComparison, compare_solvers
+from bodycam_ros.evaluate.solver_errors import solver_errors
 from bodycam_ros.evaluate.solver_picture import draw_solvers
 from bodycam_ros.evaluate.solver_runs import Way, dark_in_turn
 from bodycam_ros.evaluate.true_motion import TrueMotion
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.solving.smoother_settings import OFFLINE
 
 FRAMES = 75
 
@@ -33,9 +37,13 @@ def truth(body: BodyModel) -> TrueMotion:
 
 
 @pytest.fixture(scope="module")
-def compared(body: BodyModel, truth: TrueMotion) -> SolverComparison:
+def registered(body: BodyModel) -> list[LandmarkMatches]:
     rng = np.random.default_rng(5)
-    registered = [seen_by(body, camera, frame, rng) for frame in range(FRAMES) for camera in body.mounts]
+    return [seen_by(body, camera, frame, rng) for frame in range(FRAMES) for camera in body.mounts]
+
+
+@pytest.fixture(scope="module")
+def compared(body: BodyModel, truth: TrueMotion, registered: list[LandmarkMatches]) -> SolverComparison:
     return compare_solvers(body, lenses(body), registered, PipelineSettings(), truth)
 
 
@@ -56,9 +64,7 @@ def test_what_came_after_tells_of_what_is_dark(compared) -> None:
     assert all((one.run.solve_ms > 0.0).all() for one in compared.dark.values())
 
 
-def test_cameras_take_turns_in_the_dark(body) -> None:
-    rng = np.random.default_rng(5)
-    registered = [seen_by(body, camera, frame, rng) for frame in range(FRAMES) for camera in body.mounts]
+def test_cameras_take_turns_in_the_dark(body, registered) -> None:
     dark = dark_in_turn(registered, each_s=0.5)
     assert [matches.stamp_ns for matches in dark] == [matches.stamp_ns for matches in registered]
     seen = np.array([matches.world_T_camera is not None for matches in dark]).reshape(FRAMES, -1)
@@ -78,3 +84,21 @@ def test_the_truth_of_another_recording_is_refused(body, truth) -> None:
     ]
     with pytest.raises(RecordingError, match="walk is the truth of another recording"):
         compare_solvers(body, lenses(body), registered, PipelineSettings(), later)
+
+
+def test_a_truth_that_shares_no_joint_with_the_body_is_refused(body, truth, compared) -> None:
+    apart = [s for s in body.segments if s != body.root and body.joint_to_parent(s).parent != body.root][0]
+    alone = {segment: truth.world_T_segment[segment] for segment in (body.root, apart)}
+    run = compared.as_recorded[Way.ALONE].run
+    with pytest.raises(RecordingError, match="walk: no joint of body .* has both of its segments in this truth"):
+        solver_errors(run, body, TrueMotion(truth.path, truth.stamps_ns, truth.root, truth.parents, alone))
+
+
+def test_offline_is_what_replay_solves(compared, body, registered) -> None:
+    of = PipelineSettings()
+    pipeline = SkeletonPipeline(body, lenses(body), replace(of, smoother=replace(of.smoother, output_delay=OFFLINE)))
+    states = [output.state for matches in registered for output in pipeline.add(matches)]
+    states += [output.state for output in pipeline.flush()]
+    run = compared.as_recorded[Way.OFFLINE].run
+    np.testing.assert_array_equal(run.stamps_ns, [state.stamp_ns for state in states])
+    np.testing.assert_allclose(run.world_T_segment, [state.world_T_segment for state in states], atol=1e-9)

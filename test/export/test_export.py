@@ -84,6 +84,22 @@ def test_a_file_beside_it_that_is_no_such_is_not_replaced(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["ride.loops.yaml", "ride.urdf", "ride.yaml"]
 
 
+def test_loops_of_an_earlier_urdf_do_not_stay_beside_one_without(
+    ride: Walk, walk: Walk, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_body(ride.body, tmp_path / "ride.yaml")
+    write_body(walk.body, tmp_path / "walk.yaml")
+    loops, other = tmp_path / "out.loops.yaml", tmp_path / "other.loops.yaml"
+    arguments = ["--to", "urdf", "--force", "-o"]
+    assert main(["export", str(tmp_path / "ride.yaml"), *arguments, str(tmp_path / "out.urdf")]) == 0
+    other.write_text("mine: 1\n")
+    assert loops.is_file()
+    for name in ("out.urdf", "other.urdf"):
+        assert main(["export", str(tmp_path / "walk.yaml"), *arguments, str(tmp_path / name)]) == 0
+    assert not loops.exists() and f"{loops}: removed" in caplog.text
+    assert other.read_text() == "mine: 1\n"
+
+
 @pytest.mark.parametrize(
     ("source", "complaint"),
     [

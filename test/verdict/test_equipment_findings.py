@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 from held_ride import record
+from known_ride import bicycle
 
+from bodycam_ros.equipment.equipment_record import EquipmentRecord
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.verdict import Level, Verdict
 
 RIDE = record(list(range(60)))
+
+PEDAL = bicycle().attachments[0]
+BICYCLE = replace(bicycle(), unknown={"crank": np.array([0.02, 0.0, 0.0])})
+"""Its pedal is within 2 mm of the foot, its crank within 20 mm of where it is said to be."""
 
 
 def test_what_is_far_from_where_the_file_has_it_is_named() -> None:
@@ -49,3 +55,39 @@ def test_what_pulls_from_afar_because_it_is_said_to_hold_is_named() -> None:
 
 def test_without_equipment_there_is_nothing_to_find() -> None:
     assert equipment_findings(None) == ()
+
+
+def near(values: float, **changed: object) -> EquipmentRecord:
+    """The ride without its bar, and with its crank elsewhere."""
+    quiet = np.array(RIDE.deviations)
+    quiet[:, 1] = 0.01
+    return replace(RIDE, deviations=quiet, values=np.array([values]), **changed)
+
+
+def test_a_length_far_from_what_the_file_says_is_named() -> None:
+    assert equipment_findings(near(-0.059), BICYCLE) == ()
+    (finding,) = equipment_findings(near(-0.068), BICYCLE)
+    assert finding.level is Level.DOUBTFUL
+    assert (
+        finding.what
+        == "length crank_x came out as -68 mm, 3.4 times as far from the file's 0 mm as that says it may be"
+    )
+
+
+def test_an_attachment_that_is_let_go_for_long_is_named_unless_the_file_says_when_it_holds() -> None:
+    left = near(0.0, engaged=RIDE.engaged & (np.arange(60) % 10 < 7)[:, None])
+    (finding,) = equipment_findings(left, BICYCLE)
+    share = 1.0 - left.held[left.placed, 0].mean()
+    assert 0.3 < share < 0.45
+    assert finding.told.startswith(f"attachment pedal_left was let go for {share:.0%} of the time; if the body held it")
+    said = replace(BICYCLE, attachments=(replace(PEDAL, intervals=((0.0, 3.0),)),))
+    assert equipment_findings(left, said) == ()
+
+
+def test_what_is_said_to_be_within_millimetres_may_not_be_centimetres_off() -> None:
+    loose = near(0.0)
+    loose.deviations[:, 0] = 0.015
+    (finding,) = equipment_findings(loose, BICYCLE)
+    assert finding.what == "attachment pedal_left is 0.015 m from the body where the file has it"
+    wide = replace(BICYCLE, attachments=(replace(PEDAL, sigmas=np.full(2, 0.03)),))
+    assert equipment_findings(loose, wide) == ()

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import Walk, walking_body, write_solved
+from held_ride import UNPLACED, write_held
+from known_walk import FRAMES, Walk, walking_body, write_solved
 from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
@@ -109,6 +110,12 @@ def test_equipment_is_shown_beside_a_body_file_that_does_not_know_it(ride: Walk,
     assert_allclose(coupled.segments_at(ride.body, 20), ride.world_T_segment[20], rtol=0.0, atol=1e-9)
     (own,) = (limb for limb in limbs_of(ride.body, ride.world_T_segment[20]) if limb.is_equipment)
     assert_allclose(own.end[0], line.end[20], rtol=0.0, atol=1e-9)
+
+
+def test_equipment_is_there_once_it_is_known_where_it_is(ride: Walk, tmp_path: Path) -> None:
+    motion = read_motion(write_held(ride, tmp_path / "out"), walking_body())
+    shown = [bool(motion.equipment_at(instant)) for instant in range(len(motion.stamps_ns))]
+    assert shown == [instant not in UNPLACED for instant in range(FRAMES)]
 
 
 def test_a_body_of_another_shape_is_still_named_beside_equipment(ride: Walk, tmp_path: Path) -> None:

@@ -143,3 +143,16 @@ def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
     axis = rotation_from_xyzw(np.roll(rod.wxyz, -1))[:, 2]
     assert_allclose(np.abs(axis @ [0.8, 0.0, -0.6]), 1.0, rtol=1e-6)
     assert colour_of(server, "/world/equipment/line_0") == rgb(EQUIPMENT)
+
+
+def test_equipment_is_not_shown_while_nobody_knows_where_it_is(
+    server: LocalServer, sample: Path, body: BodyModel, motion: Motion
+) -> None:
+    start, end = np.zeros((2, 3)), np.ones((2, 3))
+    beside = replace(motion, equipment=(Bone("frame", start, end, True),), unplaced=frozenset([0]))
+    scene = Scene(server, body, ReferenceMap.load(sample / "map"), beside, lambda part: None)
+    rod = server.scene.get_handle_by_name("/world/equipment/line_0")
+    assert rod is not None
+    for instant, is_shown in ((0, False), (1, True), (0, False)):
+        scene.show(body, instant, follow=False)
+        assert rod.visible == is_shown
