@@ -81,9 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
         print_rounds(rounds)
     Terminal().print(_table(summary))
     if summary.equipment is not None:
-        console = widened(Terminal())
+        wide = widened(Terminal())
         for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
-            console.print(table)
+            wide.print(table)
     for remark in summary.remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)
