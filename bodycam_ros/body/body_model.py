@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.joint import Joint, check_within_reach
 from bodycam_ros.camera.readout import Readout
@@ -103,6 +104,12 @@ class BodyModel:
             if joint.type == "free" or joint.parent in beside:
                 beside.add(joint.child)
         return frozenset(beside)
+
+    @cached_property
+    def joint_ends(self) -> NDArray[Any]:
+        """(J, 2) rows of the parents and children of ``tree_joints``."""
+        row = self.segment_index
+        return np.array([(row[joint.parent], row[joint.child]) for joint in self.tree_joints], np.int64).reshape(-1, 2)
 
     @cached_property
     def rows_below(self) -> dict[int, list[int]]:

@@ -108,9 +108,7 @@ class BodySmoother:
         self._memory = PoseMemory(body, memory or PoseMemorySettings(), self._coupled)
         self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
-        self._joint_ends = np.array(
-            [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
-        ).reshape(-1, 2)
+        self._joint_ends = body.joint_ends
         self.refusals = RefusalLog(self._trust_settings.doubt_after)
         self._bridged_before = 0
         self._begin_anew()

@@ -81,9 +81,7 @@ class WholeRecording:
         self._poses = RecordedPoses(memory)
         self._waiting: list[RecordedInstant] = []
         self._published: deque[RecordedInstant] = deque(maxlen=_HELD)
-        self._ends = np.array(
-            [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints], int
-        ).reshape(-1, 2)
+        self._ends = body.joint_ends
         self._below = body.rows_below
         self.bridged, self._unsolved = 0, 0
 
