@@ -40,6 +40,7 @@ def without_contradictions(mechanism: Mechanism) -> tuple[Configuration, tuple[C
     if not left_open:
         return configuration, ()
     configuration = closed(mechanism, [configuration], left_open)
+    left_open |= set(open_loops(mechanism, configuration))
     stretched = nearest(mechanism, configuration, left_open)
     kept = [joint.name for joint in mechanism.loops if joint.name not in left_open]
     found = []

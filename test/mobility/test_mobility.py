@@ -7,7 +7,7 @@ from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.equipment import Attachment
+from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import rigid
 from bodycam_ros.mobility.closing import closed, placed
 from bodycam_ros.mobility.mechanism import Mechanism
@@ -156,3 +156,12 @@ def test_unknown_lengths_close_what_else_would_not() -> None:
     assert not found.contradictions
     longer, _ = found.longer["binding_right"]
     assert longer[0] < -2.0 and abs(longer[1]) < 1e-3
+
+
+def test_what_is_held_to_the_ground_has_no_motion_and_no_rank_along_any() -> None:
+    grip = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]])
+    strapped = Attachment("strap", "pelvis", "chair", grip, grip, np.full(3, 0.01))
+    chair = Equipment("chair", "chair", {"chair": SegmentMotion(stands=True)}, (), (strapped,))
+    found = mobility(BodyModel("sitter", "pelvis", ("pelvis",), (), {}), chair)
+    assert found.freedoms == 0 and found.rank == 12
+    assert found.rank_along is None
