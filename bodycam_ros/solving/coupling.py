@@ -35,8 +35,6 @@ _STANDS = np.repeat([1e-4, 1e-4], 3)
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
 
-"""[rad], [m] of joints before anything is known of them."""
-
 
 class Coupling:
     """Follows the equipment of a body from instant to instant.
@@ -48,6 +46,9 @@ class Coupling:
         motion: how suddenly segments change their motion, where the equipment does not say.
 
     Attributes:
+        equipment, settings: as given.
+        fit: of the equipment to the body.
+        stands: whether its root stands still.
         rows: (E) of the equipment's segments in the body.
         placed: whether it is known where the equipment is.
         went_on: whether it has gone on from the instant before as was expected.
