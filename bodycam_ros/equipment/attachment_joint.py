@@ -10,7 +10,7 @@ import numpy as np
 
 from bodycam_ros.body.joint import LOOSE_RAD, Joint, JointType
 from bodycam_ros.equipment.equipment import Attachment
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array, nearest_rotation, rigid
 
 _LEAST_LEVER_M = 1e-4
 """Points that are nearer to each other than this tell nothing of a rotation."""
@@ -73,8 +73,5 @@ def _alignment(on_body: Array, on_equipment: Array, weights: Array) -> Array:
     """equipment_R_body (3, 3) that brings the body's points nearest to the equipment's (Kabsch 1976)."""
     a = (on_body - weights @ on_body / weights.sum()) * weights[:, None]
     b = on_equipment - weights @ on_equipment / weights.sum()
-    U, S, Vt = np.linalg.svd(b.T @ a)
-    if S[0] < 1e-12:
-        return np.eye(3)
-    turn: Array = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return turn
+    scatter = b.T @ a
+    return np.eye(3) if np.linalg.norm(scatter, 2) < 1e-12 else nearest_rotation(scatter)

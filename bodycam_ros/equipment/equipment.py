@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, transform_points
 
 Interval = tuple[float, float]
 """From and until, seconds since the recording's first image; the end may be infinite."""
@@ -71,9 +71,10 @@ class Attachment:
 
     def distances(self, world_T_body: Array, world_T_equipment: Array) -> NDArray[np.float64]:
         """(N) distances [m] between the points of its pairs, of the poses (4, 4) of its two segments (B eq. 15)."""
-        body = self.on_body @ world_T_body[:3, :3].T + world_T_body[:3, 3]
-        equipment = self.on_equipment @ world_T_equipment[:3, :3].T + world_T_equipment[:3, 3]
-        distances: NDArray[np.float64] = np.linalg.norm(body - equipment, axis=1)
+        body = transform_points(world_T_body, self.on_body)
+        distances: NDArray[np.float64] = np.linalg.norm(
+            body - transform_points(world_T_equipment, self.on_equipment), axis=1
+        )
         return distances
 
 

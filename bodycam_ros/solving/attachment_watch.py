@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.geometry import transform_points
 from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.equipment_fit import HeldPoints
 
@@ -91,7 +92,7 @@ class AttachmentWatch:
         points, holds = {}, {}
         for name, w in self._watched.items():
             w.said, w.seen = w.attachment.holds_at(seconds), w.row in seen
-            points[name] = (w.attachment.on_body @ poses[w.row, :3, :3].T + poses[w.row, :3, 3])[None]
+            points[name] = transform_points(poses[w.row], w.attachment.on_body)[None]
             holds[name] = np.array([w.said and w.seen])
         return HeldPoints(points, holds)
 
@@ -129,8 +130,8 @@ class AttachmentWatch:
             if looked.holds[name][0]:
                 pose = poses[self._row[w.attachment.equipment_segment]]
                 on_equipment = self._lengths.attachment(w.attachment, shifts).on_equipment
-                there = on_equipment @ pose[:3, :3].T + pose[:3, 3]
-                distances[name] = float(np.linalg.norm(there - looked.points[name][0], axis=1).mean())
+                apart = transform_points(pose, on_equipment) - looked.points[name][0]
+                distances[name] = float(np.linalg.norm(apart, axis=1).mean())
         return distances
 
     def begin(self, distances: Mapping[str, float], length_sigmas: Array) -> None:

@@ -142,10 +142,9 @@ def _feet(body: BodyModel, names: Iterable[str]) -> list[Joint]:
     joints = []
     for name in names:
         joint = body.joint_to_parent(name)
-        if joint is not None and np.linalg.norm(joint.parent_T_joint[:3, 3]) > _LEAST_SHIN_M:
-            joints.append(joint)
-        elif joint is not None:
-            continue
+        if joint is not None:
+            if np.linalg.norm(joint.parent_T_joint[:3, 3]) > _LEAST_SHIN_M:
+                joints.append(joint)
         elif name not in usual:
             raise BodyError(
                 f"contact.segments: {shown(name)} cannot stand on body {body.name}; a segment that stands hangs on "

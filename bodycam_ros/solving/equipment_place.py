@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import inverse, rigid, transform_points
+from bodycam_ros.geometry import exp_so3, inverse, nearest_rotation, rigid, transform_points
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.equipment_chain import closed_but_sliding
 from bodycam_ros.solving.equipment_fit import BODY_M, EquipmentFit, FittedEquipment, HeldPoints, Prior
@@ -139,7 +139,7 @@ class EquipmentPlace:
         for attachment in self._equipment.attachments:
             if held.holds[attachment.name][0]:
                 pose = nominal[self._fit.row[attachment.equipment_segment]]
-                on_equipment.append(attachment.on_equipment @ pose[:3, :3].T + pose[:3, 3])
+                on_equipment.append(transform_points(pose, attachment.on_equipment))
                 on_body.append(held.points[attachment.name][0])
                 off = float(np.max(attachment.unknown))
                 weights.append(1.0 / (np.square(attachment.sigmas) + off**2 + BODY_M**2))
@@ -149,11 +149,9 @@ class EquipmentPlace:
         if np.isfinite(self._equipment.upright_sigma):
             # Standing upright, it only turns about the vertical.
             turn = np.arctan2(scatter[1, 0] - scatter[0, 1], scatter[0, 0] + scatter[1, 1])
-            c, s = np.cos(turn), np.sin(turn)
-            R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            R = exp_so3(np.array([0.0, 0.0, turn]))
         else:
-            U, _, Vt = np.linalg.svd(scatter)
-            R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+            R = nearest_rotation(scatter)
         moved: Array = rigid(R, b_mean - R @ a_mean) @ nominal
         return moved
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.geometry import transform_points
 from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.coupling import Coupling
@@ -71,10 +72,10 @@ class RecordedEquipment:
     def _held(self, instants: Sequence[RecordedInstant], poses: Array) -> HeldPoints:
         """Where the body is seen to hold it, of poses (T, S, 4, 4)."""
         points, holds = {}, {}
+        holding = [self._holding(instant) for instant in instants]
         for attachment in self._coupling.equipment.attachments:
             name, body = attachment.name, poses[:, self._body.segment_index[attachment.body_segment]]
-            points[name] = attachment.on_body @ np.swapaxes(body[:, :3, :3], 1, 2) + body[:, None, :3, 3]
-            holding = [self._holding(instant) for instant in instants]
+            points[name] = transform_points(body, attachment.on_body)
             holds[name] = np.array([h is not None and h.engaged[name] and name in h.seen for h in holding], bool)
         return HeldPoints(points, holds)
 

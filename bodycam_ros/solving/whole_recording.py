@@ -193,18 +193,17 @@ class WholeRecording:
         """What is expected of unseen joints by all that was seen; nothing, where measured turns tell."""
         memory = self._memory.asked_again()
         known = np.asarray(known_by_turns(instants, self._memory.turning_time)[:, self._ends].all(axis=2))
+        rotations = self._body.joint_rotations(poses)
         again, before_ns = [], instants[0].state.stamp_ns
-        for instant, at, told in zip(instants, poses, known, strict=True):
+        for instant, at, told in zip(instants, rotations, known, strict=True):
             recorded = instant.recorded
             dt_s = 1e-9 * (instant.state.stamp_ns - before_ns)
             before_ns = instant.state.stamp_ns
-            expected = memory.expect(
-                self._body.joint_rotations(at), recorded.joints_seen, recorded.joints_turning, dt_s
-            )
+            expected = memory.expect(at, recorded.joints_seen, recorded.joints_turning, dt_s)
             again.append(expected.silenced(told[expected.rows]))
         return self._poses.expect(
             np.array([instant.state.stamp_ns for instant in instants]),
-            np.array([self._body.joint_rotations(at) for at in poses]),
+            rotations,
             np.array([instant.recorded.joints_seen for instant in instants]) | self._memory.machine,
             again,
         )
@@ -218,8 +217,8 @@ class WholeRecording:
         """
         hanging = []
         middle, known_joints = self._memory.middle_of_limits, self._memory.ever_seen
-        for instant, poses, each in zip(instants, start, expected, strict=True):
-            rotations = self._body.joint_rotations(poses)
+        start_rotations = self._body.joint_rotations(start)
+        for instant, poses, rotations, each in zip(instants, start, start_rotations, expected, strict=True):
             rotations[each.rows] = np.where(known_joints[each.rows, None, None], each.rotations, middle[each.rows])
             children = self._ends[each.rows, 1]
             known = np.ones(len(poses), bool)
