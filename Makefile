@@ -26,8 +26,9 @@ demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
 
+# A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest --numprocesses=auto
+	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
 
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults

@@ -1,6 +1,7 @@
 """Real node processes that talk over DDS, and a listener that records what they say. Import it only where rclpy is."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -221,6 +222,14 @@ class Graph:
                 each.process.wait()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
+        _free_shared_memory()
+
+
+def _free_shared_memory() -> None:
+    """Remove what processes that were killed left in /dev/shm: 17 MB each, which nobody else ever frees."""
+    tool = shutil.which("fastdds", path=os.pathsep.join([str(Path(sys.prefix) / "bin"), os.environ.get("PATH", "")]))
+    assert tool, "fastdds, which is installed with rmw_fastrtps, is not there"
+    subprocess.run([tool, "shm", "clean"], check=True, capture_output=True)
 
 
 @contextmanager
