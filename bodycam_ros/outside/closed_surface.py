@@ -11,6 +11,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.outside.surface import OPEN, Surface, crossed_sides
 
 _SEAM_M = 1e-5  # vertices nearer than this are one: files round coordinates to micrometres
+_MICROMETRE = 6  # decimals of a metre
 _LEAST_AREA_M2 = 1e-12  # a face of less has no normal
 
 Faces = NDArray[np.int32]
@@ -59,6 +60,10 @@ def parts_of(count: int, faces: Faces) -> NDArray[np.int32]:
 
 
 def _sewn(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    # Those that are the same to a micrometre first: pairs of thousands on one spot would be millions.
+    used, faces_of_used = np.unique(faces, return_inverse=True)
+    _, first, same = np.unique(vertices[used].round(_MICROMETRE), axis=0, return_index=True, return_inverse=True)
+    vertices, faces = vertices[used][first], same.ravel()[faces_of_used].reshape(-1, 3).astype(np.int32)
     near = cKDTree(vertices).query_pairs(_SEAM_M, output_type="ndarray")
     _, label = connected_components(_graph(near, np.ones(len(near)), len(vertices)), directed=False)
     _, first = np.unique(label, return_index=True)

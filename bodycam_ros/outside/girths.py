@@ -3,10 +3,11 @@
 Each is the mean of the women's and the men's fraction, because nobody says which a body is. Girths of limbs and the
 chest: means of 247 men, 177.7 cm tall, and 260 women, 164.9 cm tall, of Heinz, Peterson, Johnson and Kerk 2003,
 "Exploring relationships in body dimensions", Journal of Statistics Education 11(2); people who exercise, of normal
-weight, with the biceps tensed and the thigh measured below the gluteal fold. Waist, buttocks, neck and head, which
-are not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of Gordon et al. 2014, *2012
-anthropometric survey of U.S. Army personnel*. Heights and the foot: Drillis and Contini 1966 (in Winter, *Biomechanics
-and Motor Control of Human Movement*, figure 4.1) and de Leva 1996, table 4.
+weight, with the biceps tensed and the thigh measured below the gluteal fold. Waist, buttocks, neck, head and the
+breadths of heel and hand, which are not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of
+Gordon et al. 2014, *2012 anthropometric survey of U.S. Army personnel*. The height of the head, hand and foot: Drillis
+and Contini 1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1); from the neck up: de Leva
+1996, table 4.
 """
 
 from statistics import median
@@ -35,7 +36,7 @@ BONES = {kind: proportion.middle for (kind, _), proportion in PROPORTIONS.items(
 """Kind of segment -> length of its bone."""
 
 SLENDERNESS = 0.15
-"""Mean radius over length of a bone, of these four limbs on average; for segments that nobody measured."""
+"""Mean radius over length of a bone that nobody measured; those of the four limbs are 0.12 to 0.20."""
 
 _USUAL_STATURE_M = 1.738
 

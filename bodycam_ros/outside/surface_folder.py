@@ -59,7 +59,7 @@ def _meshes(folder: Path) -> dict[str, Path]:
         raise BodyError(f"{folder}: expected a folder with an OBJ or PLY file a segment: {error.strerror}") from error
     files: dict[str, Path] = {}
     for path in paths:
-        if path.suffix.lower() in SUFFIXES:
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
             if path.stem in files:
                 raise BodyError(f"{folder}: has {files[path.stem].name} and {path.name}; keep one of them")
             files[path.stem] = path

@@ -68,6 +68,14 @@ def test_faces_that_come_twice_count_once_and_sheets_go() -> None:
     assert len(surface.faces) == 12 and len(surface.vertices) == 8
 
 
+def test_thousands_of_vertices_on_one_spot_take_no_memory() -> None:
+    box = trimesh.creation.box(extents=(0.1, 0.1, 0.1))
+    heap = np.zeros((60_000, 3))  # as pairs, 1.8 thousand million
+    heap_faces = np.arange(60_000).reshape(-1, 3) + len(box.vertices)
+    surface = closed_surface("head", np.concatenate([box.vertices, heap]), np.concatenate([box.faces, heap_faces]))
+    assert len(surface.faces) == 12
+
+
 def test_a_mesh_without_an_area_is_refused() -> None:
     with pytest.raises(BodyError, match="the mesh of head has no face with an area"):
         closed_surface("head", np.zeros((3, 3)), np.array([[0, 1, 2]]))
