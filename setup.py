@@ -100,6 +100,7 @@ setup(
         "rosbags>=0.11",
         "scipy>=1.11",
         "threadpoolctl>=3",
+        "trimesh>=5",
         "viser>=1.1",
     ],
     extras_require={"test": ["pytest"]},

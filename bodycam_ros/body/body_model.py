@@ -48,6 +48,7 @@ class BodyModel:
         report: figures of whoever made the body; kept, never used.
         standing: segments, of a machine, that do not move in the world; said to other programs, the solver has it from
             the equipment.
+        surface: folder with the meshes of its segments, relative to the body file, for static cameras.
 
     Raises:
         BodyError: the parts do not make one body.
@@ -60,6 +61,7 @@ class BodyModel:
     mounts: Mapping[str, CameraMount]
     report: Mapping[str, Any] = field(default_factory=dict)
     standing: tuple[str, ...] = ()
+    surface: str | None = None
 
     def __post_init__(self) -> None:
         _check_unique("segment", self.segments)

@@ -12,6 +12,7 @@
     cameras:
       waist_front: {segment: pelvis, position: [0.144, -0.006, 0.043], quaternion_xyzw: [-0.49, 0.48, -0.58, 0.44]}
     standing: [frame]  # if any: segments of a machine that do not move in the world, for other programs
+    surface: meshes  # if any: a folder beside this file, with an OBJ or PLY file a segment, for static cameras
     report: {anything: kept as it is, never used}
 
 ========================= ============================================================================================
@@ -99,13 +100,15 @@ def yaml_text(body: BodyModel) -> str:
     parts += [f"  {_line(camera)}: {_line(_mount_entry(mount))}\n" for camera, mount in body.mounts.items()]
     if body.standing:
         parts.append(f"standing: {_line(list(body.standing))}\n")
+    if body.surface is not None:
+        parts.append(f"surface: {_line(body.surface)}\n")
     if body.report:
         parts.append(yaml.safe_dump({"report": dict(body.report)}, sort_keys=False, default_flow_style=None))
     return "".join(parts)
 
 
 def _body(document: Any) -> BodyModel:
-    check_keys(document, "a body file", _BODY_KEYS, {"report", "standing"})
+    check_keys(document, "a body file", _BODY_KEYS, {"report", "standing", "surface"})
     joints, cameras = document["joints"], document["cameras"]
     _check_table(cameras, "cameras")
     report = document.get("report") or {}
@@ -125,6 +128,7 @@ def _body(document: Any) -> BodyModel:
         mounts={name_of(name, "cameras"): mount_of(name, entry) for name, entry in cameras.items()},
         report=report,
         standing=tuple(name_of(segment, "standing") for segment in standing),
+        surface=name_of(document["surface"], "surface") if document.get("surface") is not None else None,
     )
 
 

@@ -151,3 +151,11 @@ def test_what_stands_is_kept_and_must_be_a_segment(body: BodyModel, tmp_path: Pa
         read(tmp_path, f"{STOOL}standing: [stool]\n")
     with pytest.raises(BodyError, match="standing must be a list"):
         read(tmp_path, f"{STOOL}standing: foot\n")
+
+
+def test_the_surface_is_kept_and_must_be_a_name(body: BodyModel, tmp_path: Path) -> None:
+    write_body(replace(body, surface="../scan of May"), tmp_path / "scanned.yaml")
+    assert read_body(tmp_path / "scanned.yaml").surface == "../scan of May"
+    assert read(tmp_path, STOOL).surface is None
+    with pytest.raises(BodyError, match="surface must be a name, not 5"):
+        read(tmp_path, f"{STOOL}surface: 5\n")

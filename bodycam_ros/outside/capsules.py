@@ -1,0 +1,176 @@
+"""The surface of a body without a scan: tapered capsules along its bones, as thick as people of its size are.
+
+Segments of the default body (DESIGN 3) have the forms of people (``girths``); others are a capsule along each bone,
+those of equipment as thin as tubes.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_shape import BONE_RADIUS_M, bone_ends
+from bodycam_ros.body.sole import sole_points
+from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.geometry import Array
+from bodycam_ros.outside import girths
+from bodycam_ros.outside.closed_surface import Faces
+from bodycam_ros.outside.limb_mesh import Ball, limb_mesh
+from bodycam_ros.outside.surface import Surface
+
+_TUBE_RADIUS_M = 0.015  # of equipment: bicycles, crutches and bars have tubes of 22 to 35 mm
+
+_X, _Y, _Z = np.eye(3)
+_Mesh = tuple[Array, Faces]
+
+
+def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
+    """Segment -> its surface of capsules; of a coupled body those of the equipment as well.
+
+    A segment without any bone has none.
+    """
+    stature = girths.stature_of(body)
+    surfaces = {}
+    for segment in body.segments:
+        parts = _parts(body, segment, stature)
+        if parts:
+            surfaces[segment] = Surface(segment, *_joined(parts))
+    return surfaces
+
+
+def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    if segment in body.equipment_segments:
+        return _along_bones(body, segment, lambda length: _TUBE_RADIUS_M)
+    form = _FORMS.get(SegmentName(segment).kind)
+    if form is not None and (parts := form(body, segment, stature)):
+        return parts
+    return _along_bones(body, segment, lambda length: girths.SLENDERNESS * length)
+
+
+def _along_bones(body: BodyModel, segment: str, radius: Callable[[float], float]) -> list[_Mesh]:
+    parts = []
+    for end in bone_ends(body, segment):
+        ball = radius(float(np.linalg.norm(end)))
+        parts.append(limb_mesh(np.zeros(3), end, [Ball(0.0, ball), Ball(1.0, ball)], _X))
+    return parts
+
+
+def _limb(balls: list[tuple[float, float]], body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """A limb to the joint on it, or as long as people's are; balls are where along it, and radius / stature."""
+    name = SegmentName(segment)
+    end = _joints_on(body, segment).get(f"{_BELOW[name.kind]}{name.side}")
+    if end is None or _too_near(end, np.zeros(3)):
+        end = -girths.BONES[name.kind] * stature * _Z
+    return [limb_mesh(np.zeros(3), end, [Ball(along, radius * stature) for along, radius in balls], _Y)]
+
+
+def _pelvis(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """As wide as the thighs at its hips are."""
+    joints = _joints_on(body, segment)
+    spine, hips = joints.get("torso"), _pair(joints, "thigh")
+    if spine is None or hips is None or _too_near(*hips) or _too_near(spine, hips.mean(axis=0)):
+        return []
+    half_hips = 0.5 * float(np.linalg.norm(hips[0] - hips[1])) + girths.THIGH * stature
+    buttocks = _flat(0.0, 2.0 * half_hips, girths.BUTTOCK_DEPTH * stature)
+    waist = _flat(0.5, girths.WAIST_BREADTH * stature, girths.WAIST_DEPTH * stature)
+    return [limb_mesh(hips.mean(axis=0), spine, [buttocks, waist], hips[0] - hips[1])]
+
+
+def _torso(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """A trunk, a bar as wide as from shoulder to shoulder, and a neck."""
+    joints = _joints_on(body, segment)
+    neck, shoulders = joints.get("head"), _pair(joints, "upper_arm")
+    if shoulders is None or _too_near(*shoulders) or _too_near(shoulders.mean(axis=0), np.zeros(3)):
+        return []
+    middle, apart = shoulders.mean(axis=0), shoulders[0] - shoulders[1]
+    chest = girths.CHEST_BREADTH * stature, girths.CHEST_DEPTH * stature
+    waist = _flat(0.1, girths.WAIST_BREADTH * stature, girths.WAIST_DEPTH * stature)
+    parts = [limb_mesh(np.zeros(3), middle, [waist, _flat(0.4, *chest), _flat(0.75, *chest)], apart)]
+    radius = girths.BICEPS * stature
+    inward = apart * (radius / float(np.linalg.norm(apart)))
+    ends = shoulders[1] + inward, shoulders[0] - inward
+    parts.append(limb_mesh(*ends, [Ball(0.0, radius), Ball(1.0, radius)], _X))
+    if neck is not None and not _too_near(neck, middle):
+        radius = girths.NECK * stature
+        parts.append(limb_mesh(middle, neck, [Ball(0.0, radius), Ball(1.0, radius)], _Y))
+    return parts
+
+
+def _head(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """An ellipsoid from chin to vertex, and the neck up to it."""
+    half_height = 0.5 * girths.HEAD_HEIGHT * stature
+    centre = girths.CERVICALE_TO_VERTEX * stature * _Z - half_height * _Z
+    ball, faces = limb_mesh(np.zeros(3), centre, [Ball(0.0, half_height)], _Y)
+    flat = np.array([girths.HEAD_LENGTH, girths.HEAD_BREADTH, girths.HEAD_HEIGHT]) / girths.HEAD_HEIGHT
+    neck = girths.NECK * stature
+    return [(centre + flat * ball, faces), limb_mesh(np.zeros(3), centre, [Ball(0.0, neck), Ball(0.8, neck)], _Y)]
+
+
+def _foot(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """From heel to toe on the sole."""
+    ankle = body.joint_to_parent(segment)
+    shin = girths.BONES["shin"] * stature
+    if ankle is not None and SegmentName(ankle.parent).kind == "shin":
+        shin = float(np.linalg.norm(ankle.parent_T_joint[:3, 3]))
+    back = sole_points(shin)[0]
+    heel = -0.5 * back[2]
+    toe = 0.5 * heel
+    start = back + heel * (_X + _Z)
+    end = back + (girths.FOOT_LENGTH * stature - toe) * _X + toe * _Z
+    balls = [
+        Ball(0.0, heel, 0.5 * girths.HEEL_BREADTH * stature / heel),
+        Ball(1.0, toe, 0.5 * girths.FOOT_BREADTH * stature / toe),
+    ]
+    return [limb_mesh(start, end, balls, _Y)]
+
+
+def _hand(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """Stretched; its palm faces the body in the N-pose."""
+    radius = girths.WRIST * stature
+    palm = Ball(0.0, radius, 0.5 * girths.HAND_BREADTH / girths.WRIST)
+    fingers = Ball(1.0, 0.5 * radius, palm.breadth)
+    return [limb_mesh(np.zeros(3), (0.5 * radius - girths.HAND_LENGTH * stature) * _Z, [palm, fingers], _X)]
+
+
+_FORMS: dict[str, Callable[[BodyModel, str, float], list[_Mesh]]] = {
+    "pelvis": _pelvis,
+    "torso": _torso,
+    "head": _head,
+    "upper_arm": partial(_limb, [(0.0, girths.BICEPS), (0.6, girths.BICEPS), (1.0, girths.FOREARM)]),
+    "forearm": partial(_limb, [(0.0, girths.FOREARM), (0.25, girths.FOREARM), (1.0, girths.WRIST)]),
+    "hand": _hand,
+    "thigh": partial(_limb, [(0.0, girths.THIGH), (0.2, girths.THIGH), (1.0, girths.KNEE)]),
+    "shin": partial(_limb, [(0.0, girths.KNEE), (0.3, girths.CALF), (1.0, girths.ANKLE)]),
+    "foot": _foot,
+}
+
+_BELOW = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+
+
+def _flat(along: float, breadth: float, depth: float) -> Ball:
+    return Ball(along, 0.5 * depth, breadth / depth)
+
+
+def _joints_on(body: BodyModel, segment: str) -> dict[str, Array]:
+    """Child -> (3,) the joint that it hangs on the segment by [m]."""
+    hanging = [joint for joint in body.tree_joints if joint.parent == segment and joint.type != "free"]
+    return {joint.child: joint.parent_T_joint[:3, 3] for joint in hanging}
+
+
+def _pair(joints: dict[str, Array], kind: str) -> Array | None:
+    """(2, 3) joints of the left and the right one, if the body has both."""
+    left, right = joints.get(f"{kind}_left"), joints.get(f"{kind}_right")
+    return None if left is None or right is None else np.stack([left, right])
+
+
+def _too_near(point: Array, other: Array) -> bool:
+    """Whether two points are no bone apart."""
+    return float(np.linalg.norm(point - other)) < BONE_RADIUS_M
+
+
+def _joined(parts: list[_Mesh]) -> _Mesh:
+    """Several closed meshes as one."""
+    before = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = np.concatenate([faces + row for (_, faces), row in zip(parts, before, strict=False)])
+    return np.concatenate([vertices for vertices, _ in parts]), faces.astype(np.int32)
