@@ -35,7 +35,15 @@ class StationSettings:
     agree_sigmas: float = setting(
         6.0,
         limits=(2.0, 100.0),
-        reason="by which the pose of one image may differ from that of all; beyond it the camera moves",
+        reason="by which the pose of one image may differ from that of all; images of a camera that stands, half of "
+        "each covered, stay within 5.2",
+    )
+    still_px: float = setting(
+        1.0,
+        unit="px",
+        limits=(0.0, 20.0),
+        reason="by which the picture of the place may shift, whatever the sigmas: a tripod gives way where people "
+        "jump; beyond both the camera moves",
     )
 
 
