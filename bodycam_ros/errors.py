@@ -33,6 +33,10 @@ class RangeOfMotionError(BodyError):
     """A range of motion does not tell what a body is like; the message names the joint, and what to repeat."""
 
 
+class StationError(BodycamError):
+    """Where static cameras stand is malformed, or cannot be found out."""
+
+
 class OutputError(BodycamError):
     """A file or folder cannot be written."""
 

@@ -63,6 +63,11 @@ class CameraModel(ABC):
         self.distortion = distortion
         self._focal_lengths = np.array([[fx], [fy]])
 
+    @property
+    def k(self) -> tuple[float, ...]:
+        """The 3x3 intrinsic matrix by rows [px], as sensor_msgs/CameraInfo has it."""
+        return (self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
+
     @cached_property
     def parameters(self) -> Array:
         """The lens as ``lens_kernels`` take it; not to be changed."""

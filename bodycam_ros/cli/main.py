@@ -18,6 +18,7 @@ COMMANDS = (
     "map check",
     "map extend",
     "ingest",
+    "stations",
     "body",
     "body check",
     "replay",

@@ -79,11 +79,15 @@ class BoardResidual:
 
 @dataclass(frozen=True)
 class BoardAlignment:
-    """Similarity from the frame of the structure to the frame of the map: x -> scale R x + t [m]."""
+    """Similarity from the frame of the structure to the frame of the map: x -> scale R x + t [m].
+
+    The map's origin is the board's; ``map_R_board`` (3, 3) turns the board's axes to the map's.
+    """
 
     scale: float
     R: Array
     t: Array
+    map_R_board: Array
     residual: BoardResidual
 
 
@@ -130,8 +134,9 @@ def align_to_board(
             f"photographs should show them, expected {settings.max_misfit:g} mrad at most (alignment.max_misfit). "
             f"{wrong_camera(*distinct(taken_by)[0])} If it does, board.yaml may describe another board"
         )
-    map_R_world = R.T if board.map_R_board is None else board.map_R_board @ R.T
-    return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, residual)
+    map_R_board = np.eye(3) if board.map_R_board is None else board.map_R_board
+    map_R_world = map_R_board @ R.T
+    return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, map_R_board, residual)
 
 
 def _refine(

@@ -99,7 +99,7 @@ def build_map(
     if settings.kept.keep:
         kept = small_photographs(photographs.folder, structure, settings.kept, workers, timed)
     registrations = registration_table([image.name for image in features], structure, tags)
-    residual = None if alignment is None else alignment.residual
+    residual, map_R_board = (None, None) if alignment is None else (alignment.residual, alignment.map_R_board)
     reference_map = ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
         points_world=structure.points_world,
@@ -113,7 +113,7 @@ def build_map(
         metric=alignment is not None or known_scale is not None,
         gravity_aligned=floor is not None or (board is not None and board.map_R_board is not None),
         photographs=kept,
-        summary=map_summary(photographs, structure, settings, residual, known_scale, floor, registrations),
+        summary=map_summary(photographs, structure, settings, residual, known_scale, floor, registrations, map_R_board),
     )
     return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, timed.seconds)
 

@@ -6,6 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bodycam_ros import __version__
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping import colmap
@@ -16,7 +19,7 @@ from bodycam_ros.mapping.known_distance import KnownScale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.mapping.structure import Structure, write_ply
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 
 _MODEL_FOLDER = "sparse"
 _PLY_FILE = "structure.ply"
@@ -110,6 +113,7 @@ def map_summary(
     known_scale: KnownScale | None,
     floor: Floor | None,
     registrations: Sequence[Registration],
+    map_R_board: NDArray[np.float64] | None,
 ) -> dict[str, Any]:
     """The document, of plain values only."""
     errors = structure.reprojection_errors()
@@ -124,6 +128,7 @@ def map_summary(
         "mean_reprojection_error_px": round(float(errors.mean()), 4),
         **_cameras_summary(structure.cameras),
         "board_residual": None if residual is None else asdict(residual),
+        MAP_R_BOARD: None if map_R_board is None else map_R_board.tolist(),
         "known_distance": None if known_scale is None else known_scale.as_mapping(),
         "floor": None if floor is None else {"landmarks": floor.landmarks, "tilt_sigma_deg": floor.tilt_sigma_deg},
         "settings": settings.as_mapping(),

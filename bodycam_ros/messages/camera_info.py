@@ -9,7 +9,7 @@ from bodycam_ros.messages.header import header_message, optical_frame
 
 def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int) -> Message:
     """sensor_msgs/CameraInfo of a lens; what rectified images would need is left as if nothing had to be rectified."""
-    k = np.array([camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0])
+    k = np.array(camera.k)
     return make(
         "sensor_msgs/msg/CameraInfo",
         header=header_message(make, stamp_ns, optical_frame(camera.name)),

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
 
@@ -204,10 +205,10 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
         if dot:
             grouped[group][setting_name] = value
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
-    # One file serves all commands; no node listens to sound.
-    SoundSettings.from_mapping(
-        {group: grouped.pop(group) for group in SoundSettings.groups().keys() & grouped.keys()}, _SOURCE
-    )
+    # One file serves all commands; no node listens to sound, or finds out where static cameras stand.
+    for of_commands in (SoundSettings, StationsSettings):
+        own = of_commands.groups().keys() - PipelineSettings.groups().keys()
+        of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, _SOURCE)
     pipeline = PipelineSettings.from_mapping(grouped, _SOURCE)
     pipeline.smoother.check_live()
     return pipeline, CalibrationSettings.from_mapping(calibration, _SOURCE)

@@ -1,1 +1,1 @@
-"""Static cameras: what they see of a body's surface (B 2.3-2.4)."""
+"""Static cameras: where they stand, and what they see of a body's surface (B 2)."""

@@ -34,6 +34,9 @@ _PARTS = re.compile(
 
 _GROWN = "grown_landmarks"
 
+MAP_R_BOARD = "map_R_board"
+"""In a map's summary: how the axes of the board turned, which the origin is on; None where no board was seen."""
+
 _REMEDY = "build it with photographs of the AprilTag board (bodycam map)"
 
 

@@ -79,8 +79,10 @@ def test_the_board_lies_where_the_map_begins(built, sample):
     assert again.scale == pytest.approx(1.0, abs=1e-3)
     assert np.degrees(np.arccos(again.R[2, 2])) < 0.1
     assert np.linalg.norm(again.t) < 0.002
-    residual = yaml.safe_load((built[0] / "map.yaml").read_text())["board_residual"]
+    summary = yaml.safe_load((built[0] / "map.yaml").read_text())
+    residual = summary["board_residual"]
     assert residual["rms_px"] < 0.1 and residual["rms_mm"] < 0.3
+    assert np.array_equal(summary["map_R_board"], np.eye(3))
 
 
 def test_the_floor_around_the_board_is_flat_and_at_zero(built):
@@ -160,6 +162,7 @@ def test_without_a_board_the_map_says_that_it_has_no_scale(few, tmp_path, capsys
     assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 0
     reference_map = ReferenceMap.load(tmp_path / "map")
     assert not reference_map.metric and not reference_map.gravity_aligned
+    assert reference_map.summary["map_R_board"] is None
     assert yaml.safe_load((tmp_path / "map" / "map.yaml").read_text())["metric"] is False
     assert "NOT metric" in capsys.readouterr().out
 

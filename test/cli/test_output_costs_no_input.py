@@ -32,6 +32,7 @@ REPLAY = "replay walk --map map --body body.yaml --force -o"
 BODY = "body walk --map map --rig rig.yaml --force -o"
 MAP = "map photographs --force -o"
 EVALUATE = "evaluate walk --recording walk -o"
+STATIONS = "stations walk --map map --force -o"
 EXPORT = "export body.yaml --to urdf --force -o"
 
 
@@ -64,6 +65,9 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (MAP, "album", "holds dear.jpg, which is no part of a map"),
         (EVALUATE, "walk", "ros2 bag folder"),
         (EVALUATE, "album", "ros2 bag folder"),
+        (STATIONS, "walk/cameras.yaml", "lies within what this command reads (walk)"),
+        (STATIONS, "body.yaml", "body.yaml: is no file of static cameras that this command wrote, so --force"),
+        (STATIONS, "none/cameras.yaml", "its folder is not there"),
         (EXPORT, "body.yaml", "is what this command reads (body.yaml)"),
         (EXPORT, "thesis.yaml", "is no urdf, so --force does not replace it"),
         (EXPORT, ".", "contains what this command reads"),

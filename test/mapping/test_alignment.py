@@ -87,6 +87,7 @@ def test_the_upward_axis_of_a_standing_board_becomes_z(scene):
     )
     up_in_sfm = R @ [0.0, 1.0, 0.0]
     assert np.allclose(alignment.R @ up_in_sfm, [0.0, 0.0, 1.0], atol=1e-6)
+    assert np.array_equal(alignment.map_R_board, standing.map_R_board)
 
 
 def test_tags_of_another_board_are_an_error(scene):

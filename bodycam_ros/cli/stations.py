@@ -1,0 +1,87 @@
+"""bodycam stations: where the static cameras of a recording stand in a map, found by what they see of the place."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+from rich.table import Table
+
+from bodycam_ros.cli.pipeline_flags import known_groups
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.errors import StationError
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.outside.station_registration import RegisteredStation
+from bodycam_ros.outside.station_settings import StationsSettings
+from bodycam_ros.outside.stations_file import MARK, write_stations
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
+from bodycam_ros.shown import printable
+from bodycam_ros.terminal import Terminal
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("stations", help="find where static cameras stand", description=__doc__)
+    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
+    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="YAML", help="file of cameras to write")
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="those that stand (default: all that do not move)")
+    parser.add_argument("--force", action="store_true", help="replace YAML if this command wrote it")
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    add_settings_flags(parser, StationsSettings)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.config is not None:
+        check_groups(arguments.config, known_groups())
+    settings = settings_from_flags(arguments, StationsSettings, arguments.config)
+    check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
+    check_file(arguments.output, arguments.force, MARK.encode(), "file of static cameras that this command wrote")
+    reference_map = ReferenceMap.load(arguments.map)
+    check_metric(reference_map, arguments.map)
+    found: list[RegisteredStation] = []
+    unplaced: list[UnplacedCamera] = []
+    with open_recording(arguments.recording) as recording, shown_progress() as progress:
+        cameras = list(dict.fromkeys(arguments.cameras or recording.cameras))
+        for name in cameras:
+            recording.image_count(name)  # or it is none of the recording's
+        with progress.step("cameras", len(cameras)) as advance:
+            for camera in place_stations(recording, cameras, reference_map, settings):
+                if isinstance(camera, UnplacedCamera):
+                    unplaced.append(camera)
+                else:
+                    found.append(camera)
+                advance()
+    terminal = Terminal()
+    if found:
+        terminal.print(_table(found))
+    for camera in unplaced:
+        terminal.print(f"NOT placed: {camera.reason}", soft_wrap=True)
+    if not found:
+        raise StationError(f"{arguments.recording}: no camera could be placed in {arguments.map}; nothing is written")
+    write_stations(arguments.output, [camera.station for camera in found])
+    terminal.print(
+        f"{len(found)} of {len(cameras)} cameras written to {printable(str(arguments.output))}", soft_wrap=True
+    )
+    return 0
+
+
+def _table(found: Iterable[RegisteredStation]) -> Table:
+    table = Table(title="static cameras", caption="sigma: of the pose, by its landmarks, all axes together")
+    table.add_column("camera", no_wrap=True)
+    for column in ("images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]"):
+        table.add_column(column, justify="right")
+    for camera in found:
+        table.add_row(
+            camera.station.name,
+            f"{camera.images} of {camera.asked}",
+            str(camera.landmarks),
+            f"{camera.error_px:.2f}",
+            f"{camera.sigma_mm:.1f}",
+            f"{camera.sigma_deg:.3f}",
+        )
+    return table
