@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.kernels.kernel import kernel
-from bodycam_ros.outside.contour_kernels import NOBODY, label_at
+from bodycam_ros.outside.contour_kernels import is_beside, label_at
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -42,14 +42,14 @@ def _colour(image: Bytes, x: float, y: float) -> int:
     return (int(blue) * BINS + int(green)) * BINS + int(red)
 
 
-@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], i8, i8, i8)")
+@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], i8, i8)")
 def count_colours(
     image: Bytes,
     labels: Bytes,
     shrink: int,
     points: Array,
     segments: Whole,
-    segment_count: int,
+    stands_out: Bytes,
     inward: int,
     outward: int,
 ) -> tuple[Array, Array]:
@@ -59,11 +59,11 @@ def count_colours(
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment is in front, at a part of the resolution.
         points, segments: of ``find_contour``.
-        segment_count: S.
+        stands_out: (S, S) whether one segment differs from another that is behind it.
         inward, outward: [px] from the contour.
     """
-    inside = np.zeros((segment_count, COLOURS))
-    outside = np.zeros((segment_count, COLOURS))
+    inside = np.zeros((len(stands_out), COLOURS))
+    outside = np.zeros((len(stands_out), COLOURS))
     for n in range(len(points)):
         x, y, normal_x, normal_y = points[n, 0], points[n, 1], points[n, 2], points[n, 3]
         segment = segments[n]
@@ -76,7 +76,7 @@ def count_colours(
         for step in range(_GAP, outward):
             u, v = x + step * normal_x, y + step * normal_y
             colour = _colour(image, u, v)
-            if colour < 0 or label_at(labels, u, v, shrink) != NOBODY:
+            if colour < 0 or not is_beside(stands_out, segment, label_at(labels, u, v, shrink)):
                 break
             outside[segment, colour] += 1.0
     return inside, outside

@@ -1,0 +1,145 @@
+"""One step of a body under what is said of its segments, all joints closed (B eq. 6-7, on twists).
+
+Unknown are a twist of the root and a turn of each joint, in the axes of the world about the root's origin: what a joint
+turns, turns all that hangs on it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
+
+_ROOT = 6
+_STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedBody:
+    """Where a body should be before it is looked at.
+
+    Attributes:
+        world_T_segment: (S, 4, 4), joints closed.
+        root_sigmas: (6,) of the root's rotation [rad] and place [m].
+        joint_sigma: of the rotation of every joint [rad].
+    """
+
+    world_T_segment: Array
+    root_sigmas: Array
+    joint_sigma: float
+
+
+class ArticulatedStep:
+    """Moves the person of a body; equipment beside it stays where it is.
+
+    Args:
+        body: segments and joints.
+        rest: (J, 3, 3) joint rotations that joints are drawn to, in the order of ``tree_joints``.
+        rest_sigmas: (J, 3) how far each is from it, about the joint's axes [rad].
+    """
+
+    def __init__(self, body: BodyModel, rest: Array, rest_sigmas: Array) -> None:
+        self._body = body
+        self._root = body.segment_index[body.root]
+        self._beside = [body.segment_index[segment] for segment in body.equipment_segments]
+        joints = [
+            (row, joint) for row, joint in enumerate(body.tree_joints) if joint.child not in body.equipment_segments
+        ]
+        self._rows = [row for row, _ in joints]
+        self._parents = [body.segment_index[joint.parent] for _, joint in joints]
+        self._parent_T_joint = np.array([joint.parent_T_joint for _, joint in joints]).reshape(-1, 4, 4)
+        self._turns = np.zeros((len(body.segments), len(joints)))
+        for column, (_, joint) in enumerate(joints):
+            self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
+        self._rest = rest[self._rows]
+        self._rest_information = np.array([_to_rest(joint, rest_sigmas[row]) for row, joint in joints])
+
+    def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
+        """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
+
+        Args:
+            poses: where it begins.
+            information, vector: (S, 6, 6), (S, 6) what is said of a change of world_T_segment, in the segments' axes,
+                rotation first: the normal equations of each segment by itself.
+            expected: what is known beside it.
+        """
+        J = self._jacobians(poses)
+        A = np.einsum("sik,sij,sjl->kl", J, information, J, optimize=True)
+        b = np.einsum("sik,si->k", J, vector)
+        self._expect(A, b, poses, expected)
+        return self._applied(poses, np.linalg.solve(A, b))
+
+    def closed(self, poses: Array) -> Array:
+        """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
+        closed = self._body.forward_kinematics(poses[self._root], self._body.joint_rotations(poses))
+        closed[self._beside] = poses[self._beside]
+        return closed
+
+    def _jacobians(self, poses: Array) -> Array:
+        """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
+        centre = poses[self._root, :3, 3]
+        pivots = self._world_T_joint(poses)[:, :3, 3] - centre
+        # In the world's axes, of a point at the centre: a turn w about a pivot p moves it by p x w.
+        turns = np.zeros((len(poses), 6, _ROOT + 3 * len(self._rows)))
+        turns[:, range(_ROOT), range(_ROOT)] = 1.0
+        turns[self._beside] = 0.0
+        for column, pivot in enumerate(pivots):
+            at = slice(_ROOT + 3 * column, _ROOT + 3 * column + 3)
+            turns[:, :3, at] = self._turns[:, column, None, None] * np.eye(3)
+            turns[:, 3:, at] = self._turns[:, column, None, None] * hat(pivot)
+        segment_R_world = np.swapaxes(poses[:, :3, :3], 1, 2)
+        to_segment = np.zeros((len(poses), 6, 6))
+        to_segment[:, :3, :3] = to_segment[:, 3:, 3:] = segment_R_world
+        to_segment[:, 3:, :3] = -segment_R_world @ hat(poses[:, :3, 3] - centre)
+        J: Array = to_segment @ turns
+        return J
+
+    def _expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
+        """Add what is expected of the root and of the joints, and where joints rest, to the normal equations."""
+        before = expected.world_T_segment
+        root, root_before = poses[self._root], before[self._root]
+        deviation = np.concatenate([log_so3(root[:3, :3] @ root_before[:3, :3].T), root[:3, 3] - root_before[:3, 3]])
+        weights = expected.root_sigmas**-2.0
+        A[range(_ROOT), range(_ROOT)] += weights
+        b[:_ROOT] -= weights * deviation
+        turned = self._body.joint_rotations(poses)[self._rows]
+        turned_before = self._body.joint_rotations(before)[self._rows]
+        world_R_joint = self._world_T_joint(poses)[:, :3, :3]
+        joint_R_world = np.swapaxes(world_R_joint, 1, 2)
+        information = self._rest_information + expected.joint_sigma**-2.0 * np.eye(3)
+        pull = (self._rest_information @ log_so3(turned @ np.swapaxes(self._rest, 1, 2))[..., None])[..., 0]
+        pull += expected.joint_sigma**-2.0 * log_so3(turned @ np.swapaxes(turned_before, 1, 2))
+        information = world_R_joint @ information @ joint_R_world
+        pull = (world_R_joint @ pull[..., None])[..., 0]
+        for column in range(len(self._rows)):
+            at = slice(_ROOT + 3 * column, _ROOT + 3 * column + 3)
+            A[at, at] += information[column]
+            b[at] -= pull[column]
+
+    def _world_T_joint(self, poses: Array) -> Array:
+        world_T_joint: Array = poses[self._parents] @ self._parent_T_joint
+        return world_T_joint
+
+    def _applied(self, poses: Array, step: Array) -> Array:
+        """Poses (S, 4, 4) moved by the unknowns, joints closed: turns add up along the chain, places follow."""
+        turns = step[:3] + self._turns @ step[_ROOT:].reshape(-1, 3)
+        turns[self._beside] = 0.0
+        moved = poses.copy()
+        moved[:, :3, :3] = exp_so3(turns) @ poses[:, :3, :3]
+        moved[self._root] = rigid(moved[self._root, :3, :3], poses[self._root, :3, 3] + step[3:_ROOT])
+        return self.closed(moved)
+
+
+def _to_rest(joint: Joint, sigmas: Array) -> Array:
+    """Information (3, 3) that draws a joint to where it rests, in its own axes; what its type forbids is stiff."""
+    if joint.type == "ball":
+        information: Array = np.diag(sigmas**-2.0)
+        return information
+    axes = joint.axes_of_rotation
+    weights = np.full(3, _STIFF_RAD**-2.0)
+    if joint.type == "hinge":
+        weights[0] = float(np.linalg.norm(axes[0] * sigmas)) ** -2.0
+    information = axes.T @ (weights[:, None] * axes)
+    return information

@@ -1,0 +1,151 @@
+"""A body seen from outside: static cameras, the regions that its surface splits their images into (B 2.3-2.4).
+
+All stations look at the same body, so a few rounds of lines and steps move it as one, joints closed, from where it is
+expected; the last round's lines are what the stations have to say. They say it of each segment by itself, as a worn
+camera does, so that the solver weighs them like any other camera.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, exp_se3
+from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.outside.station import Station
+from bodycam_ros.outside.station_view import Image, SegmentRegions, StationView
+from bodycam_ros.solving.camera_evidence import SegmentPose
+
+_VAGUE = 1.0
+"""[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """What all stations say of an instant.
+
+    Attributes:
+        evidence: station -> what it says of each segment that it sees.
+        together: what they say together of each segment that any sees, where the body as a whole has it.
+        world_T_segment: (S, 4, 4) the body as a whole, joints closed.
+        confidence: station -> (S,) share of the lines that know something.
+    """
+
+    evidence: Mapping[str, list[SegmentPose]]
+    together: list[SegmentPose]
+    world_T_segment: Array
+    confidence: Mapping[str, Array]
+
+
+class RegionTracker:
+    """Follows a body in the images of stations.
+
+    Args:
+        body: segments and joints; with equipment beside it or without.
+        surface: of its segments.
+        stations: by name.
+        settings: lines, colours, trust.
+        rest, rest_sigmas: (J, 3, 3), (J, 3) where joints rest and how far from it they are [rad].
+    """
+
+    def __init__(
+        self,
+        body: BodyModel,
+        surface: BodySurface,
+        stations: Mapping[str, Station],
+        settings: RegionSettings,
+        rest: Array,
+        rest_sigmas: Array,
+    ) -> None:
+        self.body, self._settings = body, settings
+        jointed = np.eye(len(body.segments), dtype=bool)
+        jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
+        self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
+        self._step = ArticulatedStep(body, rest, rest_sigmas)
+
+    def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
+        """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
+
+        Colours beside a contour that is some centimetres off are mixed, so they are learned anew as the body is found.
+        """
+        of = self._settings
+        placed = self._step.closed(placed)
+        joint_sigma = np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
+        sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
+        expected = ExpectedBody(placed, sigmas, joint_sigma)
+        poses = placed
+        everything = np.ones(len(self.body.segments), bool)
+        for turn in range(of.start_rounds):
+            for name, image in images.items():
+                self.views[name].learn(image, poses, 1.0 if turn == 0 else 0.5, everything)
+            poses = self._found(images, poses, expected)[0]
+        for name, image in images.items():
+            self.views[name].learn(image, poses, 1.0, everything)
+        return poses
+
+    def look(self, images: Mapping[str, Image], expected: ExpectedBody) -> SeenBody:
+        """Where the body is in images of one instant, by station (H, W, 3), blue, green, red."""
+        start = self._step.closed(expected.world_T_segment)
+        poses, before, said = self._found(images, start, expected)
+        confidence = {name: regions.confidence for name, regions in said.items()}
+        seen = {name: self._is_seen(regions) for name, regions in said.items()}
+        for name, image in images.items():
+            self.views[name].learn(image, poses, self._settings.learning_rate, seen[name])
+        evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
+        return SeenBody(evidence, self._together(poses, said, seen), poses, confidence)
+
+    def _found(
+        self, images: Mapping[str, Image], start: Array, expected: ExpectedBody
+    ) -> tuple[Array, Array, dict[str, SegmentRegions]]:
+        """Poses (S, 4, 4) after all rounds, those before the last, and what the stations said of these."""
+        poses = before = start
+        said: dict[str, SegmentRegions] = {}
+        for turn in range(self._settings.rounds):
+            stride = max(1, self._settings.coarse_stride >> turn)
+            said = {name: self.views[name].look(image, poses, stride) for name, image in images.items()}
+            information = sum((regions.information for regions in said.values()), np.zeros((len(poses), 6, 6)))
+            vector = sum((regions.vector for regions in said.values()), np.zeros((len(poses), 6)))
+            before = poses
+            alike = self._settings.lines_alike
+            poses = self._step.moved(poses, information / alike, vector / alike, expected)
+        return poses, before, said
+
+    def _is_seen(self, regions: SegmentRegions) -> NDArray[np.bool_]:
+        """Which segments (S,) are seen well enough to say something."""
+        of = self._settings
+        seen: NDArray[np.bool_] = (regions.lines >= of.least_lines) & (regions.confidence >= of.least_confidence)
+        return seen
+
+    def _evidence(self, before: Array, regions: SegmentRegions, seen: NDArray[np.bool_]) -> list[SegmentPose]:
+        """One station's condensed poses, linearised at poses (S, 4, 4): what no line tells stays there, and is vague."""
+        rows = np.flatnonzero(seen)
+        covariances = self._covariances(regions.information[rows])
+        steps = (covariances @ (regions.vector[rows] / self._settings.lines_alike)[..., None])[..., 0]
+        poses = before[rows] @ exp_se3(steps)
+        names = self.body.segments
+        return [SegmentPose(names[row], *each) for row, *each in zip(rows.tolist(), poses, covariances, strict=True)]
+
+    def _together(
+        self, poses: Array, said: Mapping[str, SegmentRegions], seen: Mapping[str, NDArray[np.bool_]]
+    ) -> list[SegmentPose]:
+        """All stations' evidence in one, at the poses (S, 4, 4) of the body as a whole."""
+        information = sum(
+            (regions.information * seen[name][:, None, None] for name, regions in said.items()),
+            np.zeros((len(poses), 6, 6)),
+        )
+        rows = np.flatnonzero(np.any([seen[name] for name in said], axis=0)) if said else np.zeros(0, np.int64)
+        covariances = self._covariances(information[rows])
+        names = self.body.segments
+        return [
+            SegmentPose(names[row], poses[row], covariance)
+            for row, covariance in zip(rows.tolist(), covariances, strict=True)
+        ]
+
+    def _covariances(self, information: Array) -> Array:
+        """Covariances (N, 6, 6) of information (N, 6, 6) that counts every line by itself."""
+        covariances: Array = np.linalg.inv(information / self._settings.lines_alike + _VAGUE**-2.0 * np.eye(6))
+        return covariances
