@@ -57,7 +57,8 @@ def find_contour(
         lens: of the camera.
         camera_T_segment: (S, 4, 4).
         vertices, segment_of_vertex: (V, 3) in their segments' frames [m], (V,).
-        faces, face_normals, face_offsets, segment_of_face: (F, 3) vertices, outward normals, offsets of planes [m], (F,).
+        faces, face_normals: (F, 3) vertices, outward normals.
+        face_offsets, segment_of_face: (F,) offsets of the faces' planes [m], segments.
         edges, edge_faces: (E, 2) vertices, and the faces on both sides; -1 where there is none.
         stands_out: (S, S) whether the contour of one segment before another counts.
         width, height: of the image [px].

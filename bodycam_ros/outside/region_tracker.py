@@ -121,7 +121,7 @@ class RegionTracker:
         return seen
 
     def _evidence(self, before: Array, regions: SegmentRegions, seen: NDArray[np.bool_]) -> list[SegmentPose]:
-        """One station's condensed poses, linearised at poses (S, 4, 4): what no line tells stays there, and is vague."""
+        """One station's condensed poses, linearised at poses (S, 4, 4): what no line tells stays there, vague."""
         rows = np.flatnonzero(seen)
         covariances = self._covariances(regions.information[rows])
         steps = (covariances @ (regions.vector[rows] / self._settings.lines_alike)[..., None])[..., 0]
