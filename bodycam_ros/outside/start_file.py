@@ -34,7 +34,6 @@ _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
 _MOST_STEPS = 30
 _CONVERGED = 1e-9  # [rad], [m] a step that moves no segment more
 _DAMPING = 3.0  # [rad], [m] sigma of a step: holds what nothing tells, and pulls nowhere
-_FREE = 1e3  # [rad] sigma of a joint that is drawn nowhere
 
 
 def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
@@ -82,8 +81,7 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
     sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
     information = np.zeros((len(body.segments), 6, 6))
     information[[body.segment_index[name] for name in placed]] = np.diag(sigmas**-2.0)
-    joints = len(body.tree_joints)
-    step = ArticulatedStep(body, np.tile(np.eye(3), (joints, 1, 1)), np.full((joints, 3), _FREE))
+    step = ArticulatedStep(body)
     poses = step.closed(world_T_placed)
     for _ in range(_MOST_STEPS):
         vector = (information @ log_se3(inverse(poses) @ world_T_placed)[..., None])[..., 0]
