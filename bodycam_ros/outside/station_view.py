@@ -72,7 +72,7 @@ class StationView:
     @property
     def knows(self) -> NDArray[np.bool_]:
         """(S,) of which segments it knows colours on both sides of the contour."""
-        known: NDArray[np.bool_] = (self._inside.any(axis=1)) & (self._outside.any(axis=1))
+        known: NDArray[np.bool_] = np.logical_and(self._inside.any(axis=1), self._outside.any(axis=1))
         return known
 
     def look(self, image: Image, world_T_segment: Array, stride: int) -> SegmentRegions:
