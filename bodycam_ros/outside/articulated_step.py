@@ -54,7 +54,9 @@ class ArticulatedStep:
         for column, (_, joint) in enumerate(joints):
             self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
         self._rest = rest[self._rows]
-        self._rest_information = np.array([_to_rest(joint, rest_sigmas[row]) for row, joint in joints])
+        self._rest_information = np.array([_to_rest(joint, rest_sigmas[row]) for row, joint in joints]).reshape(
+            -1, 3, 3
+        )
 
     def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
         """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
