@@ -6,8 +6,8 @@ What happens to one camera's images is in ``camera_pipeline.py``; ``SkeletonPipe
 registrations.
 """
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
@@ -23,6 +24,7 @@ from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.doubted_place import DoubtSettings
@@ -47,6 +49,7 @@ from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssemble
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
 from bodycam_ros.solving.refusal_log import Refusal
+from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
@@ -86,6 +89,7 @@ class PipelineSettings(SettingsGroups):
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()
+    region: RegionSettings = RegionSettings()
     verdict: VerdictSettings = VerdictSettings()
 
 
@@ -128,6 +132,8 @@ class SkeletonPipeline:
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
         equipment: what the body rides, holds or stands on.
         on_together: told the share that is done while all instants are solved together.
+        onlookers: static cameras around the body.
+        stations: their names.
 
     Attributes:
         body: with the equipment, if any.
@@ -135,7 +141,7 @@ class SkeletonPipeline:
         assembler: puts together what they say of one.
 
     Raises:
-        BodyError: the body carries none of the cameras.
+        BodyError: the body carries none of the cameras, and none looks at it.
         SettingsError: live, nothing can be solved as a whole.
     """
 
@@ -148,6 +154,8 @@ class SkeletonPipeline:
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
         equipment: Equipment | None = None,
         on_together: Callable[[float], None] = lambda share: None,
+        onlookers: Onlookers | None = None,
+        stations: Collection[str] = (),
     ) -> None:
         if live:
             settings.smoother.check_live()
@@ -156,7 +164,10 @@ class SkeletonPipeline:
         self._cameras = dict(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
-        self.assembler = FrameAssembler(on_body, settings.assembler, live)
+        self._onlookers = onlookers
+        self._waits_for_worn = bool(on_body)
+        self._images: deque[CameraImage] = deque()
+        self.assembler = FrameAssembler([*on_body, *stations], settings.assembler, live)
         floor = evidence_floor(settings.evidence)
         self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
@@ -184,6 +195,7 @@ class SkeletonPipeline:
             offline=not self._live,
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),
+            onlookers=self._onlookers,
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
@@ -227,17 +239,35 @@ class SkeletonPipeline:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._assemble(self.instants.add(matches))
 
+    def add_image(self, image: CameraImage) -> list[BodyOutput]:
+        """Add what a static camera saw; return what is ready to be published, in order of time.
+
+        What worn cameras say comes later, once their clocks are known: images wait for it.
+        """
+        if self._waits_for_worn:
+            self._images.append(image)
+            return []
+        return self._solve(self.assembler.add(image))
+
     def look(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
         return self._solve(self.assembler.look())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        outputs = self._assemble(self.instants.flush()) + self._solve(self.assembler.flush())
+        outputs = self._assemble(self.instants.flush())
+        outputs += [output for image in self._images for output in self._solve(self.assembler.add(image))]
+        self._images.clear()
+        outputs += self._solve(self.assembler.flush())
         return outputs + self._outputs(self._smoother.flush())
 
     def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
-        return [output for matches in said for output in self._solve(self.assembler.add(matches))]
+        outputs = []
+        for matches in said:
+            while self._images and self._images[0].stamp_ns <= matches.stamp_ns:
+                outputs += self._solve(self.assembler.add(self._images.popleft()))
+            outputs += self._solve(self.assembler.add(matches))
+        return outputs
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []

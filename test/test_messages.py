@@ -5,12 +5,14 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from held_ride import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
+from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.body import (
     joint_rotations_message,
@@ -246,14 +248,17 @@ def test_compressed_image_keeps_its_bytes(library: tuple[MessageFactory, Send]) 
     assert (image.camera, image.stamp_ns, image.content) == ("head", STAMP_NS, content.tobytes())
 
 
-def test_raw_image_becomes_grey(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
+def test_raw_image_keeps_its_colours(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
     make, send = library
-    grey = rng.integers(0, 256, (12, 20), dtype=np.uint8)
-    for encoding, pixels in (("mono8", grey), ("rgb8", np.repeat(grey[..., None], 3, axis=2))):
+    bgr = rng.integers(0, 256, (12, 20, 3), dtype=np.uint8)
+    grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    for encoding, pixels in (("mono8", grey), ("bgr8", bgr), ("rgb8", bgr[..., ::-1])):
         data = make.sequence(np.ascontiguousarray(pixels).reshape(-1))
         step = pixels.nbytes // 12
         image = make("sensor_msgs/msg/Image", height=12, width=20, encoding=encoding, step=step, data=data)
-        np.testing.assert_array_equal(raw_image(send(image), "head").content, grey)
+        received = raw_image(send(image), "head")
+        np.testing.assert_array_equal(decode_grey(received), grey)
+        np.testing.assert_array_equal(decode_colour(received), np.dstack([grey] * 3) if encoding == "mono8" else bgr)
 
 
 def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> None:

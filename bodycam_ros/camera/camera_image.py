@@ -17,6 +17,9 @@ class Picture(Protocol):
     def grey(self) -> NDArray[np.uint8]:
         """Grey pixels (H, W)."""
 
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red."""
+
 
 @dataclass(frozen=True)
 class CameraImage:
@@ -25,8 +28,8 @@ class CameraImage:
     Attributes:
         camera: the camera's name.
         stamp_ns: mid-exposure of the middle row [ns].
-        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, a video's frame, decoded
-            or still a packet, or the error that says why there is none.
+        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, or one with colours, a
+            video's frame, decoded or still a packet, or the error that says why there is none.
     """
 
     camera: str
@@ -41,22 +44,42 @@ def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
         RecordingError: the bytes are no image that OpenCV can decode, the message was malformed, or it is a video's
             packet, which only a ``VideoDecoder`` that saw those before it can decode.
     """
+    content = _decodable(image)
+    if isinstance(content, np.ndarray):
+        return content
+    return _file_pixels(image, content, cv2.IMREAD_GRAYSCALE) if isinstance(content, bytes) else content.grey()
+
+
+def decode_colour(image: CameraImage) -> NDArray[np.uint8]:
+    """Pixels (H, W, 3) uint8: blue, green, red, row by row, the caller's own; three times the same of a grey image.
+
+    Raises:
+        RecordingError: as of ``decode_grey``.
+    """
+    content = _decodable(image)
+    if isinstance(content, np.ndarray):
+        return np.asarray(cv2.cvtColor(content, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    return _file_pixels(image, content, cv2.IMREAD_COLOR) if isinstance(content, bytes) else content.colour()
+
+
+def _decodable(image: CameraImage) -> bytes | NDArray[np.uint8] | Picture:
+    """An image's content, if it can be decoded by itself."""
     if isinstance(image.content, RecordingError):
         raise image.content
-    if isinstance(image.content, np.ndarray):
-        return image.content
     if isinstance(image.content, VideoPacket):
         raise RecordingError(f"camera {image.camera}: a video's packet is no picture without those before it")
-    if not isinstance(image.content, bytes):
-        return image.content.grey()
-    encoded = np.frombuffer(image.content, dtype=np.uint8)
+    return image.content
+
+
+def _file_pixels(image: CameraImage, file: bytes, mode: int) -> NDArray[np.uint8]:
+    encoded = np.frombuffer(file, dtype=np.uint8)
     try:
-        grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
+        pixels = cv2.imdecode(encoded, mode) if encoded.size else None
     except cv2.error:  # a header that claims an absurd size
-        grey = None
-    if grey is None:
+        pixels = None
+    if pixels is None:
         raise RecordingError(
-            f"camera {image.camera}: the image of stamp {image.stamp_ns} ns ({len(image.content)} bytes) "
+            f"camera {image.camera}: the image of stamp {image.stamp_ns} ns ({len(file)} bytes) "
             "cannot be decoded; expected JPEG or PNG"
         )
-    return np.asarray(grey, dtype=np.uint8)
+    return np.asarray(pixels, dtype=np.uint8)

@@ -11,19 +11,20 @@ from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 
 
-def add_pipeline_flags(parser: argparse.ArgumentParser) -> None:
+def add_pipeline_flags(parser: argparse.ArgumentParser, map_is_optional: bool = False) -> None:
     """Add BAG, --map, --body, --jobs, --config and a flag for every setting."""
-    add_recording_flags(parser)
+    add_recording_flags(parser, map_is_optional=map_is_optional)
     parser.add_argument(
         "--body", type=Path, required=True, help="body YAML, made by 'bodycam body': segments, joints, camera mounts"
     )
 
 
-def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True) -> None:
+def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True, map_is_optional: bool = False) -> None:
     """Add BAG, --map unless that is given otherwise, --jobs, --config and a flag for every setting."""
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
     if with_map:
-        parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
+        needed = not map_is_optional
+        parser.add_argument("--map", type=Path, required=needed, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument(
         "--jobs", type=positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
     )

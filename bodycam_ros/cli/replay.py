@@ -13,10 +13,12 @@ from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings, positive
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipment
+from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
+from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.passes import replay_in_passes
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.terminal import Terminal, widened
@@ -25,13 +27,33 @@ from bodycam_ros.terminal import Terminal, widened
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("replay", help="solve a recorded bag offline", description=__doc__)
-    add_pipeline_flags(parser)
+    add_pipeline_flags(parser, map_is_optional=True)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
     parser.add_argument(
         "--equipment",
         metavar="NAME_OR_FILE",
         help="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
         f"({', '.join(supplied_equipment())})",
+    )
+    parser.add_argument(
+        "--stations",
+        type=Path,
+        metavar="CAMERAS.YAML",
+        help="where static cameras of the same bag stand, as 'bodycam stations' writes it; without --map its own frame "
+        "is the world, and worn cameras are left out",
+    )
+    parser.add_argument(
+        "--surface",
+        type=Path,
+        metavar="FOLDER",
+        help="with --stations: a mesh a segment (OBJ or PLY) that static cameras look for (default: the folder that "
+        "the body file names, else capsules along the bones)",
+    )
+    parser.add_argument(
+        "--start",
+        type=Path,
+        metavar="START.YAML",
+        help="with --stations: where the segments are in the first image, placed by hand; worn cameras tell it as well",
     )
     parser.add_argument(
         "--passes",
@@ -50,7 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
     equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
-    check_output(arguments.output, (arguments.recording, arguments.map, arguments.body, arguments.config, equipment))
+    outside = _outside(arguments)
+    inputs = (arguments.recording, arguments.map, arguments.body, arguments.config, equipment)
+    check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.start))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
@@ -76,6 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
             on_step=shown_steps(progress),
             on_progress=on_progress,
             equipment=equipment,
+            outside=outside,
         )
     if rounds:
         print_rounds(rounds)
@@ -100,6 +125,25 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print_verdict(Terminal(), summary.verdict)
     return exit_code(summary.verdict)
+
+
+def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
+    """What is said of static cameras.
+
+    Raises:
+        StationError: it is said for none, or nothing tells where the world is.
+    """
+    if arguments.stations is not None:
+        return OutsideInput(arguments.stations, arguments.surface, arguments.start)
+    for flag in ("surface", "start"):
+        if getattr(arguments, flag) is not None:
+            raise StationError(f"--{flag} is for static cameras: say with --stations where they stand")
+    if arguments.map is None:
+        raise StationError(
+            "nothing tells where the cameras are: give the place's reference map with --map, or static cameras with "
+            "--stations"
+        )
+    return None
 
 
 def _table(summary: ReplaySummary) -> Table:

@@ -31,7 +31,7 @@ class _BagFrame:
         return decode_grey(self.image)
 
     def file(self) -> tuple[str, bytes]:
-        """A compressed image as it is, colours and all; other pictures have none left."""
+        """A compressed image as it is, colours and all; other pictures as they are looked at, grey."""
         content = self.image.content
         if isinstance(content, bytes) and content.startswith(_JPEG):
             return ".jpg", content

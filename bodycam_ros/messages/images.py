@@ -1,10 +1,10 @@
 """What a camera driver publishes: images and intrinsics."""
 
-import cv2
 import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.raw_picture import RawPicture
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message, numbers
@@ -13,7 +13,6 @@ from bodycam_ros.shown import shown
 
 _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
 _CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc"}
-_TO_GREY = {"bgr8": cv2.COLOR_BGR2GRAY, "rgb8": cv2.COLOR_RGB2GRAY}
 
 
 def image_stamp_ns(message: Message) -> int:
@@ -59,11 +58,10 @@ def raw_image(message: Message, camera: str) -> CameraImage:
         )
     rows = numbers(message.data, np.uint8, len(message.data))[: height * step].reshape(height, step)
     pixels = rows[:, : width * channels]
+    stamp = stamp_ns(message.header.stamp)
     if channels == 3:
-        grey = cv2.cvtColor(pixels.reshape(height, width, 3), _TO_GREY[message.encoding])
-    else:
-        grey = np.ascontiguousarray(pixels)
-    return CameraImage(camera, stamp_ns(message.header.stamp), np.asarray(grey, dtype=np.uint8))
+        return CameraImage(camera, stamp, RawPicture(pixels.reshape(height, width, 3), message.encoding == "rgb8"))
+    return CameraImage(camera, stamp, np.ascontiguousarray(pixels))
 
 
 def camera_model(message: Message, camera: str) -> CameraModel:

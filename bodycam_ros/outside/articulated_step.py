@@ -10,10 +10,14 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
+from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
 
 _ROOT = 6
 _STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
+_LIMIT_RAD = 0.1  # of a turn beyond a joint's limits, which were seen on another day
+_NARROW_RAD = 0.5  # of a range that is that of nobody's own will: a knee's, beside its bending
+_NOTHING_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +39,10 @@ class ArticulatedStep:
     """Moves the person of a body; equipment beside it stays where it is.
 
     Args:
-        body: segments and joints.
-        rest: (J, 3, 3) joint rotations that joints are drawn to, in the order of ``tree_joints``.
-        rest_sigmas: (J, 3) how far each is from it, about the joint's axes [rad].
+        body: segments and joints; a joint that is beyond its limits is drawn back to them.
     """
 
-    def __init__(self, body: BodyModel, rest: Array, rest_sigmas: Array) -> None:
+    def __init__(self, body: BodyModel) -> None:
         self._body = body
         self._root = body.segment_index[body.root]
         self._beside = [body.segment_index[segment] for segment in body.equipment_segments]
@@ -53,10 +55,11 @@ class ArticulatedStep:
         self._turns = np.zeros((len(body.segments), len(joints)))
         for column, (_, joint) in enumerate(joints):
             self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
-        self._rest = rest[self._rows]
-        self._rest_information = np.array([_to_rest(joint, rest_sigmas[row]) for row, joint in joints]).reshape(
-            -1, 3, 3
-        )
+        self._stiffness = np.array([_stiffness(joint) for _, joint in joints]).reshape(-1, 3, 3)
+        self._middle = middle_of_limits(body)[self._rows]
+        self._joint_angles = JointAngles(body)
+        self._low, self._high = angle_limits(body)
+        self._at_zero = np.clip(np.zeros(len(self._low)), self._low, self._high)
 
     def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
         """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
@@ -99,26 +102,37 @@ class ArticulatedStep:
         return J
 
     def _expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
-        """Add what is expected of the root and of the joints, and where joints rest, to the normal equations."""
+        """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
         before = expected.world_T_segment
         root, root_before = poses[self._root], before[self._root]
         deviation = np.concatenate([log_so3(root[:3, :3] @ root_before[:3, :3].T), root[:3, 3] - root_before[:3, 3]])
         weights = expected.root_sigmas**-2.0
         A[range(_ROOT), range(_ROOT)] += weights
         b[:_ROOT] -= weights * deviation
-        turned = self._body.joint_rotations(poses)[self._rows]
-        turned_before = self._body.joint_rotations(before)[self._rows]
+        rotations = self._body.joint_rotations(poses)
+        turned, turned_before = rotations[self._rows], self._body.joint_rotations(before)[self._rows]
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        information = self._rest_information + expected.joint_sigma**-2.0 * np.eye(3)
-        pull = (self._rest_information @ log_so3(turned @ np.swapaxes(self._rest, 1, 2))[..., None])[..., 0]
-        pull += expected.joint_sigma**-2.0 * log_so3(turned @ np.swapaxes(turned_before, 1, 2))
+        beyond = log_so3(turned @ np.swapaxes(self._within_limits(rotations)[self._rows], 1, 2))
+        far = np.linalg.norm(beyond, axis=1)[:, None]
+        along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
+        information = self._stiffness + expected.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
+        pull = expected.joint_sigma**-2.0 * log_so3(turned @ np.swapaxes(turned_before, 1, 2))
+        pull += beyond / _LIMIT_RAD**2
+        pull += (self._stiffness @ log_so3(turned @ np.swapaxes(self._middle, 1, 2))[..., None])[..., 0]
         information = world_R_joint @ information @ joint_R_world
         pull = (world_R_joint @ pull[..., None])[..., 0]
         for column in range(len(self._rows)):
             at = slice(_ROOT + 3 * column, _ROOT + 3 * column + 3)
             A[at, at] += information[column]
             b[at] -= pull[column]
+
+    def _within_limits(self, rotations: Array) -> Array:
+        """Joint rotations (J, 3, 3) with every angle put back into its limits."""
+        angles = self._joint_angles.angles(rotations, self._at_zero)
+        if ((angles >= self._low) & (angles <= self._high)).all():
+            return rotations
+        return self._joint_angles.rotations(np.clip(angles, self._low, self._high))
 
     def _world_T_joint(self, poses: Array) -> Array:
         world_T_joint: Array = poses[self._parents] @ self._parent_T_joint
@@ -134,14 +148,15 @@ class ArticulatedStep:
         return self.closed(moved)
 
 
-def _to_rest(joint: Joint, sigmas: Array) -> Array:
-    """Information (3, 3) that draws a joint to where it rests, in its own axes; what its type forbids is stiff."""
-    if joint.type == "ball":
-        information: Array = np.diag(sigmas**-2.0)
-        return information
+def _stiffness(joint: Joint) -> Array:
+    """Information (3, 3) against turns that a joint's type forbids, or that it hardly ever makes, in its own axes."""
     axes = joint.axes_of_rotation
-    weights = np.full(3, _STIFF_RAD**-2.0)
+    weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
     if joint.type == "hinge":
-        weights[0] = float(np.linalg.norm(axes[0] * sigmas)) ** -2.0
-    information = axes.T @ (weights[:, None] * axes)
+        weights[0] = 0.0
+    if joint.type == "ball" and joint.limits:
+        for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
+            if high - low < _NARROW_RAD:
+                weights["xyz".index(axis)] = max(0.25 * (high - low), _STIFF_RAD) ** -2.0
+    information: Array = axes.T @ (weights[:, None] * axes)
     return information

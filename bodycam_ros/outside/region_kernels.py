@@ -82,6 +82,24 @@ def count_colours(
     return inside, outside
 
 
+@kernel("(u1[:, :, ::1], u1[:, ::1], i8, i8)")
+def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) -> Array:
+    """How often each colour (S, COLOURS) is where a segment is in front.
+
+    Args:
+        image: (H, W, 3) blue, green, red.
+        labels, shrink: which segment is in front, at a part of the resolution.
+        segment_count: S.
+    """
+    areas = np.zeros((segment_count, COLOURS))
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            if labels[row, column] < segment_count:
+                colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
+                areas[labels[row, column], colour] += 1.0
+    return areas
+
+
 @kernel("(u1[:, :, ::1], f8[:, ::1], i8[::1], f4[:, ::1], i8, f8)")
 def ask_lines(
     image: Bytes, points: Array, segments: Whole, log_odds: NDArray[np.float32], stride: int, least_sigma_px: float

@@ -5,40 +5,24 @@ expected; the last round's lines are what the stations have to say. They say it 
 camera does, so that the solver weighs them like any other camera.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import Array, exp_se3
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image, SegmentRegions, StationView
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.seen_body import SeenBody
 
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
-
-
-@dataclass(frozen=True, eq=False)
-class SeenBody:
-    """What all stations say of an instant.
-
-    Attributes:
-        evidence: station -> what it says of each segment that it sees.
-        together: what they say together of each segment that any sees, where the body as a whole has it.
-        world_T_segment: (S, 4, 4) the body as a whole, joints closed.
-        confidence: station -> (S,) share of the lines that know something.
-    """
-
-    evidence: Mapping[str, list[SegmentPose]]
-    together: list[SegmentPose]
-    world_T_segment: Array
-    confidence: Mapping[str, Array]
 
 
 class RegionTracker:
@@ -49,7 +33,6 @@ class RegionTracker:
         surface: of its segments.
         stations: by name.
         settings: lines, colours, trust.
-        rest, rest_sigmas: (J, 3, 3), (J, 3) where joints rest and how far from it they are [rad].
     """
 
     def __init__(
@@ -58,14 +41,12 @@ class RegionTracker:
         surface: BodySurface,
         stations: Mapping[str, Station],
         settings: RegionSettings,
-        rest: Array,
-        rest_sigmas: Array,
     ) -> None:
         self.body, self._settings = body, settings
         jointed = np.eye(len(body.segments), dtype=bool)
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
         self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
-        self._step = ArticulatedStep(body, rest, rest_sigmas)
+        self._step = ArticulatedStep(body)
 
     def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
@@ -83,14 +64,40 @@ class RegionTracker:
             for name, image in images.items():
                 self.views[name].learn(image, poses, 1.0 if turn == 0 else 0.5, everything)
             poses = self._found(images, poses, expected)[0]
-        for name, image in images.items():
-            self.views[name].learn(image, poses, 1.0, everything)
+        self.learn(images, poses)
         return poses
 
-    def look(self, images: Mapping[str, Image], expected: ExpectedBody) -> SeenBody:
-        """Where the body is in images of one instant, by station (H, W, 3), blue, green, red."""
+    def learn(self, images: Mapping[str, Image], poses: Array) -> None:
+        """Learn all colours in images of a body at poses (S, 4, 4)."""
+        everything = np.ones(len(self.body.segments), bool)
+        for name, image in images.items():
+            self.views[name].learn(image, self._step.closed(poses), 1.0, everything)
+
+    def check_size(self, name: str, image: Image) -> None:
+        """Refuse an image of another size than its station's lens is for.
+
+        Raises:
+            RecordingError: it is.
+        """
+        camera = self.views[name].station.camera
+        if image.shape[:2] != (camera.height, camera.width):
+            raise RecordingError(
+                f"camera {name}: an image of {image.shape[1]}x{image.shape[0]} px; cameras.yaml says that the lens is "
+                f"for {camera.width}x{camera.height}"
+            )
+
+    def look(
+        self, images: Mapping[str, Image], expected: ExpectedBody, known: Collection[SegmentPose] = ()
+    ) -> SeenBody:
+        """Where the body is in images of one instant, by station (H, W, 3), blue, green, red.
+
+        Args:
+            images: of the instant.
+            expected: where it should be.
+            known: what others say of some segments; the body as a whole obeys it.
+        """
         start = self._step.closed(expected.world_T_segment)
-        poses, before, said = self._found(images, start, expected)
+        poses, before, said = self._found(images, start, expected, known)
         confidence = {name: regions.confidence for name, regions in said.items()}
         seen = {name: self._is_seen(regions) for name, regions in said.items()}
         for name, image in images.items():
@@ -99,7 +106,7 @@ class RegionTracker:
         return SeenBody(evidence, self._together(poses, said, seen), poses, confidence)
 
     def _found(
-        self, images: Mapping[str, Image], start: Array, expected: ExpectedBody
+        self, images: Mapping[str, Image], start: Array, expected: ExpectedBody, known: Collection[SegmentPose] = ()
     ) -> tuple[Array, Array, dict[str, SegmentRegions]]:
         """Poses (S, 4, 4) after all rounds, those before the last, and what the stations said of these."""
         poses = before = start
@@ -110,8 +117,13 @@ class RegionTracker:
             information = sum((regions.information for regions in said.values()), np.zeros((len(poses), 6, 6)))
             vector = sum((regions.vector for regions in said.values()), np.zeros((len(poses), 6)))
             before = poses
-            alike = self._settings.lines_alike
-            poses = self._step.moved(poses, information / alike, vector / alike, expected)
+            information, vector = information / self._settings.lines_alike, vector / self._settings.lines_alike
+            for each in known:
+                row = self.body.segment_index[each.segment]
+                weight = np.linalg.inv(each.covariance)
+                information[row] += weight
+                vector[row] += weight @ log_se3(inverse(poses[row]) @ each.world_T_segment)
+            poses = self._step.moved(poses, information, vector, expected)
         return poses, before, said
 
     def _is_seen(self, regions: SegmentRegions) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import find_contour
-from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_colours
+from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 
@@ -66,6 +66,7 @@ class StationView:
         self._lens = station.camera.parameters
         self._inside = np.zeros((surface.segment_count, COLOURS))
         self._outside = np.zeros((surface.segment_count, COLOURS))
+        self._areas = np.zeros((surface.segment_count, COLOURS))
         self._log_odds = np.zeros((surface.segment_count, COLOURS), np.float32)
 
     def look(self, image: Image, world_T_segment: Array, stride: int) -> SegmentRegions:
@@ -79,14 +80,15 @@ class StationView:
         """Learn the colours of some segments (S,) at poses (S, 4, 4); of those never seen before, at once."""
         points, segments, labels = self._contour(world_T_segment)
         of = self._settings
-        counted = count_colours(image, labels, _SHRINK, points, segments, self._stands_out, of.inward, of.outward)
-        enough = which & (np.minimum(*(counts.sum(axis=1) for counts in counted)) > _LEAST_PIXELS)
-        for known, counts in zip((self._inside, self._outside), counted, strict=True):
-            share = counts[enough] / counts[enough].sum(axis=1, keepdims=True)
-            fresh = known[enough].sum(axis=1, keepdims=True) == 0.0
-            known[enough] += np.where(fresh, 1.0, rate) * (share - known[enough])
-        odds = (self._inside[enough] + _UNSEEN) / (self._outside[enough] + _UNSEEN)
-        self._log_odds[enough] = np.log(odds)
+        inside, outside = count_colours(
+            image, labels, _SHRINK, points, segments, self._stands_out, of.inward, of.outward
+        )
+        areas = count_areas(image, labels, _SHRINK, len(which))
+        # Of a segment that is in front of others alike, no line says what is inside.
+        inside = np.where(inside.sum(axis=1, keepdims=True) > _LEAST_PIXELS, inside, areas)
+        for known, counts in ((self._inside, inside), (self._outside, outside), (self._areas, areas)):
+            self._blend(known, counts, rate, which)
+        self._log_odds[:] = np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN))
         self._stands_out = self._differing()
 
     def contour(self, world_T_segment: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -94,10 +96,18 @@ class StationView:
         points, segments, _ = self._contour(world_T_segment)
         return points[:, :2], segments
 
+    @staticmethod
+    def _blend(known: Array, counts: Array, rate: float, which: NDArray[np.bool_]) -> None:
+        """Let what is known (S, COLOURS) of some segments follow what is counted; what is new is taken as it is."""
+        enough = which & (counts.sum(axis=1) > _LEAST_PIXELS)
+        share = counts[enough] / counts[enough].sum(axis=1, keepdims=True)
+        fresh = known[enough].sum(axis=1, keepdims=True) == 0.0
+        known[enough] += np.where(fresh, 1.0, rate) * (share - known[enough])
+
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""
-        roots = np.sqrt(self._inside)
-        known = self._inside.sum(axis=1) > 0.0
+        roots = np.sqrt(self._areas)
+        known = self._areas.sum(axis=1) > 0.0
         differs = (roots @ roots.T < _ALIKE) & np.outer(known, known)
         return np.ascontiguousarray(differs & ~self._jointed, np.uint8)
 

@@ -11,6 +11,7 @@ from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
+from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.whole_file import scratch_folder
@@ -18,7 +19,7 @@ from bodycam_ros.whole_file import scratch_folder
 
 def replay_in_passes(
     recording_path: Path,
-    map_path: Path,
+    map_path: Path | None,
     body_path: Path,
     output_path: Path,
     settings: PipelineSettings,
@@ -28,11 +29,12 @@ def replay_in_passes(
     on_step: OnProgress = lambda step, share: None,
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
+    outside: OutsideInput | None = None,
 ) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
     """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
 
     Args:
-        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment: as of
+        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment, outside: as of
             ``replay``.
         passes: over the recording, the last one included.
         on_step: called with each step before the last pass or beside it, and the share of it that is done.
@@ -40,7 +42,7 @@ def replay_in_passes(
     Raises:
         BodycamError: as ``replay``.
     """
-    if passes == 1:
+    if passes == 1 or map_path is None:
         summary = replay(
             recording_path,
             map_path,
@@ -53,6 +55,7 @@ def replay_in_passes(
             on_progress,
             equipment,
             on_step,
+            outside,
         )
         return summary, ()
     person = read_body(body_path)
@@ -77,6 +80,7 @@ def replay_in_passes(
             on_progress,
             held,
             on_step,
+            outside,
         )
     summary.elapsed_s += extension.elapsed_s
     return summary, extension.rounds

@@ -2,8 +2,10 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
+from heapq import merge
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -13,16 +15,19 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.learned_body import learned_body
-from bodycam_ros.errors import BodyError, MapError
+from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
+from bodycam_ros.messages.segment_poses import segment_poses_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
+from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
@@ -36,11 +41,14 @@ from bodycam_ros.replay.camera_worker import (
     LostImages,
     RegisteredImage,
     RegistrationTask,
+    Result,
     SkippedImage,
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
+from bodycam_ros.replay.outside_input import OutsideInput, station_watch, stations_of
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
@@ -56,7 +64,7 @@ _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 def replay(
     recording_path: Path,
-    map_path: Path,
+    map_path: Path | None,
     body_path: Path,
     output_path: Path,
     settings: PipelineSettings,
@@ -66,12 +74,13 @@ def replay(
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
+    outside: OutsideInput | None = None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
     Args:
         recording_path: ros2 bag folder or .mcap file.
-        map_path: folder of the reference map.
+        map_path: folder of the reference map; None where static cameras alone tell, in the frame of their file.
         body_path: YAML of the body.
         output_path: the ros2 bag folder to be; it appears whole or not at all.
         settings: of all stages.
@@ -81,23 +90,26 @@ def replay(
         on_progress: called with the seconds of the recording that are done.
         equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
+        outside: what is known of static cameras, if there are any.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    person = read_body(body_path)
+    person = with_hands(read_body(body_path)) if outside else read_body(body_path)
     coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
     body = coupled_body(person, coupling)
-    reference_map = ReferenceMap.load(map_path)
-    check_metric(reference_map, map_path)
-    if assumed := assumed_vertical(reference_map, map_path):
-        logger.warning(assumed)
+    reference_map = None if map_path is None else _metric_map(map_path)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
-        cameras = _mounted_cameras(recording, body)
+        stations = stations_of(outside, reference_map, recording.cameras) if outside else {}
+        cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
+    seen: deque[tuple[int, SeenBody]] = deque()
+    onlookers = None
+    if outside is not None:
+        onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
     skeleton = SkeletonPipeline(
         person,
         cameras,
@@ -105,6 +117,8 @@ def replay(
         on_corrected=log.add_registration,
         equipment=coupling,
         on_together=partial(on_step, _TOGETHER),
+        onlookers=onlookers,
+        stations=stations,
     )
     # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
     with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
@@ -112,11 +126,13 @@ def replay(
         out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
-        task = RegistrationTask(recording_path, map_path, settings, readouts=known, hints=hints or BodyHints())
-        clocks = CameraClocks(cameras)
+        task = RegistrationTask(
+            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints()
+        )
+        clocks = CameraClocks([*cameras, *stations])
         start_ns = None
-        for item in register_recording(task, cameras, jobs):
-            if not isinstance(item, RegisteredImage):
+        for item in _read(task, cameras, jobs, stations):
+            if not isinstance(item, RegisteredImage | CameraImage):
                 _count_skipped(summary, item)
                 continue
             if start_ns is None:
@@ -124,16 +140,20 @@ def replay(
                 out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
             clocks.add(item.camera, item.stamp_ns)
-            rows.add(item.matches)
-            out.write_registration(item)
-            out.write_states(skeleton.add(item.matches))
+            if isinstance(item, CameraImage):
+                out.write_states(skeleton.add_image(item))
+            else:
+                rows.add(item.matches)
+                out.write_registration(item)
+                out.write_states(skeleton.add(item.matches))
+            while seen:
+                out.write_seen(*seen.popleft())
             on_progress(1e-9 * (item.stamp_ns - start_ns))
         out.write_states(skeleton.flush())
+        while seen:
+            out.write_seen(*seen.popleft())
         if not summary.solved:
-            raise MapError(
-                f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
-                "is it the map of another place, or are the images too dark or blurred?"
-            )
+            raise _nothing_solved(recording_path, map_path, outside)
         out.write_robot()
         summary.readouts = rows.readouts()
         summary.timings = {
@@ -192,12 +212,13 @@ class _Output:
         self._limits = SeenLimits(body)
         self.coupled = EquipmentLog()
 
-    def write_latched(self, stamp_ns: int, reference_map: ReferenceMap) -> None:
-        """What is known from the start: the map."""
+    def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
+        """What is known from the start: the map, if there is one."""
         self._health_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
         self._begun_ns = stamp_ns
-        points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
-        self._writer.write("/map/points", stamp_ns, points)
+        if reference_map is not None:
+            points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
+            self._writer.write("/map/points", stamp_ns, points)
 
     def write_robot(self) -> None:
         """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
@@ -223,6 +244,15 @@ class _Output:
             self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
             self.write_health(image.stamp_ns)
 
+    def write_seen(self, stamp_ns: int, seen: SeenBody) -> None:
+        """What static cameras say of the segments at an instant."""
+        names = self._body.segments
+        for station, evidence in seen.evidence.items():
+            self._summary.registered[station] += bool(evidence)
+            confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))
+            message = segment_poses_message(self._make, stamp_ns, station, evidence, confidence)
+            self._writer.write(f"/{station}/segments", stamp_ns, message)
+
     def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""
         clocks = {camera: timing.latest for camera, timing in self._watch.timings.items()}
@@ -242,20 +272,56 @@ class _Output:
                 self._writer.write(topic, output.state.stamp_ns, message)
 
 
-def _mounted_cameras(recording: Recording, body: BodyModel) -> dict[str, CameraModel]:
-    """Models of the cameras that the recording has and the body carries; the others are warned about.
+def _metric_map(path: Path) -> ReferenceMap:
+    """The map, if its unit is the metre; a vertical that is only assumed is warned about."""
+    reference_map = ReferenceMap.load(path)
+    check_metric(reference_map, path)
+    if assumed := assumed_vertical(reference_map, path):
+        logger.warning(assumed)
+    return reference_map
+
+
+def _read(
+    task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int, stations: Collection[str]
+) -> Iterator[Result | CameraImage]:
+    """What worn cameras say, and images of static ones, in order of their stamps."""
+    said = register_recording(task, cameras, jobs) if cameras else iter(())
+    if not stations:
+        yield from said
+        return
+    with open_recording(task.recording_path) as recording:
+        yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
+
+
+def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideInput | None) -> BodycamError:
+    """Why there is no motion to write."""
+    if outside is not None and outside.start is None:
+        return StationError(
+            f"{recording_path}: no worn camera was registered, so nobody knows where the body is at first; place it "
+            "by hand in a file of segments, and give that as --start"
+        )
+    if outside is not None:
+        return StationError(f"{recording_path}: no image of a static camera could be decoded, so there is no motion")
+    return MapError(
+        f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
+        "is it the map of another place, or are the images too dark or blurred?"
+    )
+
+
+def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> dict[str, CameraModel]:
+    """Models of the cameras that the recording has and the body carries; others that are no stations are warned about.
 
     Raises:
-        BodyError: there are none.
+        BodyError: there are none, and no stations either.
     """
-    for camera in sorted(set(recording.cameras) - set(body.mounts)):
+    for camera in sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
         logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
-    if silent := sorted(set(body.mounts) - set(recording.cameras)):
+    mounted = [camera for camera in recording.cameras if camera in body.mounts]
+    if mounted and (silent := sorted(set(body.mounts) - set(recording.cameras))):
         logger.warning(
             "body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent)
         )
-    mounted = [camera for camera in recording.cameras if camera in body.mounts]
-    if not mounted:
+    if not mounted and not stations:
         raise BodyError(
             f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
             f"({', '.join(body.mounts)}); is this the body of this recording?"

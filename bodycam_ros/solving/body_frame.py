@@ -1,19 +1,22 @@
 """What all cameras together say about one instant."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The registrations of one instant.
+    """The registrations of one instant, and what static cameras saw of it.
 
     Attributes:
         stamp_ns: the instant [ns].
         matches: camera -> its registration; a camera that has nothing to say is absent.
+        images: static camera -> its image.
     """
 
     stamp_ns: int
     matches: Mapping[str, LandmarkMatches]
+    images: Mapping[str, CameraImage] = field(default_factory=dict)

@@ -4,7 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -42,10 +42,14 @@ from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
+from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import hung, led, seated, turned_on_joint
 from bodycam_ros.solving.whole_recording import WholeRecording
+
+_SEEN_RAD = 0.2
+"""Sigma of joints that static cameras see, beside what they say of the segments: it holds what no contour tells."""
 
 Array = NDArray[np.float64]
 
@@ -60,13 +64,14 @@ class BodySmoother:
         offline: states may wait until a limb that is blind is seen again.
         coupling: what the body is coupled to; ``body`` then is the one with the equipment.
         contacts: which feet stand.
+        onlookers: static cameras around the body.
         on_progress: told the share that is done while a recording is solved as a whole.
 
     Attributes:
         refusals: whose registrations were not believed, and for how long.
 
     Raises:
-        BodyError: no camera is mounted on the body.
+        BodyError: no camera is mounted on the body, and none looks at it.
     """
 
     def __init__(
@@ -83,12 +88,14 @@ class BodySmoother:
         offline: bool = False,
         coupling: Coupling | None = None,
         contacts: FootContacts | None = None,
+        onlookers: Onlookers | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self.body, self._offline, self._on_progress, self._coupling = body, offline, on_progress, coupling
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
-        if not self._cameras:
+        self._onlookers = onlookers
+        if not self._cameras and onlookers is None:
             there = ", ".join(cameras) or "there are none"
             carried = ", ".join(body.mounts)
             raise BodyError(
@@ -130,6 +137,7 @@ class BodySmoother:
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings, self._coupled)
         self._jumped: frozenset[int] = frozenset()
+        self._looked_at = np.zeros(len(self.body.segments), bool)
         if self._coupling:
             self._coupling.begin_anew()
         self._outgoing = self.outgoing()
@@ -152,20 +160,22 @@ class BodySmoother:
         """Add one instant, later than the one before.
 
         Returns:
-            The states that are now old enough to publish; empty until the first camera is registered.
+            The states that are now old enough to publish; empty until the first camera is registered, or static ones
+            have found the body where it was placed.
         """
         if self._coupling:
             self._coupling.begin(frame.stamp_ns)
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
-        if not self._window.instants and not registered:
+        placed = self._onlookers.begin(frame.images) if self._onlookers and not self._window.instants else []
+        if not self._window.instants and not registered and not placed:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
         moved = self._going_on.predict(frame.stamp_ns, dt_s, self._jumped)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
         self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
-        path = moved if moved is not None else self._going_on.begin(trusted.evidence.values())
+        path = moved if moved is not None else self._going_on.begin([*trusted.evidence.values(), *placed])
         seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
@@ -174,15 +184,20 @@ class BodySmoother:
         joints_seen = observed[self._joint_ends].all(axis=1)
         known = observed | self._of_segments(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
+        known |= self._looked_at
         turning = known[self._joint_ends].all(axis=1)
         self._memory.machine_is_known = bool(self._coupling and self._coupling.placed)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
+        seen = self._look(frame, path, dt_s, [*evidence.values(), *placed])
+        path = self._as_looked_at(path, observed, seen)
+        expected = self._expected_as_seen(expected, observed, seen)
         start = seated(path, trusted.seats)
         self._jumped = trusted.jumped
-        held, holding = self._couple(frame.stamp_ns, dt_s, start, trusted)
+        said = [*evidence.values(), *placed, *(each for said in seen.evidence.values() for each in said)]
+        held, holding = self._couple(frame.stamp_ns, dt_s, start, self._seen_by_any(trusted, seen))
         factors = {
-            "cameras": self._factors.cameras(index, evidence.values()),
+            "cameras": self._factors.cameras(index, said),
             "turns": self._factors.turns(index, turns),
             "joints": self._factors.joints(index, start, expected),
             "past": self._going_on.past(index, dt_s, path, start),
@@ -190,13 +205,15 @@ class BodySmoother:
             "equipment": self._factors.equipment(index, start, held),
         }
         turned_by = [turn for _, turn in turns]
-        uncertainty = self._uncertainty.update(dt_s, start, evidence.values(), turned_by, expected, held)
+        uncertainty = self._uncertainty.update(dt_s, start, said, turned_by, expected, held)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
         recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
-        instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, len(evidence), uncertainty, recorded)
+        observed = observed | self._looked_at
+        speaking = len(evidence) + sum(bool(each) for each in seen.evidence.values())
+        instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, speaking, uncertainty, recorded)
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)
         self._memory.remember(self.body.joint_rotations(instant.world_T_segment), joints_seen, dt_s)
@@ -249,13 +266,41 @@ class BodySmoother:
         return hung(self.body, path, self._memory.within_limits(rotations), known)
 
     def _couple(
-        self, stamp_ns: int, dt_s: float, start: Array, trusted: Trusted
+        self, stamp_ns: int, dt_s: float, start: Array, seen: Mapping[str, SegmentPose]
     ) -> tuple[list[HeldJoint], Holding | None]:
         """What couples the body to its equipment, which is put into the start values (S, 4, 4), in place."""
         if self._coupling is None:
             return [], None
-        self._coupling.follow(stamp_ns, dt_s, start, trusted.evidence)
+        self._coupling.follow(stamp_ns, dt_s, start, seen)
         return self._coupling.places.joints(start, self._coupling.holding), self._coupling.holding
+
+    def _look(self, frame: BodyFrame, path: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
+        """What static cameras say of the instant."""
+        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
+        self._looked_at = self._of_segments(each.segment for each in (seen.together if seen else ()))
+        return seen or SeenBody({}, [], path, {})
+
+    def _as_looked_at(self, path: Array, observed: NDArray[np.bool_], seen: SeenBody) -> Array:
+        """Poses (S, 4, 4) where worn cameras have their segments, and static ones the others."""
+        if not self._looked_at.any():
+            return path
+        return np.where(observed[:, None, None], path, seen.world_T_segment)
+
+    def _expected_as_seen(
+        self, expected: ExpectedJoints, observed: NDArray[np.bool_], seen: SeenBody
+    ) -> ExpectedJoints:
+        """Joints that static cameras see are expected where those have them: a limb may spin about its long axis."""
+        looked_at = (observed | self._looked_at)[self._joint_ends].all(axis=1)[expected.rows]
+        if not looked_at.any():
+            return expected
+        rotations = self.body.joint_rotations(seen.world_T_segment)[expected.rows]
+        return expected.told(looked_at, rotations, _SEEN_RAD)
+
+    def _seen_by_any(self, trusted: Trusted, seen: SeenBody) -> Mapping[str, SegmentPose]:
+        """What cameras say of their segments, and static ones together of those that carry none."""
+        worn = {each.segment for each in trusted.evidence.values()}
+        outside = {f"outside {each.segment}": each for each in seen.together if each.segment not in worn}
+        return trusted.evidence | outside
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
         """What cameras say that are not registered, and what the refused ones say when they are asked again."""

@@ -5,6 +5,7 @@ from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -22,6 +23,10 @@ _LATELY = 8
 
 _FAR_BEHIND = 5
 """A camera that speaks, but is behind most others by so many times ``max_wait``, would only hold them up."""
+
+
+Heard = LandmarkMatches | CameraImage
+"""What a worn camera says of an image, or the image of a static one."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +61,13 @@ class _Stream:
         far_behind: whether most others were far ahead when it spoke.
     """
 
-    queue: deque[LandmarkMatches] = field(default_factory=deque)
+    queue: deque[Heard] = field(default_factory=deque)
     heard_ns: int | None = None
     run_ns: int = 0
     others_run_ns: dict[str, int] = field(default_factory=dict)
     turn: int = 0
     heard_s: float = field(default_factory=time.monotonic)
-    behind: list[LandmarkMatches] = field(default_factory=list)
+    behind: list[Heard] = field(default_factory=list)
     left_ns: int = 0
     far_behind: bool = False
 
@@ -126,8 +131,8 @@ class FrameAssembler:
             self._streams[camera] = _Stream(others_run_ns=self._runs_ns())
             self.synchrony.join(camera)
 
-    def add(self, matches: LandmarkMatches) -> list[BodyFrame]:
-        """Add what one camera says; return the frames that are complete now, in order of time."""
+    def add(self, matches: Heard) -> list[BodyFrame]:
+        """Add what one camera says, or a static one saw; return the frames that are complete now, in order of time."""
         stream = self._streams.get(matches.camera)
         if stream is None:
             return []
@@ -181,7 +186,7 @@ class FrameAssembler:
     def _runs_ns(self) -> dict[str, int]:
         return {camera: stream.run_ns for camera, stream in self._streams.items()}
 
-    def _put_behind(self, stream: _Stream, matches: LandmarkMatches, goes_back: bool) -> None:
+    def _put_behind(self, stream: _Stream, matches: Heard, goes_back: bool) -> None:
         """Leave out what is late; keep it if its camera is in another time, where the body may have to go."""
         self.late_of[matches.camera] += 1
         late_ns = self._assembled_ns - matches.stamp_ns
@@ -266,13 +271,15 @@ class FrameAssembler:
     def _take(self) -> BodyFrame:
         stamp_ns = min(self._heads_ns())
         last_ns = stamp_ns + self._tolerance_ns
-        matches = {
+        said = {
             camera: stream.queue.popleft()
             for camera, stream in self._streams.items()
             if stream.queue and stream.queue[0].stamp_ns <= last_ns
         }
         self.assembled += 1
-        self._assembled_ns = max(self._assembled_ns, *(seen.stamp_ns for seen in matches.values()))
-        frame = BodyFrame(stamp_ns, matches)
+        self._assembled_ns = max(self._assembled_ns, *(seen.stamp_ns for seen in said.values()))
+        matches = {camera: each for camera, each in said.items() if isinstance(each, LandmarkMatches)}
+        images = {camera: each for camera, each in said.items() if isinstance(each, CameraImage)}
+        frame = BodyFrame(stamp_ns, matches, images)
         self.synchrony.add(frame)
         return frame

@@ -88,6 +88,14 @@ class ExpectedJoints:
         """The same with no opinion of some (U,) of the joints."""
         return replace(self, sigmas=np.where(which[:, None], _NO_OPINION_RAD, self.sigmas))
 
+    def told(self, which: NDArray[np.bool_], rotations: NDArray[np.float64], sigma: float) -> "ExpectedJoints":
+        """The same, where somebody else knows some (U,) of the joints: their rotations (U, 3, 3), and sigma [rad]."""
+        return replace(
+            self,
+            rotations=np.where(which[:, None, None], rotations, self.rotations),
+            sigmas=np.where(which[:, None], sigma, self.sigmas),
+        )
+
 
 class PoseMemory:
     """A Gaussian over all joint rotations, learned while they are observed.

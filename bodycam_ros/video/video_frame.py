@@ -34,6 +34,17 @@ class DecodedFrame:
         """
         return grey_pixels(self._frame)
 
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red.
+
+        Raises:
+            RecordingError: a pixel format that cannot be converted.
+        """
+        pixels = bgr_pixels(self._frame)
+        if pixels.ndim == 2:
+            return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+        return np.ascontiguousarray(pixels)
+
 
 def grey_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
     """Grey pixels (H, W) of a frame, black 0 and white 255: its luma, without a detour over colours.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.raw_picture import RawPicture
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.recording.bag_reader import open_recording
@@ -124,7 +125,9 @@ def _size(image: CameraImage) -> int:
     content = image.content
     if isinstance(content, VideoPacket):
         return len(content.data)
-    return content.nbytes if isinstance(content, np.ndarray) else len(content) if isinstance(content, bytes) else 0
+    if isinstance(content, np.ndarray | RawPicture):
+        return content.nbytes
+    return len(content) if isinstance(content, bytes) else 0
 
 
 class FootageLoader:

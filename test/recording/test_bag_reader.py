@@ -10,7 +10,7 @@ import pytest
 from mcap.writer import Writer as McapWriter
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 
-from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.header import header_message
@@ -142,6 +142,8 @@ def test_raw_images_with_padded_rows(tmp_path: Path, encoding: str, channels: in
         (image,) = recording.images()
     expected = 77 if encoding == "mono8" else 76  # 0.299 * 255
     np.testing.assert_array_equal(decode_grey(image), np.full((HEIGHT, WIDTH), expected))
+    colour = [77, 77, 77] if encoding == "mono8" else [0, 0, 255]
+    np.testing.assert_array_equal(decode_colour(image), np.full((HEIGHT, WIDTH, 3), colour))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tiny_bag import HEIGHT, WIDTH, write_camera_info
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera import CameraModel, camera_from_info
@@ -12,6 +13,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.messages.clocks import timing_messages
+from bodycam_ros.messages.header import header_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -111,6 +113,19 @@ def test_of_a_long_recording_fewer_images_are_kept(sample: Path, monkeypatch: py
     thinned = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
     assert thinned is not None
     assert thinned.times_ns.tolist() == whole.times_ns[::4].tolist()
+
+
+def test_raw_images_with_colours_count_as_what_they_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make, pixels = recorded_messages(), np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    with write_recording(tmp_path / "bag") as writer:
+        write_camera_info(writer, "cam", 0)
+        for stamp_ns in range(10):
+            header = header_message(make, stamp_ns, "cam")
+            fields = {"height": HEIGHT, "width": WIDTH, "encoding": "rgb8", "step": 3 * WIDTH, "data": pixels.ravel()}
+            writer.write("/cam/image_raw", stamp_ns, make("sensor_msgs/msg/Image", header=header, **fields))
+    monkeypatch.setattr("bodycam_ros.view.footage.MOST_BYTES", 9 * pixels.nbytes)
+    thinned = read_footage(tmp_path / "bag", None, "cam", lambda: True)
+    assert thinned is not None and thinned.times_ns.tolist() == [0, 2, 4, 6, 8]
 
 
 def test_images_are_found_by_the_time_that_the_body_knows(sample: Path, tmp_path: Path) -> None:

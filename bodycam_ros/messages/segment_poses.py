@@ -1,0 +1,108 @@
+"""What a static camera says of a body's segments, as a message and back."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
+from bodycam_ros.messages.header import MAP_FRAME, header_message, stamp_ns
+from bodycam_ros.messages.pose import pose_message, transform_from_pose
+from bodycam_ros.shown import shown
+from bodycam_ros.solving.camera_evidence import SegmentPose
+
+SEGMENT_POSES, SEGMENT_POSES_TYPE = "/segment_poses", "bodycam_msgs/msg/SegmentPoses"
+"""Topic beneath the station's name, and type."""
+
+_ROUNDING = 1e-6  # of a covariance's asymmetry, relative to its variances
+
+
+@dataclass(frozen=True, eq=False)
+class SaidSegments:
+    """What a station says of one instant.
+
+    Attributes:
+        station: a static camera.
+        stamp_ns: mid-exposure of its image's middle row [ns].
+        evidence: condensed poses of the segments that it sees well enough, each once.
+        confidence: segment -> share of its contour that tells where it is, of all that the station looked for.
+    """
+
+    station: str
+    stamp_ns: int
+    evidence: tuple[SegmentPose, ...]
+    confidence: Mapping[str, float]
+
+
+def segment_poses_message(
+    make: MessageFactory, stamp_ns: int, station: str, evidence: Sequence[SegmentPose], confidence: Mapping[str, float]
+) -> Message:
+    """bodycam_msgs/SegmentPoses of what a station says, in the map's frame."""
+    covariances = np.array([said.covariance for said in evidence])
+    return make(
+        SEGMENT_POSES_TYPE,
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        station=station,
+        segments=[said.segment for said in evidence],
+        poses=[pose_message(make, said.world_T_segment) for said in evidence],
+        covariances=make.sequence(flat(covariances, np.float64)),
+        looked_for=list(confidence),
+        confidence=make.sequence(flat(np.array(list(confidence.values())), np.float64)),
+    )
+
+
+def segment_poses(message: Message) -> SaidSegments:
+    """What a bodycam_msgs/SegmentPoses says.
+
+    Raises:
+        ValueError: it names no station, arrays do not have one value for each segment, a segment comes twice, a pose is
+            not finite, a covariance is none, or a confidence is not from 0 to 1.
+    """
+    if not message.station:
+        raise ValueError("it does not say which station it is from")
+    segments, looked_for = _once(message.segments), _once(message.looked_for)
+    for field, values, count in (
+        ("poses", message.poses, len(segments)),
+        ("covariances", message.covariances, 36 * len(segments)),
+        ("confidence", message.confidence, len(looked_for)),
+    ):
+        if len(values) != count:
+            raise ValueError(f"{field} has {len(values)} values; expected {count}")
+    confidence = dict(zip(looked_for, numbers(message.confidence, np.float64, len(looked_for)).tolist(), strict=True))
+    for segment, share in confidence.items():
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"the confidence of {shown(segment)} is {share:g}; expected 0 to 1")
+    covariances = np.array(numbers(message.covariances, np.float64, len(segments), 6, 6))
+    for row in np.flatnonzero(~_invertible(covariances)):
+        raise ValueError(f"the covariance of {shown(segments[row])} is not finite, symmetric and positive definite")
+    evidence = tuple(
+        SegmentPose(segment, _pose(pose, segment), covariance)
+        for segment, pose, covariance in zip(segments, message.poses, covariances, strict=True)
+    )
+    return SaidSegments(message.station, stamp_ns(message.header.stamp), evidence, confidence)
+
+
+def _once(names: Sequence[str]) -> tuple[str, ...]:
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{shown(twice[0])} is listed twice")
+    return tuple(names)
+
+
+def _pose(pose: Message, segment: str) -> NDArray[np.float64]:
+    position, turn = pose.position, pose.orientation
+    if not all(map(math.isfinite, (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w))):
+        raise ValueError(f"the pose of {shown(segment)} is not finite")
+    return transform_from_pose(pose)
+
+
+def _invertible(covariances: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which (N,) of covariances (N, 6, 6) are any: the solver would stumble over the others."""
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    whole: NDArray[np.bool_] = np.isfinite(covariances).all(axis=(1, 2)) & (variances > 0.0).all(axis=1)
+    sigmas = np.sqrt(np.where(whole[:, None], variances, 1.0))
+    correlations = np.where(whole[:, None, None], covariances, np.eye(6)) / (sigmas[:, :, None] * sigmas[:, None])
+    asymmetry = np.abs(correlations - np.swapaxes(correlations, 1, 2)).max(axis=(1, 2), initial=0.0)
+    invertible: NDArray[np.bool_] = whole & (asymmetry < _ROUNDING) & (np.linalg.eigvalsh(correlations)[:, 0] > 0.0)
+    return invertible

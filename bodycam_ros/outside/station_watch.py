@@ -1,0 +1,93 @@
+"""Static cameras as the solver asks them: images in, what they say of the body out (B 2)."""
+
+import logging
+from collections.abc import Callable, Collection, Mapping
+
+import numpy as np
+
+from bodycam_ros.camera.camera_image import CameraImage, decode_colour
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array
+from bodycam_ros.outside.articulated_step import ExpectedBody
+from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.station_view import Image
+from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
+from bodycam_ros.solving.seen_body import SeenBody
+
+logger = logging.getLogger(__name__)
+
+_FOLLOWED = np.repeat([0.03, 0.01], 3)
+"""[rad], [m] errors of what a prediction goes on from."""
+
+
+class StationWatch:
+    """Decodes images, and asks them where the body is.
+
+    Args:
+        tracker: of the body in all stations' images.
+        placed: (S, 4, 4) where the body is at the first image, as a person placed it; None where nobody did.
+        settings: how well it was placed.
+        motion: how suddenly segments change their motion.
+        on_seen: told what an instant's images said, and their latest stamp [ns].
+    """
+
+    def __init__(
+        self,
+        tracker: RegionTracker,
+        placed: Array | None,
+        settings: RegionSettings,
+        motion: MotionSettings,
+        on_seen: Callable[[int, SeenBody], None] = lambda stamp_ns, seen: None,
+    ) -> None:
+        self._tracker, self._placed = tracker, placed
+        self._settings, self._motion, self._on_seen = settings, motion, on_seen
+        self._unreadable: set[str] = set()
+        self._has_colours = False
+
+    def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
+        """As ``Onlookers.begin``: nothing without a placed body, or without an image."""
+        pictures = self._decoded(images)
+        if self._placed is None or not pictures:
+            return []
+        poses = self._tracker.begin(pictures, self._placed)
+        self._has_colours = True
+        sigmas = np.repeat([self._settings.start_rotation_sigma, self._settings.start_translation_sigma], 3)
+        body = self._tracker.body
+        return [
+            SegmentPose(segment, poses[row], np.diag(sigmas**2))
+            for row, segment in enumerate(body.segments)
+            if segment not in body.equipment_segments
+        ]
+
+    def look(
+        self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> SeenBody | None:
+        """As ``Onlookers.look``; the first images of a body that worn cameras have placed only teach its colours."""
+        pictures = self._decoded(images)
+        if not pictures:
+            return None
+        if not self._has_colours:
+            self._tracker.learn(pictures, expected)
+            self._has_colours = True
+        sigmas = np.hypot(motion_sigmas(dt_s, dt_s, self._motion), _FOLLOWED)
+        joint_sigma = float(np.sqrt(2.0) * sigmas[0])
+        seen = self._tracker.look(pictures, ExpectedBody(expected, sigmas, joint_sigma), known)
+        self._on_seen(max(images[name].stamp_ns for name in pictures), seen)
+        return seen
+
+    def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:
+        """Pictures of the images that can be decoded; the first of a station that cannot is warned about."""
+        pictures = {}
+        for name, image in images.items():
+            try:
+                picture = decode_colour(image)
+                self._tracker.check_size(name, picture)
+            except RecordingError as error:
+                if name not in self._unreadable:
+                    logger.warning("%s; it is left out, and so will be others like it", error)
+                self._unreadable.add(name)
+            else:
+                pictures[name] = picture
+        return pictures

@@ -1,0 +1,84 @@
+"""What a user says of static cameras, and the watch that is made of it."""
+
+import logging
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import StationError
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.chosen_surface import surfaces_of
+from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.start_file import read_start, start_poses
+from bodycam_ros.outside.station import Station
+from bodycam_ros.outside.station_watch import StationWatch
+from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.solving.seen_body import SeenBody
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class OutsideInput:
+    """Files that say what static cameras need to know.
+
+    Attributes:
+        stations: where they stand, and their lenses.
+        surface: folder of the segments' meshes; None for the body's own, or capsules.
+        start: where the body is in the first image; None where worn cameras tell.
+    """
+
+    stations: Path
+    surface: Path | None = None
+    start: Path | None = None
+
+
+def stations_of(
+    given: OutsideInput, reference_map: ReferenceMap | None, cameras: Collection[str]
+) -> dict[str, Station]:
+    """The stations that a recording has images of.
+
+    Raises:
+        StationError: the file cannot be used, or the recording has none of its cameras.
+    """
+    stations = read_stations(given.stations, reference_map)
+    there = {name: station for name, station in stations.items() if name in cameras}
+    if not there:
+        raise StationError(
+            f"{given.stations}: the recording has none of its cameras ({', '.join(stations)}); it has "
+            f"{', '.join(cameras)}. A camera is named as its topics: /NAME/image_raw/compressed"
+        )
+    if silent := sorted(set(stations) - set(there)):
+        logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
+    return there
+
+
+def station_watch(
+    given: OutsideInput,
+    stations: dict[str, Station],
+    body: BodyModel,
+    body_path: Path,
+    settings: PipelineSettings,
+    on_seen: Callable[[int, SeenBody], None],
+) -> StationWatch:
+    """What asks the stations where a body is.
+
+    Args:
+        given: what the user says.
+        stations: that are asked.
+        body: with its equipment, if any.
+        body_path: its file.
+        settings: of all stages.
+        on_seen: told what they say.
+
+    Raises:
+        BodyError: the body's surface cannot be used.
+        StationError: the start cannot be used.
+    """
+    surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
+    tracker = RegionTracker(body, surface, stations, settings.region)
+    placed = None if given.start is None else start_poses(body, read_start(given.start, body), settings.region)
+    return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)

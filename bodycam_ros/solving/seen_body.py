@@ -1,0 +1,45 @@
+"""What static cameras say of a body at an instant, as the solver takes it."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.geometry import Array
+from bodycam_ros.solving.camera_evidence import SegmentPose
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """What all static cameras say of an instant.
+
+    Attributes:
+        evidence: camera -> what it says of each segment that it sees.
+        together: what they say together of each segment that any sees, where the body as a whole has it.
+        world_T_segment: (S, 4, 4) the body as a whole, joints closed.
+        confidence: camera -> (S,) how sure it is of each segment, 0 to 1.
+    """
+
+    evidence: Mapping[str, list[SegmentPose]]
+    together: list[SegmentPose]
+    world_T_segment: Array
+    confidence: Mapping[str, Array]
+
+
+class Onlookers(Protocol):
+    """Static cameras around a body."""
+
+    def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
+        """Where the body was placed by hand in its first images; empty if nobody did."""
+
+    def look(
+        self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> SeenBody | None:
+        """What images of one instant say of a body that is expected at poses (S, 4, 4); None if they cannot tell.
+
+        Args:
+            images: by camera.
+            expected: where the body should be.
+            dt_s: since the instant before [s]; 0 where there is none.
+            known: what the worn cameras say of the instant.
+        """
