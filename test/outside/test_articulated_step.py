@@ -1,5 +1,7 @@
 """Steps of a body whose joints are closed, against differences of the body itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_ride import make_ride
@@ -7,18 +9,12 @@ from known_walk import Walk
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, rigid
+from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 
 Array = NDArray[np.float64]
 
 ROOT = 6
-
-
-def step_of(body: BodyModel, sigma: float = 1e3) -> ArticulatedStep:
-    """Of joints that rest at zero, if anywhere."""
-    count = len(body.tree_joints)
-    return ArticulatedStep(body, np.tile(np.eye(3), (count, 1, 1)), np.full((count, 3), sigma))
 
 
 def poses_of(body: BodyModel, seed: int) -> Array:
@@ -54,7 +50,7 @@ def segment_changes(before: Array, after: Array) -> Array:
 @pytest.mark.parametrize("which", ["rider", "walker"])
 def test_jacobians_are_differences_of_the_body(rider: BodyModel, walk: Walk, which: str) -> None:
     body = rider if which == "rider" else walk.body
-    step, poses = step_of(body), poses_of(body, 1)
+    step, poses = ArticulatedStep(body), poses_of(body, 1)
     J, h = step._jacobians(poses), 1e-6
     for direction in permitted_turns(body, poses).T:
         ahead, back = (step._applied(poses, sign * h * direction) for sign in (1.0, -1.0))
@@ -64,7 +60,7 @@ def test_jacobians_are_differences_of_the_body(rider: BodyModel, walk: Walk, whi
 
 def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None:
     random = np.random.default_rng(2)
-    step, poses = step_of(rider), poses_of(rider, 3)
+    step, poses = ArticulatedStep(rider), poses_of(rider, 3)
     information = np.tile(1e4 * np.eye(6), (len(rider.segments), 1, 1))
     moved = step.moved(poses, information, random.normal(0.0, 2e3, (len(rider.segments), 6)), nothing_expected(poses))
     assert np.abs(segment_changes(poses, moved)).max() > 0.05
@@ -82,7 +78,7 @@ def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None
 
 def test_a_body_that_is_torn_is_closed_without_turning_its_root(rider: BodyModel) -> None:
     random = np.random.default_rng(4)
-    step, poses = step_of(rider), poses_of(rider, 5)
+    step, poses = ArticulatedStep(rider), poses_of(rider, 5)
     torn = poses @ exp_se3(random.normal(0.0, 0.03, (len(poses), 6)))
     closed = step.closed(torn)
     root = rider.segment_index["pelvis"]
@@ -95,7 +91,7 @@ def test_a_body_that_is_torn_is_closed_without_turning_its_root(rider: BodyModel
 
 def test_exact_information_at_all_segments_leads_to_the_truth(walk: Walk) -> None:
     body, truth = walk.body, walk.world_T_segment[10]
-    step, poses = step_of(body), walk.world_T_segment[3]
+    step, poses = ArticulatedStep(body), walk.world_T_segment[3]
     assert np.abs(segment_changes(poses, truth)).max() > 0.2
     information = np.tile(1e4 * np.eye(6), (len(poses), 1, 1))
     errors = []
@@ -110,7 +106,7 @@ def test_exact_information_at_all_segments_leads_to_the_truth(walk: Walk) -> Non
 def test_segments_that_nobody_sees_follow_those_that_are_seen(walk: Walk) -> None:
     """The thigh of a leg, of which only pelvis, shin and foot are told."""
     body, truth = walk.body, walk.world_T_segment[5]
-    step, poses = step_of(body), walk.world_T_segment[3]
+    step, poses = ArticulatedStep(body), walk.world_T_segment[3]
     told = np.array([segment in ("pelvis", "torso", "shin_left", "foot_left") for segment in body.segments])
     information = told[:, None, None] * np.tile(1e4 * np.eye(6), (len(poses), 1, 1))
     for _ in range(10):
@@ -125,7 +121,7 @@ def test_equipment_beside_a_person_stays_where_it_is() -> None:
     assert body.equipment_segments
     beside = [body.segment_index[segment] for segment in body.equipment_segments]
     person = [row for row in range(len(poses)) if row not in beside]
-    step = step_of(body)
+    step = ArticulatedStep(body)
     information = np.tile(1e4 * np.eye(6), (len(poses), 1, 1))
     moved = step.moved(poses, information, np.full((len(poses), 6), 1e3), nothing_expected(poses))
     np.testing.assert_array_equal(moved[beside], poses[beside])
@@ -134,7 +130,7 @@ def test_equipment_beside_a_person_stays_where_it_is() -> None:
 
 
 def test_nothing_said_leaves_a_body_where_it_is_expected(rider: BodyModel) -> None:
-    step, poses = step_of(rider), poses_of(rider, 6)
+    step, poses = ArticulatedStep(rider), poses_of(rider, 6)
     expected = poses_of(rider, 6)
     random = np.random.default_rng(7)
     off = step._applied(poses, 0.05 * permitted_turns(rider, poses) @ random.normal(size=ROOT + 8))
@@ -150,34 +146,53 @@ def test_what_is_said_and_what_is_expected_are_weighed_by_their_sigmas(walk: Wal
     information, vector = np.zeros((len(poses), 6, 6)), np.zeros((len(poses), 6))
     information[root, 3:, 3:] = said_sigma**-2.0 * np.eye(3)
     vector[root, 3:] = said_sigma**-2.0 * poses[root, :3, :3].T @ shift
-    moved = step_of(body).moved(poses, information, vector, ExpectedBody(poses, np.full(6, sigma), 0.1))
+    moved = ArticulatedStep(body).moved(poses, information, vector, ExpectedBody(poses, np.full(6, sigma), 0.1))
     share = said_sigma**-2.0 / (said_sigma**-2.0 + sigma**-2.0)
     np.testing.assert_allclose(moved[:, :3, 3] - poses[:, :3, 3], np.tile(share * shift, (len(poses), 1)), atol=1e-9)
 
 
-def test_joints_are_drawn_to_where_they_rest_about_their_own_axes(walk: Walk) -> None:
-    body, poses = walk.body, walk.world_T_segment[20]
+def limited(body: BodyModel, name: str, limits: tuple[tuple[float, float], ...]) -> BodyModel:
+    joints = [replace(joint, limits=limits if joint.name == name else None) for joint in body.joints]
+    return replace(body, joints=tuple(joints))
+
+
+def test_a_joint_beyond_its_limits_is_drawn_back_to_them(walk: Walk) -> None:
+    """Others, and those within, are left alone."""
+    hip = [joint.name for joint in walk.body.tree_joints].index("hip_left")
+    body = limited(walk.body, "hip_left", ((-0.3, 0.3), (-0.4, 0.4), (-0.5, 0.5)))
     count = len(body.tree_joints)
-    hip = [joint.name for joint in body.tree_joints].index("hip_left")
-    sigmas = np.full((count, 3), 1e3)
-    sigmas[hip] = [1e3, 0.01, 0.01]  # free about x
-    rest = np.tile(np.eye(3), (count, 1, 1))
-    rest[hip] = exp_so3(np.array([0.3, 0.0, 0.0]))
-    step = ArticulatedStep(body, rest, sigmas)
-    nothing = np.zeros((len(poses), 6, 6)), np.zeros((len(poses), 6))
-    before = body.joint_rotations(poses)
-    for _ in range(5):
-        poses = step.moved(poses, *nothing, ExpectedBody(poses, np.full(6, 1e-3), 1.0))
-    turned = body.joint_rotations(poses)
-    off = turned[hip] @ rest[hip].T
-    np.testing.assert_allclose(off @ np.eye(3)[0], np.eye(3)[0], atol=1e-3)
-    others = np.arange(count) != hip
-    np.testing.assert_allclose(turned[others], before[others], atol=1e-4)
+    nothing = np.zeros((count + 1, 6, 6)), np.zeros((count + 1, 6))
+    for angle, expected_angle in ((0.9, 0.3), (0.2, 0.2), (-0.7, -0.3)):
+        turned = np.tile(exp_so3(np.array([0.1, 0.0, 0.0])), (count, 1, 1))
+        turned[hip] = exp_so3(np.array([0.0, angle, 0.0]))
+        poses = body.forward_kinematics(np.eye(4), body.joint_rotations(body.forward_kinematics(np.eye(4), turned)))
+        before = body.joint_rotations(poses)
+        for _ in range(8):
+            poses = ArticulatedStep(body).moved(poses, *nothing, ExpectedBody(poses, np.full(6, 1e-3), 1.0))
+        after = body.joint_rotations(poses)
+        np.testing.assert_allclose(log_so3(after[hip]), [0.0, expected_angle, 0.0], atol=0.01)
+        others = np.arange(count) != hip
+        np.testing.assert_allclose(after[others], before[others], atol=1e-6)
+
+
+def test_a_range_that_is_narrow_is_kept_to_its_middle(walk: Walk) -> None:
+    """As that of a knee beside its bending: what little it was seen to turn is not trusted to images."""
+    hip = [joint.name for joint in walk.body.tree_joints].index("hip_left")
+    body = limited(walk.body, "hip_left", ((-1.0, 1.0), (-0.1, 0.2), (-1.0, 1.0)))  # about y, z, x
+    count = len(body.tree_joints)
+    turned = np.tile(np.eye(3), (count, 1, 1))
+    turned[hip] = exp_so3(np.array([0.0, 0.4, 0.15]))
+    poses = body.forward_kinematics(np.eye(4), turned)
+    nothing = np.zeros((count + 1, 6, 6)), np.zeros((count + 1, 6))
+    for _ in range(8):
+        poses = ArticulatedStep(body).moved(poses, *nothing, ExpectedBody(poses, np.full(6, 1e-3), 1.0))
+    found = log_so3(body.joint_rotations(poses)[hip])
+    np.testing.assert_allclose(found, [0.0, 0.4, 0.05], atol=0.03)
 
 
 def test_a_body_of_one_segment_moves_as_it_is_told() -> None:
     body = BodyModel("box", "box", ("box",), (), {})
-    step, pose = step_of(body), rigid(exp_so3(np.array([1.0, 0.3, 0.0])), np.array([1.0, 2.0, 3.0]))[None]
+    step, pose = ArticulatedStep(body), rigid(exp_so3(np.array([1.0, 0.3, 0.0])), np.array([1.0, 2.0, 3.0]))[None]
     change = np.array([0.01, -0.02, 0.005, 0.03, -0.01, 0.02])
     truth = pose @ exp_se3(change[None])
     information = 1e4 * np.eye(6)[None]
