@@ -100,7 +100,7 @@ def _pose(pose: Message, segment: str) -> NDArray[np.float64]:
 def _invertible(covariances: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which (N,) of covariances (N, 6, 6) are any: the solver would stumble over the others."""
     variances = np.diagonal(covariances, axis1=1, axis2=2)
-    whole: NDArray[np.bool_] = np.isfinite(covariances).all(axis=(1, 2)) & (variances > 0.0).all(axis=1)
+    whole: NDArray[np.bool_] = np.all(np.isfinite(covariances), axis=(1, 2)) & np.all(variances > 0.0, axis=1)
     sigmas = np.sqrt(np.where(whole[:, None], variances, 1.0))
     correlations = np.where(whole[:, None, None], covariances, np.eye(6)) / (sigmas[:, :, None] * sigmas[:, None])
     asymmetry = np.abs(correlations - np.swapaxes(correlations, 1, 2)).max(axis=(1, 2), initial=0.0)
