@@ -100,15 +100,48 @@ def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) ->
     return areas
 
 
-@kernel("(u1[:, :, ::1], f8[:, ::1], i8[::1], f4[:, ::1], i8, f8)")
+@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f4[:, ::1])")
+def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
+    """How much of what is in front of each segment's area has its colours.
+
+    Args:
+        image: (H, W, 3) blue, green, red.
+        labels, shrink: which segment is in front, at a part of the resolution.
+        log_odds: (S, COLOURS) as of ``ask_lines``.
+
+    Returns:
+        Share (S,) of its pixels, 0 to 1, and how many there are (S,).
+    """
+    sums, counts = np.zeros(len(log_odds)), np.zeros(len(log_odds), np.int64)
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            segment = labels[row, column]
+            if segment < len(log_odds):
+                colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
+                sums[segment] += 1.0 / (1.0 + math.exp(-log_odds[segment, colour]))
+                counts[segment] += 1
+    return sums / np.maximum(counts, 1), counts
+
+
+@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8, f8)")
 def ask_lines(
-    image: Bytes, points: Array, segments: Whole, log_odds: NDArray[np.float32], stride: int, least_sigma_px: float
+    image: Bytes,
+    labels: Bytes,
+    shrink: int,
+    points: Array,
+    segments: Whole,
+    stands_out: Bytes,
+    log_odds: NDArray[np.float32],
+    stride: int,
+    least_sigma_px: float,
 ) -> tuple[Array, Array, Whole]:
     """What the lines across the contours say of their segments' poses.
 
     Args:
         image: (H, W, 3) blue, green, red.
+        labels, shrink: which segment is in front, at a part of the resolution.
         points, segments: (N, POINT), (N,) of ``find_contour``.
+        stands_out: (S, S) whether one segment differs from another that is behind it.
         log_odds: (S, COLOURS) logarithm of how much more likely a colour is on the segment than beside it.
         stride: pixels of a line that are one sample.
         least_sigma_px: a line is never surer than this.
@@ -125,7 +158,7 @@ def ask_lines(
     inside = np.empty(2 * (_REACH + _STEP) + 1)
     for n in range(len(points)):
         point, segment = points[n], segments[n]
-        _read_line(image, point, log_odds[segment], stride, inside)
+        _read_line(image, labels, shrink, point, segment, stands_out, log_odds[segment], stride, inside)
         mean, variance = _parting(inside, step)
         if variance > _FLAT:
             continue
@@ -153,17 +186,37 @@ def _smoothed_step() -> Array:
 
 
 @kernel()
-def _read_line(image: Bytes, point: Array, log_odds: NDArray[np.float32], stride: int, inside: Array) -> None:
-    """Fill in the probability of being on the segment for each sample of a line, from inward to outward."""
+def _read_line(
+    image: Bytes,
+    labels: Bytes,
+    shrink: int,
+    point: Array,
+    segment: int,
+    stands_out: Bytes,
+    log_odds: NDArray[np.float32],
+    stride: int,
+    inside: Array,
+) -> None:
+    """Fill in the probability of being on the segment for each sample of a line, from inward to outward.
+
+    Beyond the far side of a thin limb, and behind what cannot be told from it, colours say nothing.
+    """
     reach = len(inside) // 2
-    for sample in range(-reach, reach + 1):
-        odds = 0.0
-        for within in range(stride):
-            along = sample * stride + within - 0.5 * (stride - 1)
-            colour = _colour(image, point[0] + along * point[2], point[1] + along * point[3])
-            if colour >= 0:
-                odds += log_odds[colour]
-        inside[sample + reach] = 1.0 / (1.0 + math.exp(-max(-_SURE, min(_SURE, odds))))
+    for direction in (-1, 1):
+        is_told = True
+        for sample in range(0 if direction < 0 else 1, reach + 1):
+            odds = 0.0
+            middle = direction * sample * stride
+            if abs(middle) > shrink and is_told:
+                label = label_at(labels, point[0] + middle * point[2], point[1] + middle * point[3], shrink)
+                is_told = label == segment if direction < 0 else label < 0 or is_beside(stands_out, segment, label)
+            if is_told:
+                for within in range(stride):
+                    along = middle + within - 0.5 * (stride - 1)
+                    colour = _colour(image, point[0] + along * point[2], point[1] + along * point[3])
+                    if colour >= 0:
+                        odds += log_odds[colour]
+            inside[direction * sample + reach] = 1.0 / (1.0 + math.exp(-max(-_SURE, min(_SURE, odds))))
 
 
 @kernel()

@@ -100,8 +100,10 @@ class RegionTracker:
         poses, before, said = self._found(images, start, expected, known)
         confidence = {name: regions.confidence for name, regions in said.items()}
         seen = {name: self._is_seen(regions) for name, regions in said.items()}
+        by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
-            self.views[name].learn(image, poses, self._settings.learning_rate, seen[name])
+            view = self.views[name]
+            view.learn(image, poses, self._settings.learning_rate, seen[name] | (by_any & ~view.knows))
         evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
         return SeenBody(evidence, self._together(poses, said, seen), poses, confidence)
 

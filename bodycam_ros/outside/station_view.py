@@ -69,11 +69,17 @@ class StationView:
         self._areas = np.zeros((surface.segment_count, COLOURS))
         self._log_odds = np.zeros((surface.segment_count, COLOURS), np.float32)
 
+    @property
+    def knows(self) -> NDArray[np.bool_]:
+        """(S,) of which segments it knows colours on both sides of the contour."""
+        known: NDArray[np.bool_] = (self._inside.any(axis=1)) & (self._outside.any(axis=1))
+        return known
+
     def look(self, image: Image, world_T_segment: Array, stride: int) -> SegmentRegions:
         """Ask the lines across the contours of a body at poses (S, 4, 4), ``stride`` pixels a sample."""
-        points, segments, _ = self._contour(world_T_segment)
+        points, segments, labels = self._contour(world_T_segment)
         least_px = self._settings.least_sigma * stride
-        said = ask_lines(image, points, segments, self._log_odds, stride, least_px)
+        said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
 
     def learn(self, image: Image, world_T_segment: Array, rate: float, which: NDArray[np.bool_]) -> None:

@@ -25,7 +25,7 @@ from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.segment_poses import segment_poses_message
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
@@ -251,7 +251,7 @@ class _Output:
             self._summary.registered[station] += bool(evidence)
             confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))
             message = segment_poses_message(self._make, stamp_ns, station, evidence, confidence)
-            self._writer.write(f"/{station}/segments", stamp_ns, message)
+            self._writer.write(f"/{station}{SEGMENT_POSES}", stamp_ns, message)
 
     def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""
