@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from outside.numpy_regions import ask_in_numpy, colours_at, count_in_numpy, lines_in_numpy
+from outside.numpy_regions import Front, areas_in_numpy, ask_in_numpy, colours_at, count_in_numpy, lines_in_numpy
 from outside.painted_scene import clutter, grained, opencv_pixels
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid, transform_points
 from bodycam_ros.outside.contour_kernels import NOBODY, POINT
-from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_colours
+from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -62,17 +62,45 @@ def half_plane(normal: Array, place: float) -> Image:
     return np.where(((x * normal[0] + y * normal[1]) < place)[..., None], RED, GREEN).astype(np.uint8)
 
 
+def front_of(inside: NDArray[np.bool_]) -> Front:
+    """One segment in front where a mask (H, W) says so."""
+    labels = np.where(inside[::SHRINK, ::SHRINK], 0, NOBODY).astype(np.uint8)
+    return Front(labels, SHRINK, np.zeros((1, 1), np.uint8), NOBODY)
+
+
+def behind(pixel: Array, normal: Array) -> Front:
+    """One segment that ends at a pixel, as far as its pose is known."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return front_of((x - pixel[0]) * normal[0] + (y - pixel[1]) * normal[1] < 0.0)
+
+
+def asked(
+    image: Image, front: Front, points: Array, segments: NDArray[np.int64], odds: NDArray[np.float32], stride: int
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    return ask_lines(
+        image, front.labels, front.shrink, points, segments, front.stands_out, odds, stride, LEAST_PX
+    )  # fmt: skip
+
+
 def one_line(
-    image: Image, pixel: Array, normal: Array, odds: NDArray[np.float32], stride: int
+    image: Image, pixel: Array, normal: Array, odds: NDArray[np.float32], stride: int, front: Front | None = None
 ) -> tuple[float, float] | None:
     """Mean and sigma [px] of a line across a pixel, if it knows something."""
     point = np.zeros((1, POINT))
     point[0, :4], point[0, 7] = [*pixel, *normal], 1.0
-    information, vector, lines = ask_lines(image, point, np.zeros(1, np.int64), odds, stride, LEAST_PX)
+    front = front or behind(pixel, normal)
+    information, vector, lines = asked(image, front, point, np.zeros(1, np.int64), odds, stride)
     if not lines[0]:
         assert not information.any() and not vector.any()
         return None
     return vector[0, 3] / information[0, 3, 3], information[0, 3, 3] ** -0.5
+
+
+def blocks(seed: int) -> Front:
+    """Three segments and nobody in blocks, some of which stand out before others."""
+    chosen = np.random.default_rng(seed).choice([0, 1, 2, NOBODY], (HEIGHT // SHRINK // 15, WIDTH // SHRINK // 20))
+    labels = np.ascontiguousarray(chosen.repeat(15, axis=0).repeat(20, axis=1), np.uint8)
+    return Front(labels, SHRINK, np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]], np.uint8), NOBODY)
 
 
 @pytest.mark.parametrize("stride", [1, 2, 3, 4])
@@ -81,8 +109,9 @@ def test_lines_are_those_of_the_numpy_twin(stride: int) -> None:
     random = np.random.default_rng(2)
     odds = random.normal(0.0, 2.5, (3, COLOURS)).astype(np.float32)
     image = clutter(WIDTH, HEIGHT, 3)
-    ours = ask_lines(image, points, segments, odds, stride, LEAST_PX)
-    theirs = ask_in_numpy(image, points, segments, odds, stride, LEAST_PX)
+    front = blocks(10)
+    ours = asked(image, front, points, segments, odds, stride)
+    theirs = ask_in_numpy(image, front, points, segments, odds, stride, LEAST_PX)
     assert 0 < ours[2].min() and ours[2].sum() < len(points)  # some know nothing
     np.testing.assert_array_equal(ours[2], theirs[2])
     np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-8, atol=1e-8 * np.abs(theirs[0]).max())
@@ -91,16 +120,15 @@ def test_lines_are_those_of_the_numpy_twin(stride: int) -> None:
 
 def test_colours_are_those_of_the_numpy_twin() -> None:
     points, segments = scattered(400, 4)
-    random = np.random.default_rng(5)
-    blocks = random.choice([0, 1, 2, NOBODY], (HEIGHT // SHRINK // 15, WIDTH // SHRINK // 20))
-    labels = np.ascontiguousarray(blocks.repeat(15, axis=0).repeat(20, axis=1), np.uint8)
-    stands_out = np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]], np.uint8)
-    image = clutter(WIDTH, HEIGHT, 6)
-    ours = count_colours(image, labels, SHRINK, points, segments, stands_out, 9, 14)
-    theirs = count_in_numpy(image, labels, SHRINK, points, segments, stands_out, 9, 14, NOBODY)
+    front, image = blocks(5), clutter(WIDTH, HEIGHT, 6)
+    ours = count_colours(image, front.labels, SHRINK, points, segments, front.stands_out, 9, 14)
+    theirs = count_in_numpy(image, front, points, segments, 9, 14)
     for side in range(2):
         assert (ours[side].sum(axis=1) > 100).all()
         np.testing.assert_array_equal(ours[side], theirs[side])
+    areas = count_areas(image, front.labels, SHRINK, 3)
+    assert (areas.sum(axis=1) > 100).all()
+    np.testing.assert_array_equal(areas, areas_in_numpy(image, front))
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
@@ -144,6 +172,31 @@ def test_a_plain_image_says_nothing() -> None:
     assert wrong is None or wrong[1] > 2.0
 
 
+def test_beyond_a_thin_limb_colours_say_nothing() -> None:
+    """What lies beyond its far side looks like it, and would be taken for it; nor do lines see through others."""
+    middle, right = np.array([80.0, 60.0]), np.array([1.0, 0.0])
+    x = np.mgrid[:HEIGHT, :WIDTH][1]
+    image, odds = half_plane(right, 80.5), odds_of(RED, GREEN)
+    whole = one_line(image, middle, right, odds, 1, front_of(x < 80))
+    thin = front_of((x >= 70) & (x < 80))
+    image[:, :70] = GREEN  # as seen beside the limb
+    beside = one_line(image, middle, right, odds, 1, thin)
+    image[:, :70] = np.random.default_rng(1).integers(0, 255, (HEIGHT, 70, 3))
+    noisy = one_line(image, middle, right, odds, 1, thin)
+    assert whole is not None and beside is not None and beside == noisy
+    assert beside[0] == pytest.approx(whole[0], abs=0.3)
+    # Where something that looks alike begins four pixels on, the place of an edge beyond it is unknown.
+    labels = thin.labels.copy()
+    labels[:, 84 // SHRINK :] = 1
+    two = np.repeat(odds, 2, axis=0)
+    far = half_plane(right, 90.5)
+    hidden = Front(labels, SHRINK, np.zeros((2, 2), np.uint8), NOBODY)
+    seen = Front(labels, SHRINK, np.ones((2, 2), np.uint8), NOBODY)
+    open_end, told = (one_line(far, middle, right, two, 2, front) for front in (hidden, seen))
+    assert told is not None and told[0] == pytest.approx(10.5, abs=1.5)
+    assert open_end is None or open_end[1] > 1.3 * told[1]
+
+
 def test_a_line_that_is_less_sure_counts_less() -> None:
     middle, right = np.array([80.0, 60.0]), np.array([1.0, 0.0])
     image = half_plane(right, 80.5)
@@ -167,7 +220,8 @@ def test_colours_that_were_counted_find_the_edge() -> None:
     shifted = points.copy()
     off = 3.0 + random.uniform(-0.5, 0.5, len(rows))  # a pixel is one colour, so a line alone is half a pixel off
     shifted[:, 0] -= off
-    means = [line.mean for line in lines_in_numpy(image, shifted, segments, odds, 1)]
+    front = Front(labels, SHRINK, stands_out, NOBODY)
+    means = [line.mean for line in lines_in_numpy(image, front, shifted, segments, odds, 1)]
     assert len(means) == len(rows)
     assert np.mean(means - off) == pytest.approx(0.0, abs=0.1)
     assert np.std(means - off) < 0.5
@@ -187,7 +241,8 @@ def test_the_vector_is_the_slope_of_what_the_lines_say() -> None:
     colours = np.unique(colours_at(image, np.column_stack([x[inside], y[inside]]).astype(float)))
     odds[0] -= 2.0
     odds[0, colours] += 4.0
-    known = list(lines_in_numpy(image, points, segments, odds, 2))
+    front = front_of((x - 79.0) ** 2 + (y - 60.0) ** 2 < 35.0**2)
+    known = list(lines_in_numpy(image, front, points, segments, odds, 2))
     assert len(known) > 60
     rows = np.array([line.row for line in known])
     means = np.array([line.mean for line in known])
@@ -198,7 +253,7 @@ def test_the_vector_is_the_slope_of_what_the_lines_say() -> None:
         there = opencv_pixels(CAMERA, transform_points(TURNED @ exp_se3(change[None])[0], points[rows, 4:7]))
         return float(0.5 * (weights * (((there - start) * normals[rows]).sum(axis=1) - means) ** 2).sum())
 
-    information, vector, lines = ask_lines(image, points, segments, odds, 2, LEAST_PX)
+    information, vector, lines = asked(image, front, points, segments, odds, 2)
     assert lines[0] == len(known)
     h = 1e-5
     for axis in np.eye(6):
