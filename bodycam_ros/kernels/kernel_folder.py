@@ -34,6 +34,8 @@ KERNEL_FILES = (
     "registration/giver_kernels.py",
     "registration/patch_kernels.py",
     "tracking/rotation_kernels.py",
+    "outside/contour_kernels.py",
+    "outside/region_kernels.py",
 )
 """All that hold kernels, in the order in which they are compiled."""
 

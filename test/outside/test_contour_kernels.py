@@ -1,0 +1,295 @@
+"""Contours of balls and limbs against what geometry says of them, through OpenCV's lenses."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from outside.painted_scene import Painted, opencv_pixels, painted_labels
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint import Joint
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.geometry import exp_so3, rigid, transform_points
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.closed_surface import closed_surface
+from bodycam_ros.outside.contour_kernels import NOBODY, POINT, find_contour
+from bodycam_ros.outside.limb_mesh import Ball, limb_mesh
+from bodycam_ros.outside.surface import Surface
+
+Array = NDArray[np.float64]
+
+SPACING_PX, SHRINK, MOST = 3.0, 2, 4000
+LENSES = {
+    "plumb_bob": camera_from_info(
+        "near", 640, 480, "plumb_bob", [-0.06, 0.025, 0.0004, -0.0003, 0.0], [470, 0, 318.3, 0, 471, 240.7, 0, 0, 1]
+    ),
+    "equidistant": camera_from_info(
+        "wide", 640, 480, "equidistant", [0.01, -0.004, 0.002, -0.0005], [300, 0, 322.1, 0, 300, 236.4, 0, 0, 1]
+    ),
+}
+TURNED = exp_so3(np.array([0.4, -0.7, 0.3]))
+
+
+@pytest.fixture(params=LENSES)
+def lens(request: pytest.FixtureRequest) -> CameraModel:
+    return LENSES[request.param]
+
+
+def ball(segment: str, radius: float) -> Surface:
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    return Surface(segment, np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32))
+
+
+def surface_of(*surfaces: Surface) -> BodySurface:
+    """Of a body whose segments all hang on the first."""
+    names = tuple(surface.segment for surface in surfaces)
+    joints = tuple(Joint(name, names[0], name, "ball", np.eye(4)) for name in names[1:])
+    return BodySurface.of(BodyModel("things", names[0], names, joints, {}), {s.segment: s for s in surfaces})
+
+
+def contour(
+    camera: CameraModel,
+    surface: BodySurface,
+    camera_T_segment: Array,
+    before: tuple[tuple[int, int], ...] = (),
+    most: int = MOST,
+) -> tuple[Array, NDArray[np.int64], NDArray[np.uint8]]:
+    """``before``: which segment's contour counts before which other's."""
+    stands_out = np.zeros((surface.segment_count,) * 2, np.uint8)
+    for front, behind in before:
+        stands_out[front, behind] = 1
+    return find_contour(
+        camera.parameters, camera_T_segment, surface.vertices, surface.segment_of_vertex, surface.faces,
+        surface.face_normals, surface.face_offsets, surface.segment_of_face, surface.edges, surface.edge_faces,
+        stands_out, camera.width, camera.height, SHRINK, SPACING_PX, most,
+    )  # fmt: skip
+
+
+def at(*places: tuple[float, float, float]) -> Array:
+    return np.array([rigid(TURNED, np.array(place)) for place in places])
+
+
+def rim_of_ball(centre: Array, radius: float) -> Array:
+    """(N, 3) closed line of the points where rays from the camera touch a ball."""
+    distance = np.linalg.norm(centre)
+    axis = centre / distance
+    across = np.linalg.svd(axis[None])[2][1:]
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)[:, None]
+    circle = np.cos(angle) * across[0] + np.sin(angle) * across[1]
+    sine = radius / distance
+    return np.asarray(distance * (1.0 - sine**2) * axis + radius * np.sqrt(1.0 - sine**2) * circle)
+
+
+def beside(line: Array, pixels: Array) -> tuple[Array, Array]:
+    """Distances (N,) of pixels from a dense line (M, 2), outward, and its outward normals there (N, 2)."""
+    along = np.roll(line[:-1], -1, axis=0) - np.roll(line[:-1], 1, axis=0)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    normals *= np.sign(((line[:-1] - line[:-1].mean(axis=0)) * normals).sum(axis=1).sum())
+    nearest = np.linalg.norm(pixels[:, None] - line[None, :-1], axis=2).argmin(axis=1)
+    return ((pixels - line[nearest]) * normals[nearest]).sum(axis=1), normals[nearest]
+
+
+def largest_gap(line: Array, pixels: Array) -> float:
+    """Of a dense closed line (M, 2), how far its point that is farthest from all pixels is from them."""
+    return float(np.linalg.norm(pixels[:, None] - line[None], axis=2).min(axis=0).max())
+
+
+CENTRES = [(0.1, -0.05, 1.5), (0.9, 0.4, 1.6), (-0.5, 0.45, 1.3)]
+
+
+@pytest.mark.parametrize("centre", CENTRES)
+def test_the_contour_of_a_ball_is_where_rays_touch_it(lens: CameraModel, centre: tuple[float, float, float]) -> None:
+    radius = 0.2
+    points, segments, _ = contour(lens, surface_of(ball("ball", radius)), at(centre))
+    rim = opencv_pixels(lens, rim_of_ball(np.array(centre), radius))
+    visible = rim[((rim > 4) & (rim < [lens.width - 5, lens.height - 5])).all(axis=1)]
+    assert largest_gap(visible, points[:, :2]) < 1.5 * SPACING_PX
+    off, normals = beside(rim, points[:, :2])
+    assert np.abs(off).max() < 0.3
+    assert (points[:, 2:4] * normals).sum(axis=1).min() > np.cos(np.radians(6.0))
+    np.testing.assert_allclose(np.linalg.norm(points[:, 2:4], axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        opencv_pixels(lens, transform_points(at(centre)[0], points[:, 4:7])), points[:, :2], atol=0.1
+    )
+    assert points.shape[1] == POINT and (segments == 0).all()
+
+
+def test_the_contour_of_a_limb_is_the_hull_of_those_of_its_balls(lens: CameraModel) -> None:
+    """A tapered capsule is the convex hull of two balls, and so is its picture before the lens bends it."""
+    start, end = np.array([-0.3, -0.2, 1.6]), np.array([0.25, 0.2, 1.9])
+    limb = closed_surface("limb", *limb_mesh(start, end, [Ball(0.0, 0.09), Ball(1.0, 0.05)], np.eye(3)[0]))
+    points, _, _ = contour(lens, surface_of(limb), np.eye(4)[None])
+    rims = np.concatenate([rim_of_ball(start, 0.09), rim_of_ball(end, 0.05)])
+    hull = cv2.convexHull((rims[:, :2] / rims[:, 2:]).astype(np.float32)).reshape(-1, 2).astype(float)
+    closed = np.concatenate([hull, hull[:1]])
+    dense = np.concatenate([a + np.linspace(0, 1, 60)[:, None] * (b - a) for a, b in pairwise(closed)])
+    line = opencv_pixels(lens, np.column_stack([dense, np.ones(len(dense))]))
+    line = line[np.concatenate([np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-6, [True]])]
+    off, normals = beside(line, points[:, :2])
+    assert np.abs(off).max() < 0.5
+    assert (points[:, 2:4] * normals).sum(axis=1).min() > np.cos(np.radians(15.0))
+    assert largest_gap(line, points[:, :2]) < 1.5 * SPACING_PX
+
+
+def test_the_derivative_is_that_of_the_pixel_along_the_normal(lens: CameraModel) -> None:
+    pose = at(CENTRES[2])
+    points, _, _ = contour(lens, surface_of(ball("ball", 0.2)), pose)
+    step = 1e-6
+    for axis in range(3):
+        ends = [
+            opencv_pixels(lens, transform_points(pose[0], points[:, 4:7] + h * np.eye(3)[axis])) for h in (step, -step)
+        ]
+        numeric = ((ends[0] - ends[1]) / (2.0 * step) * points[:, 2:4]).sum(axis=1)
+        np.testing.assert_allclose(points[:, 7 + axis], numeric, atol=1e-3 * np.abs(points[:, 7:]).max())
+
+
+def test_the_contour_moves_with_the_segment_as_its_derivative_says(lens: CameraModel) -> None:
+    """Although other points of the surface are on it then."""
+    pose, radius = at(CENTRES[0]), 0.2
+    points, _, _ = contour(lens, surface_of(ball("ball", radius)), pose)
+    before = beside(opencv_pixels(lens, rim_of_ball(pose[0, :3, 3], radius)), points[:, :2])[0]
+    for shift in 0.004 * np.eye(3):
+        moved = opencv_pixels(lens, rim_of_ball(pose[0, :3, 3] + TURNED @ shift, radius))
+        seen = before - beside(moved, points[:, :2])[0]
+        expected = points[:, 7:] @ shift
+        assert np.abs(seen - expected).max() < 0.06 * np.abs(points[:, 7:]).max() * 0.004 + 0.02
+
+
+NEAR, FAR = (0.1, 0.05, 1.3), (-0.05, 0.0, 2.0)
+
+
+def test_what_is_nearer_hides_a_contour_and_counts_where_it_stands_out(lens: CameraModel) -> None:
+    surface, poses = surface_of(ball("far", 0.25), ball("near", 0.12)), at(FAR, NEAR)
+    rims = [opencv_pixels(lens, rim_of_ball(np.array(c), r)) for c, r in ((FAR, 0.25), (NEAR, 0.12))]
+    hidden = inside(rims[1], rims[0])
+    before_far = inside(rims[0], rims[1])
+    assert hidden.any() and not hidden.all() and before_far.any() and not before_far.all()
+
+    points, segments, _ = contour(lens, surface, poses)
+    far, near = points[segments == 0, :2], points[segments == 1, :2]
+    assert not inside(rims[1], far).any()
+    assert largest_gap(rims[0][~hidden], far) < 3.0 * SPACING_PX  # fewer where both rims meet
+    assert depth_within(rims[0], near).max() < 2.0 * SHRINK  # none before the other, but for the labels' pixels
+    assert largest_gap(rims[1][~before_far], near) < 3.0 * SPACING_PX
+
+    points, segments, _ = contour(lens, surface, poses, before=((1, 0),))
+    assert largest_gap(rims[1], points[segments == 1, :2]) < 1.5 * SPACING_PX
+    assert not inside(rims[1], points[segments == 0, :2]).any()
+
+    points, segments, _ = contour(lens, surface, poses, before=((0, 1),))  # which is never before the other
+    assert depth_within(rims[0], points[segments == 1, :2]).max() < 2.0 * SHRINK
+    assert not inside(rims[1], points[segments == 0, :2]).any()
+
+
+def inside(line: Array, pixels: Array) -> NDArray[np.bool_]:
+    """(N,) which pixels a closed line goes around, by a pixel at least."""
+    return depth_within(line, pixels) > 1.0
+
+
+def depth_within(line: Array, pixels: Array) -> Array:
+    """(N,) how deep within a closed line pixels are, negative outside [px]."""
+    polygon = line.astype(np.float32)[:, None]
+    return np.array([cv2.pointPolygonTest(polygon, (float(x), float(y)), True) for x, y in pixels])
+
+
+def test_no_more_points_than_asked_for(lens: CameraModel) -> None:
+    surface = surface_of(ball("ball", 0.2))
+    points, segments, _ = contour(lens, surface, at(CENTRES[0]), most=7)
+    assert points.shape == (7, POINT) and segments.shape == (7,)
+    np.testing.assert_array_equal(points, contour(lens, surface, at(CENTRES[0]))[0][:7])
+
+
+@pytest.fixture(scope="module")
+def body(sample) -> BodyModel:
+    return read_body(sample / "body.yaml")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_labels_are_what_a_painter_shows(lens: CameraModel, body: BodyModel, seed: int) -> None:
+    """But at borders, where pixels are rounded, and where limbs grow into each other."""
+    random = np.random.default_rng(seed)
+    surfaces = capsule_surfaces(body)
+    standing = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # looks along x, at z up
+    root = rigid(standing @ exp_so3(np.array([0.0, 0.0, random.uniform(-3, 3)])), np.array([0.1, 0.0, lens.fx / 160.0]))
+    poses = body.forward_kinematics(root, exp_so3(random.normal(0.0, 0.35, (len(body.tree_joints), 3))))
+    _, _, labels = contour(lens, BodySurface.of(body, surfaces), poses)
+    things = [
+        Painted(
+            transform_points(poses[row], surfaces[name].vertices),
+            surfaces[name].faces,
+            np.full((len(surfaces[name].faces), 1), row),
+        )
+        for row, name in enumerate(body.segments)
+    ]
+    truth = painted_labels(lens, np.eye(4), things, SHRINK, NOBODY)
+    around = np.ones((5, 5), np.uint8)
+    certain = cv2.erode(truth, around) == cv2.dilate(truth, around)
+    assert (truth[certain] != NOBODY).sum() > 1000
+    assert (labels[certain] == NOBODY).sum() == (truth[certain] == NOBODY).sum()
+    assert len(np.unique(truth[certain])) > 7
+    assert (labels[certain] != truth[certain]).mean() < 1e-3
+    assert ((labels == NOBODY) != (truth == NOBODY)).sum() < 0.1 * (truth != NOBODY).sum()
+
+
+@pytest.mark.parametrize(
+    "place",
+    [(0.1, -0.05, -1.5), (0.0, 0.0, 0.05), (0.02, 0.0, 0.19), (0.5, 0.3, 0.1), (1e4, 0.0, 1.0), (0.0, 0.0, -1e-9)],
+    ids=["behind", "around", "before the face", "beside", "out of sight", "in the middle"],
+)
+def test_a_segment_behind_or_around_the_camera_does_no_harm(
+    lens: CameraModel, place: tuple[float, float, float]
+) -> None:
+    alone, alone_segments, _ = contour(
+        lens, surface_of(ball("seen", 0.2), ball("odd", 0.2)), at(CENTRES[0], (0, 0, -9.0))
+    )
+    assert set(alone_segments) == {0}
+    points, segments, _ = contour(lens, surface_of(ball("seen", 0.2), ball("odd", 0.2)), at(CENTRES[0], place))
+    assert np.isfinite(points).all()
+    np.testing.assert_allclose(np.linalg.norm(points[:, 2:4], axis=1), 1.0, atol=1e-9)
+    assert ((points[:, :2] > -1.0) & (points[:, :2] < [lens.width, lens.height])).all()
+    seen = points[segments == 0]
+    assert len(seen) <= len(alone)
+    for x, y in seen[:, :2]:
+        assert np.abs(alone[:, :2] - [x, y]).sum(axis=1).min() < 1e-9
+    if place[2] < 0.1:
+        assert len(seen) == len(alone)
+
+
+def test_a_segment_without_a_number_is_not_there(lens: CameraModel) -> None:
+    surface, poses = surface_of(ball("seen", 0.2), ball("lost", 0.2)), at(CENTRES[0], CENTRES[0])
+    poses[1] = np.nan
+    points, segments, labels = contour(lens, surface, poses)
+    alone, _, _ = contour(lens, surface, at(CENTRES[0], (0, 0, -9.0)))
+    np.testing.assert_array_equal(points, alone)
+    assert set(np.unique(labels)) == {0, NOBODY} and (segments == 0).all()
+
+
+def test_a_hole_ends_a_surface_like_a_border() -> None:
+    """A sheet has no other side: its rim is all contour, and its normals point away from it."""
+    sheet = trimesh.creation.box(extents=(0.4, 0.3, 0.1)).subdivide().subdivide()
+    keep = np.asarray(sheet.face_normals)[:, 2] < -0.5
+    camera = LENSES["plumb_bob"]
+    surface = surface_of(Surface("sheet", np.asarray(sheet.vertices), np.asarray(sheet.faces[keep], np.int32)))
+    points, _, _ = contour(camera, surface, rigid(np.eye(3), np.array([0.0, 0.0, 1.5]))[None])
+    x, y = points[:, 4], points[:, 5]
+    on_side = np.abs(np.abs(x) - 0.2) < 1e-9
+    np.testing.assert_allclose(np.abs(y[~on_side]), 0.15)
+    expected = np.where(on_side[:, None], np.column_stack([np.sign(x), 0 * x]), np.column_stack([0 * y, np.sign(y)]))
+    assert (points[:, 2:4] * expected).sum(axis=1).min() > 0.99
+
+
+def test_replacing_a_mesh_by_itself_turned_changes_nothing() -> None:
+    """Whatever the segment's axes: pixels, normals, and the derivative turned."""
+    camera, surface = LENSES["plumb_bob"], ball("ball", 0.2)
+    turn = exp_so3(np.array([1.0, 0.4, -2.0]))
+    turned = replace(surface, vertices=surface.vertices @ turn.T)
+    points, _, _ = contour(camera, surface_of(surface), at(CENTRES[0]))
+    again, _, _ = contour(camera, surface_of(turned), at(CENTRES[0]) @ rigid(turn.T, np.zeros(3)))
+    np.testing.assert_allclose(again[:, :4], points[:, :4], atol=1e-9)
+    np.testing.assert_allclose(again[:, 7:] @ turn, points[:, 7:], atol=1e-6)

@@ -1,0 +1,217 @@
+"""A dressed person before clutter, painted by OpenCV, followed by three stations; every pose is known."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from outside.dressed_body import MIDDLE, DressedBody, looking_at, small_motion, stations_around
+from outside.painted_scene import grained
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
+from bodycam_ros.outside.articulated_step import ExpectedBody
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.station import Station
+from bodycam_ros.solving.camera_evidence import SegmentPose
+
+Array = NDArray[np.float64]
+Images = list[dict[str, NDArray[np.uint8]]]
+
+FRAMES = 9
+SETTINGS = RegionSettings()
+SIGMAS = np.repeat([0.05, 0.03], 3)  # of where the root is expected: where it was
+WELL_KNOWN = 0.1  # [rad], [m] sigma below which a direction is said to be known
+
+
+@pytest.fixture(scope="module")
+def dressed(sample) -> DressedBody:
+    body = read_body(sample / "body.yaml")
+    return DressedBody(body, capsule_surfaces(body), stations_around(3))
+
+
+@pytest.fixture(scope="module")
+def motion(dressed: DressedBody) -> Array:
+    return small_motion(dressed.body, FRAMES)
+
+
+@pytest.fixture(scope="module")
+def images(dressed: DressedBody, motion: Array) -> Images:
+    return [dressed.images(poses, 1.0, frame) for frame, poses in enumerate(motion)]
+
+
+@pytest.fixture(scope="module")
+def darkening(dressed: DressedBody, motion: Array) -> Images:
+    light = np.linspace(1.0, 0.7, FRAMES)
+    return [dressed.images(poses, light[frame], frame) for frame, poses in enumerate(motion)]
+
+
+def tracker_of(
+    dressed: DressedBody, stations: Mapping[str, Station] | None = None, settings: RegionSettings = SETTINGS
+) -> RegionTracker:
+    surface = BodySurface.of(dressed.body, dressed.surfaces)
+    return RegionTracker(dressed.body, surface, stations or dressed.stations, settings)
+
+
+def placed_by_hand(poses: Array, seed: int) -> Array:
+    """Every segment 3 cm and 6 degrees off, each in its own direction."""
+    directions = np.random.default_rng(seed).normal(size=(len(poses), 2, 3))
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    return poses @ exp_se3(np.concatenate([np.radians(6.0) * directions[:, 0], 0.03 * directions[:, 1]], axis=1))
+
+
+def joints_off(poses: Array, truth: Array) -> Array:
+    """(S,) distances of the segments' origins, which are their joints [m]."""
+    return np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1)
+
+
+def axes_off(poses: Array, truth: Array) -> Array:
+    """(S,) angles between the segments' long axes [deg]; about these, round limbs look the same."""
+    return np.degrees(np.arccos(np.clip((poses[:, :3, 2] * truth[:, :3, 2]).sum(axis=1), -1.0, 1.0)))
+
+
+def expected_at(poses: Array) -> ExpectedBody:
+    return ExpectedBody(poses, SIGMAS, 0.08)
+
+
+def by_segment(said: list[SegmentPose]) -> dict[str, SegmentPose]:
+    return {each.segment: each for each in said}
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_person_placed_by_hand_is_found(dressed: DressedBody, motion: Array, images: Images, seed: int) -> None:
+    placed = placed_by_hand(motion[0], seed)
+    found = tracker_of(dressed).begin(images[0], placed)
+    assert joints_off(placed, motion[0]).mean() > 0.02
+    assert joints_off(found, motion[0]).mean() < 0.01
+    assert joints_off(found, motion[0]).max() < 0.025
+    assert axes_off(found, motion[0]).mean() < 3.5 < axes_off(placed, motion[0]).mean()
+    np.testing.assert_allclose(
+        dressed.body.forward_kinematics(found[0], dressed.body.joint_rotations(found)), found, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("light", ["images", "darkening"])
+def test_a_person_is_followed(dressed: DressedBody, motion: Array, light: str, request: pytest.FixtureRequest) -> None:
+    """Also while the light goes down to 0.7 of what it was, which moves most colours to other bins."""
+    seen = request.getfixturevalue(light)
+    tracker = tracker_of(dressed)
+    poses = start = tracker.begin(seen[0], placed_by_hand(motion[0], 1))
+    for frame in range(1, FRAMES):
+        poses = tracker.look(seen[frame], expected_at(poses)).world_T_segment
+        assert joints_off(poses, motion[frame]).mean() < 0.012, frame
+        assert joints_off(poses, motion[frame]).max() < 0.035, frame
+        assert axes_off(poses, motion[frame]).mean() < 4.0, frame
+    assert joints_off(start, motion[-1]).mean() > 0.05
+
+
+def test_colours_that_are_not_learned_anew_know_less(dressed: DressedBody, motion: Array, darkening: Images) -> None:
+    shares = []
+    for rate in (SETTINGS.learning_rate, 0.0):
+        tracker = tracker_of(dressed, settings=replace(SETTINGS, learning_rate=rate))
+        tracker.begin(darkening[0], motion[0])
+        for frame in range(1, FRAMES):  # always where it is: only the colours matter here
+            seen = tracker.look(darkening[frame], expected_at(motion[frame]))
+        shares.append(np.mean([share.mean() for share in seen.confidence.values()]))
+    assert shares[0] > shares[1] + 0.05
+
+
+def test_what_a_station_says_is_as_far_off_as_it_says(dressed: DressedBody, motion: Array, images: Images) -> None:
+    tracker = tracker_of(dressed)
+    poses = tracker.begin(images[0], placed_by_hand(motion[0], 1))
+    squares, known = [], []
+    for frame in range(1, FRAMES):
+        seen = tracker.look(images[frame], expected_at(poses))
+        poses = seen.world_T_segment
+        for said in seen.evidence.values():
+            for each in said:
+                truth = motion[frame, dressed.body.segment_index[each.segment]]
+                off = log_se3(inverse(each.world_T_segment) @ truth)
+                squares.append(off @ np.linalg.solve(each.covariance, off))
+                variances, directions = np.linalg.eigh(each.covariance)
+                sure = variances < WELL_KNOWN**2
+                known += [*((directions.T @ off)[sure] / np.sqrt(variances[sure]))]
+    rms = np.sqrt(np.mean(np.square(known)))
+    print(
+        f"normalised squares of {len(squares)} poses of 6: mean {np.mean(squares):.2f}, median {np.median(squares):.2f}"
+    )
+    print(f"of {len(known)} directions that are known: rms {rms:.2f}")
+    assert len(squares) > 0.6 * (FRAMES - 1) * 3 * len(dressed.body.segments)
+    assert len(known) > 2 * len(squares)  # two directions at least, of most, and not all vague
+    assert 0.1 < rms < 1.7
+    assert np.quantile(squares, 0.9) < 12.6  # what chi-square of 6 exceeds once in 20 times
+
+
+def test_stations_together_are_surer_than_each(dressed: DressedBody, motion: Array, images: Images) -> None:
+    tracker = tracker_of(dressed)
+    tracker.begin(images[0], motion[0])
+    seen = tracker.look(images[1], expected_at(motion[0]))
+    together = by_segment(seen.together)
+    for said in seen.evidence.values():
+        for each in said:
+            gain = np.linalg.inv(together[each.segment].covariance) - np.linalg.inv(each.covariance)
+            assert np.linalg.eigvalsh(gain)[0] > -1e-6 * np.abs(gain).max()
+    # What a single station leaves open, the others close: a limb's place along the line of sight.
+    for segment in ("thigh_left", "shin_left", "torso"):
+        alone = [said[segment] for said in map(by_segment, seen.evidence.values()) if segment in said]
+        worst = max(np.linalg.eigvalsh(each.covariance[3:, 3:])[-1] for each in alone)
+        assert np.linalg.eigvalsh(together[segment].covariance[3:, 3:])[-1] < 0.5 * worst
+
+
+def test_what_something_covers_is_not_said_to_be_seen(dressed: DressedBody, motion: Array, images: Images) -> None:
+    """A board that nobody told of stands before the legs, in the sight of one station."""
+    tracker = tracker_of(dressed)
+    tracker.begin(images[0], motion[0])
+    covered, legs = "ext_00", ("shin_left", "shin_right", "foot_left", "foot_right")
+    pictures = dict(images[1])
+    pictures[covered] = pictures[covered].copy()
+    points, segments = tracker.views[covered].contour(motion[1])
+    rows = [dressed.body.segment_index[segment] for segment in legs]
+    top = int(points[np.isin(segments, rows), 1].min()) - 15
+    board = np.full_like(pictures[covered][top:], (170, 60, 160))
+    pictures[covered][top:] = grained(board, np.random.default_rng(1))
+    seen = tracker.look(pictures, expected_at(motion[0]))
+    said = {station: by_segment(each) for station, each in seen.evidence.items()}
+    for row, segment in zip(rows, legs, strict=True):
+        assert segment not in said[covered]
+        assert seen.confidence[covered][row] < SETTINGS.least_confidence
+    assert {"torso", "head"} <= set(said[covered])
+    assert {"shin_left", "shin_right"} <= set(said["ext_01"]) | set(said["ext_02"])
+    assert joints_off(seen.world_T_segment, motion[1]).max() < 0.03
+    # Nor are the board's colours taken for the legs'.
+    again = tracker.look(images[1], expected_at(motion[1]))
+    assert {"shin_left", "shin_right"} <= set(by_segment(again.evidence[covered]))
+
+
+def test_what_the_body_itself_hides_is_not_said_to_be_seen(dressed: DressedBody) -> None:
+    """Of a person who stands upright, one station at the left sees no right arm."""
+    body, station = dressed.body, dressed.stations["ext_00"]
+    upright = rigid(np.eye(3), MIDDLE)
+    poses = body.forward_kinematics(upright, np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+    left = Station("left", looking_at(MIDDLE + [0.0, 3.0, 0.3], MIDDLE + [0.0, 0.0, 0.3]), station.camera)
+    alone = replace(dressed, stations={"left": left})
+    tracker = tracker_of(alone)
+    pictures = alone.images(poses, 1.0, 0)
+    tracker.begin(pictures, poses)
+    seen = tracker.look(pictures, expected_at(poses))
+    said = by_segment(seen.evidence["left"])
+    assert "upper_arm_right" not in said and "upper_arm_right" not in by_segment(seen.together)
+    assert seen.confidence["left"][body.segment_index["upper_arm_right"]] == 0.0
+    assert {"upper_arm_left", "forearm_left", "shin_left", "head"} <= set(said)
+
+
+def test_an_instant_without_images_leaves_the_body_where_it_is_expected(dressed: DressedBody, motion: Array) -> None:
+    seen = tracker_of(dressed).look({}, expected_at(motion[0]))
+    assert seen.evidence == {} and seen.together == []
+    np.testing.assert_allclose(seen.world_T_segment[0], motion[0, 0], atol=1e-6)
+    assert axes_off(seen.world_T_segment, motion[0]).max() < 6.0  # joints may be drawn to where they rest
+
+
+def test_before_it_has_begun_nobody_is_seen(dressed: DressedBody, motion: Array, images: Images) -> None:
+    seen = tracker_of(dressed).look(images[0], expected_at(motion[0]))
+    assert all(said == [] for said in seen.evidence.values()) and seen.together == []
+    assert all((share == 0.0).all() for share in seen.confidence.values())
