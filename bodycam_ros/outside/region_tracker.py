@@ -16,6 +16,7 @@ from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.limb_search import LimbSearch, colours_from
+from bodycam_ros.outside.presence import Presence
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image, SegmentRegions, StationView
@@ -51,6 +52,7 @@ class RegionTracker:
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
         self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
+        self._presence = Presence(len(body.segments))
 
     def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
@@ -87,15 +89,25 @@ class RegionTracker:
             self.views[name].learn(image, poses, 1.0, ~lost)
             self.views[name].adopt(colours_from(self.body, lost))
 
+        found = self._limb_search(images, known).find(poses, lost)
+        self.learn(images, found)
+        return found
+
+    def _limb_search(self, images: Mapping[str, Image], known: Collection[SegmentPose]) -> LimbSearch:
+        """Looks for limbs in images of one instant."""
+
         def energy(tried: Array) -> float:
-            return sum(self.views[name].energy(image, tried) for name, image in images.items())
+            return float(self._energies(images, tried)[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
-        found = LimbSearch(self.body, energy, refine).find(poses, lost)
-        self.learn(images, found)
-        return found
+        return LimbSearch(self.body, energy, refine)
+
+    def _energies(self, images: Mapping[str, Image], poses: Array) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) of all images poses (S, 4, 4) explain, and how many (S,) the segments have."""
+        each = [self.views[name].energies(image, poses) for name, image in images.items()]
+        return np.sum([energies for energies, _ in each], axis=0), np.sum([pixels for _, pixels in each], axis=0)
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.
@@ -122,8 +134,14 @@ class RegionTracker:
         """
         start = self._step.closed(expected.world_T_segment)
         poses, before, said = self._found(images, start, expected, known)
+        lost = self._presence.lost(*self._energies(images, poses))
+        if self._presence.should_search:
+            found = self._limb_search(images, known).find(poses, lost)
+            expected = ExpectedBody(found, _LOOSE, float(_LOOSE[0]))
+            poses, before, said = self._found(images, found, expected, known)
+            lost = self._presence.lost(*self._energies(images, poses))
         confidence = {name: regions.confidence for name, regions in said.items()}
-        seen = {name: self._is_seen(regions) for name, regions in said.items()}
+        seen = {name: self._is_seen(regions) & ~lost for name, regions in said.items()}
         by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
             view = self.views[name]

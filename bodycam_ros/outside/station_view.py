@@ -83,8 +83,11 @@ class StationView:
         said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
 
-    def energy(self, image: Image, world_T_segment: Array) -> float:
-        """How much better a body at poses (S, 4, 4) explains an image than no body does (B eq. 8)."""
+    def energies(self, image: Image, world_T_segment: Array) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) the segments of a body at poses (S, 4, 4) explain better than no body does (B eq. 8).
+
+        Those that they explain worse are subtracted. The second value is how many pixels (S,) each has.
+        """
         _, _, labels = self._contour(world_T_segment)
         return weigh_areas(image, labels, _SHRINK, self._log_odds)
 
