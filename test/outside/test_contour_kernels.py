@@ -161,6 +161,15 @@ def test_the_contour_moves_with_the_segment_as_its_derivative_says(lens: CameraM
         assert np.abs(seen - expected).max() < 0.06 * np.abs(points[:, 7:]).max() * 0.004 + 0.02
 
 
+def test_a_label_is_that_of_the_middle_of_its_pixels(lens: CameraModel) -> None:
+    _, _, labels = contour(lens, surface_of(ball("ball", 0.2)), at(CENTRES[0]))
+    rim = opencv_pixels(lens, rim_of_ball(np.array(CENTRES[0]), 0.2))
+    row, column = np.indices(labels.shape)
+    middles = SHRINK * np.column_stack([column.ravel(), row.ravel()]) + 0.5 * (SHRINK - 1)
+    depth = depth_within(rim, middles)
+    assert (labels.ravel()[depth > 0.3] == 0).all() and (labels.ravel()[depth < -0.1] == NOBODY).all()
+
+
 NEAR, FAR = (0.1, 0.05, 1.3), (-0.05, 0.0, 2.0)
 
 
