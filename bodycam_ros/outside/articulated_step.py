@@ -39,10 +39,11 @@ class ArticulatedStep:
     """Moves the person of a body; equipment beside it stays where it is.
 
     Args:
-        body: segments and joints; a joint that is beyond its limits is drawn back to them.
+        body: segments and joints.
+        obeys_limits: whether joints are drawn back to their limits, and what hardly turns to its middle.
     """
 
-    def __init__(self, body: BodyModel) -> None:
+    def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
         self._body = body
         self._root = body.segment_index[body.root]
         self._beside = [body.segment_index[segment] for segment in body.equipment_segments]
@@ -55,10 +56,12 @@ class ArticulatedStep:
         self._turns = np.zeros((len(body.segments), len(joints)))
         for column, (_, joint) in enumerate(joints):
             self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
-        self._stiffness = np.array([_stiffness(joint) for _, joint in joints]).reshape(-1, 3, 3)
+        self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
         self._middle = middle_of_limits(body)[self._rows]
         self._joint_angles = JointAngles(body)
         self._low, self._high = angle_limits(body)
+        if not obeys_limits:
+            self._low, self._high = np.full_like(self._low, -np.inf), np.full_like(self._high, np.inf)
         self._at_zero = np.clip(np.zeros(len(self._low)), self._low, self._high)
 
     def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
@@ -148,13 +151,13 @@ class ArticulatedStep:
         return self.closed(moved)
 
 
-def _stiffness(joint: Joint) -> Array:
+def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
     """Information (3, 3) against turns that a joint's type forbids, or that it hardly ever makes, in its own axes."""
     axes = joint.axes_of_rotation
     weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
     if joint.type == "hinge":
         weights[0] = 0.0
-    if joint.type == "ball" and joint.limits:
+    if joint.type == "ball" and joint.limits and obeys_limits:
         for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
             if high - low < _NARROW_RAD:
                 weights["xyz".index(axis)] = max(0.25 * (high - low), _STIFF_RAD) ** -2.0

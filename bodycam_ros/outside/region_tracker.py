@@ -15,11 +15,15 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.limb_search import LimbSearch, colours_from
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image, SegmentRegions, StationView
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.seen_body import SeenBody
+
+_LOOSE = np.repeat([0.3, 0.05], 3)
+"""[rad], [m] how far a pose that was tried may be from where the images have it."""
 
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
@@ -77,6 +81,26 @@ class RegionTracker:
         everything = np.ones(len(self.body.segments), bool)
         for name, image in images.items():
             self.views[name].learn(image, self._step.closed(poses), 1.0, everything)
+
+    def find_limbs(self, images: Mapping[str, Image], poses: Array, known: Collection[SegmentPose]) -> Array:
+        """Poses (S, 4, 4) of a body of which others know some segments, and where the images have the rest of it."""
+        lost = np.ones(len(self.body.segments), bool)
+        lost[[self.body.segment_index[each.segment] for each in known]] = False
+        lost[[self.body.segment_index[segment] for segment in self.body.equipment_segments]] = False
+        poses = self._step.closed(poses)
+        for name, image in images.items():
+            self.views[name].learn(image, poses, 1.0, ~lost)
+            self.views[name].adopt(colours_from(self.body, lost))
+
+        def energy(tried: Array) -> float:
+            return sum(self.views[name].energy(image, tried) for name, image in images.items())
+
+        def refine(tried: Array) -> Array:
+            return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
+
+        found = LimbSearch(self.body, energy, refine).find(poses, lost)
+        self.learn(images, found)
+        return found
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.

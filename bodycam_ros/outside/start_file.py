@@ -81,7 +81,7 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
     sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
     information = np.zeros((len(body.segments), 6, 6))
     information[[body.segment_index[name] for name in placed]] = np.diag(sigmas**-2.0)
-    step = ArticulatedStep(body)
+    step = ArticulatedStep(body, obeys_limits=False)
     poses = step.closed(world_T_placed)
     for _ in range(_MOST_STEPS):
         vector = (information @ log_se3(inverse(poses) @ world_T_placed)[..., None])[..., 0]

@@ -1,5 +1,6 @@
 """What one station's images say of the segments of a body, by the colours on both sides of their contours (B 2.4)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import find_contour
-from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours
+from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, weigh_areas
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 
@@ -81,6 +82,18 @@ class StationView:
         least_px = self._settings.least_sigma * stride
         said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
+
+    def energy(self, image: Image, world_T_segment: Array) -> float:
+        """How much better a body at poses (S, 4, 4) explains an image than no body does (B eq. 8)."""
+        _, _, labels = self._contour(world_T_segment)
+        return weigh_areas(image, labels, _SHRINK, self._log_odds)
+
+    def adopt(self, source: Mapping[int, int]) -> None:
+        """Take the colours of one segment for those of another: row -> row that has them."""
+        for row, alike in source.items():
+            for known in (self._inside, self._outside, self._areas, self._log_odds):
+                known[row] = known[alike]
+        self._stands_out = self._differing()
 
     def learn(self, image: Image, world_T_segment: Array, rate: float, which: NDArray[np.bool_]) -> None:
         """Learn the colours of some segments (S,) at poses (S, 4, 4); of those never seen before, at once."""

@@ -64,12 +64,12 @@ class StationWatch:
     def look(
         self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
     ) -> SeenBody | None:
-        """As ``Onlookers.look``; the first images of a body that worn cameras have placed only teach its colours."""
+        """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
         pictures = self._decoded(images)
         if not pictures:
             return None
         if not self._has_colours:
-            self._tracker.learn(pictures, expected)
+            expected = self._tracker.find_limbs(pictures, expected, known)
             self._has_colours = True
         sigmas = np.hypot(motion_sigmas(dt_s, dt_s, self._motion), _FOLLOWED)
         joint_sigma = float(np.sqrt(2.0) * sigmas[0])

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from heapq import merge
 from pathlib import Path
@@ -12,26 +12,16 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import SeenLimits
-from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_record import EquipmentLog
-from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.messages.body import output_messages
-from bodycam_ros.messages.clocks import TIMING, timing_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
-from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
-from bodycam_ros.messages.status import Health, diagnostics_message, text_message
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
-from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.replay.body_feedback import BodyHints
@@ -46,11 +36,9 @@ from bodycam_ros.replay.camera_worker import (
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
 from bodycam_ros.replay.outside_input import OutsideInput, station_watch, stations_of
+from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.solving.seen_body import SeenBody
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
@@ -59,7 +47,6 @@ from bodycam_ros.verdict.verdict import Verdict
 logger = logging.getLogger(__name__)
 
 _TOGETHER = "all instants together"
-_DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
 def replay(
@@ -123,7 +110,7 @@ def replay(
     # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
     with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
         watch = skeleton.instants.watch
-        out = _Output(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
+        out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(
@@ -180,96 +167,6 @@ def replay(
     summary.remarks = (*clocks.remarks(), *rows.doubts().values())
     summary.elapsed_s = time.monotonic() - started
     return summary
-
-
-class _Output:
-    """The messages of a replay, on their way into the bag.
-
-    Attributes:
-        coupled: what was said of the equipment so far.
-    """
-
-    def __init__(
-        self,
-        writer: RecordingWriter,
-        body: BodyModel,
-        health: RegistrationHealth,
-        summary: ReplaySummary,
-        log: AgreementLog,
-        watch: ClockWatch,
-        equipment: Equipment | None,
-    ) -> None:
-        self._writer = writer
-        self._body = body
-        self._health = health
-        self._summary = summary
-        self._log = log
-        self._watch = watch
-        self._equipment = equipment
-        self._make = recorded_messages()
-        self._health_due_ns = -1
-        self._begun_ns = 0
-        self._limits = SeenLimits(body)
-        self.coupled = EquipmentLog()
-
-    def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
-        """What is known from the start: the map, if there is one."""
-        self._health_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
-        self._begun_ns = stamp_ns
-        if reference_map is not None:
-            points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
-            self._writer.write("/map/points", stamp_ns, points)
-
-    def write_robot(self) -> None:
-        """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
-        body, coupled = self._limits.body, self.coupled.record()
-        if coupled is not None and self._equipment is not None:
-            body = learned_body(body, self._equipment, coupled.values)
-        text = text_message(self._make, urdf_text(body))
-        self._writer.write("/robot_description", self._begun_ns, text)
-
-    def write_timings(self, timings: Mapping[str, ClockHistory]) -> None:
-        """Every camera's clock, from the beginning and from each time on that it was set."""
-        for camera, timing in timings.items():
-            for since_ns, message in timing_messages(self._make, timing):
-                self._writer.write(f"/{camera}{TIMING}", since_ns, message)
-
-    def write_registration(self, image: RegisteredImage) -> None:
-        """One image's tracks, landmarks and pose, and the cameras' health once a second."""
-        self._summary.registered[image.camera] += image.matches.world_T_camera is not None
-        self._health.add(image.matches)
-        for message in image.messages:
-            self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
-        if image.stamp_ns >= self._health_due_ns:
-            self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
-            self.write_health(image.stamp_ns)
-
-    def write_seen(self, stamp_ns: int, seen: SeenBody) -> None:
-        """What static cameras say of the segments at an instant."""
-        names = self._body.segments
-        for station, evidence in seen.evidence.items():
-            self._summary.registered[station] += bool(evidence)
-            confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))
-            message = segment_poses_message(self._make, stamp_ns, station, evidence, confidence)
-            self._writer.write(f"/{station}{SEGMENT_POSES}", stamp_ns, message)
-
-    def write_health(self, stamp_ns: int, *more: Health) -> None:
-        """How the cameras fared since the last report."""
-        clocks = {camera: timing.latest for camera, timing in self._watch.timings.items()}
-        health = [*self._health.report(clocks), *more]
-        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
-
-    def write_states(self, outputs: Iterable[BodyOutput]) -> None:
-        """The body at some instants."""
-        for output in outputs:
-            self._summary.solved += 1
-            self._summary.predicted += output.state.predicted
-            self._limits.widen(output.positions)
-            self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
-            if output.state.equipment is not None:
-                self.coupled.add(output.state.stamp_ns, output.state.equipment)
-            for topic, message in output_messages(self._make, output, self._body).items():
-                self._writer.write(topic, output.state.stamp_ns, message)
 
 
 def _metric_map(path: Path) -> ReferenceMap:

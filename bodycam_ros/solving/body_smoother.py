@@ -4,7 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -38,18 +38,16 @@ from bodycam_ros.solving.equipment_recorded import RecordedEquipment
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.going_on import GoingOn
 from bodycam_ros.solving.held_joint import HeldJoint
+from bodycam_ros.solving.looking_on import LookingOn
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
-from bodycam_ros.solving.seen_body import Onlookers, SeenBody
+from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.solving.start_poses import hung, led, seated, turned_on_joint
 from bodycam_ros.solving.whole_recording import WholeRecording
-
-_SEEN_RAD = 0.2
-"""Sigma of joints that static cameras see, beside what they say of the segments: it holds what no contour tells."""
 
 Array = NDArray[np.float64]
 
@@ -92,15 +90,12 @@ class BodySmoother:
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self.body, self._offline, self._on_progress, self._coupling = body, offline, on_progress, coupling
+        self._onlookers = onlookers
         self.settings = settings or SmootherSettings()
         self._cameras = {name: camera for name, camera in cameras.items() if name in body.mounts}
-        self._onlookers = onlookers
         if not self._cameras and onlookers is None:
-            there = ", ".join(cameras) or "there are none"
-            carried = ", ".join(body.mounts)
-            raise BodyError(
-                f"body {body.name}: none of the recording's cameras ({there}) is on it; it carries {carried}"
-            )
+            there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
+            raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
         self._motion = motion or MotionSettings()
         self._evidence = evidence or EvidenceSettings()
         self._mounted = MountedCameras(body, self._evidence)
@@ -115,7 +110,6 @@ class BodySmoother:
         self._memory = PoseMemory(body, memory or PoseMemorySettings(), self._coupled)
         self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
-        self._joint_ends = body.joint_ends
         self.refusals = RefusalLog(self._trust_settings.doubt_after)
         self._bridged_before = 0
         self._begin_anew()
@@ -137,7 +131,7 @@ class BodySmoother:
         self._trust = CameraTrust(self.body, self.settings.outlier_sigmas, self._trust_settings, self._motion)
         self._uncertainty = BodyCovariance(self.body, self._motion, self._covariance_settings, self._coupled)
         self._jumped: frozenset[int] = frozenset()
-        self._looked_at = np.zeros(len(self.body.segments), bool)
+        self._looking_on = LookingOn(self.body, self._onlookers)
         if self._coupling:
             self._coupling.begin_anew()
         self._outgoing = self.outgoing()
@@ -160,14 +154,13 @@ class BodySmoother:
         """Add one instant, later than the one before.
 
         Returns:
-            The states that are now old enough to publish; empty until the first camera is registered, or static ones
-            have found the body where it was placed.
+            The states that are now old enough to publish; empty until a camera is registered, or the body placed.
         """
         if self._coupling:
             self._coupling.begin(frame.stamp_ns)
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
-        placed = self._onlookers.begin(frame.images) if self._onlookers and not self._window.instants else []
+        placed = [] if self._window.instants else self._looking_on.begin(frame)
         if not self._window.instants and not registered and not placed:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
@@ -181,21 +174,20 @@ class BodySmoother:
         turns = self._predict_turns(measured, seen_by_pose, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
         observed = self._of_segments(seen.segment for seen in evidence.values())
-        joints_seen = observed[self._joint_ends].all(axis=1)
+        joints_seen = observed[self.body.joint_ends].all(axis=1)
         known = observed | self._of_segments(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
-        known |= self._looked_at
-        turning = known[self._joint_ends].all(axis=1)
+        known |= self._looking_on.rows
+        turning = known[self.body.joint_ends].all(axis=1)
         self._memory.machine_is_known = bool(self._coupling and self._coupling.placed)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
-        seen = self._look(frame, path, dt_s, [*evidence.values(), *placed])
-        path = self._as_looked_at(path, observed, seen)
-        expected = self._expected_as_seen(expected, observed, seen)
+        self._looking_on.look(frame, path, dt_s, [*evidence.values(), *placed])
+        path, expected = self._looking_on.path(path, observed), self._looking_on.expected(expected, observed)
         start = seated(path, trusted.seats)
         self._jumped = trusted.jumped
-        said = [*evidence.values(), *placed, *(each for said in seen.evidence.values() for each in said)]
-        held, holding = self._couple(frame.stamp_ns, dt_s, start, self._seen_by_any(trusted, seen))
+        said = [*evidence.values(), *placed, *self._looking_on.evidence]
+        held, holding = self._couple(frame.stamp_ns, dt_s, start, self._looking_on.with_worn(trusted.evidence))
         factors = {
             "cameras": self._factors.cameras(index, said),
             "turns": self._factors.turns(index, turns),
@@ -204,15 +196,13 @@ class BodySmoother:
             "contacts": self._contacts.factors(self._window, self._factors.key),
             "equipment": self._factors.equipment(index, start, held),
         }
-        turned_by = [turn for _, turn in turns]
-        uncertainty = self._uncertainty.update(dt_s, start, said, turned_by, expected, held)
+        uncertainty = self._uncertainty.update(dt_s, start, said, [turn for _, turn in turns], expected, held)
         stamps_ns = {camera: matches.stamp_ns for camera, matches in frame.matches.items()}
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
         recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
-        observed = observed | self._looked_at
-        speaking = len(evidence) + sum(bool(each) for each in seen.evidence.values())
+        observed, speaking = observed | self._looking_on.rows, len(evidence) + self._looking_on.speaking
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, speaking, uncertainty, recorded)
         self._window.add(instant, factors)
         self._going_on.learn_speeds(dt_s)
@@ -273,34 +263,6 @@ class BodySmoother:
             return [], None
         self._coupling.follow(stamp_ns, dt_s, start, seen)
         return self._coupling.places.joints(start, self._coupling.holding), self._coupling.holding
-
-    def _look(self, frame: BodyFrame, path: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
-        """What static cameras say of the instant."""
-        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
-        self._looked_at = self._of_segments(each.segment for each in (seen.together if seen else ()))
-        return seen or SeenBody({}, [], path, {})
-
-    def _as_looked_at(self, path: Array, observed: NDArray[np.bool_], seen: SeenBody) -> Array:
-        """Poses (S, 4, 4) where worn cameras have their segments, and static ones the others."""
-        if not self._looked_at.any():
-            return path
-        return np.where(observed[:, None, None], path, seen.world_T_segment)
-
-    def _expected_as_seen(
-        self, expected: ExpectedJoints, observed: NDArray[np.bool_], seen: SeenBody
-    ) -> ExpectedJoints:
-        """Joints that static cameras see are expected where those have them: a limb may spin about its long axis."""
-        looked_at = (observed | self._looked_at)[self._joint_ends].all(axis=1)[expected.rows]
-        if not looked_at.any():
-            return expected
-        rotations = self.body.joint_rotations(seen.world_T_segment)[expected.rows]
-        return expected.told(looked_at, rotations, _SEEN_RAD)
-
-    def _seen_by_any(self, trusted: Trusted, seen: SeenBody) -> Mapping[str, SegmentPose]:
-        """What cameras say of their segments, and static ones together of those that carry none."""
-        worn = {each.segment for each in trusted.evidence.values()}
-        outside = {f"outside {each.segment}": each for each in seen.together if each.segment not in worn}
-        return trusted.evidence | outside
 
     def _weak_evidence(self, frame: BodyFrame, trusted: Trusted, path: Array) -> dict[str, SegmentPose]:
         """What cameras say that are not registered, and what the refused ones say when they are asked again."""

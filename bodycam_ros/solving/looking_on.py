@@ -1,0 +1,80 @@
+"""Static cameras beside worn ones: what each instant takes from them, and what it leaves to the worn."""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array
+from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.pose_memory import ExpectedJoints
+from bodycam_ros.solving.seen_body import Onlookers, SeenBody
+
+_SEEN_RAD = 0.2
+"""Sigma of joints that static cameras see, beside what they say of the segments: it holds what no contour tells."""
+
+Mask = NDArray[np.bool_]
+
+
+class LookingOn:
+    """Asks the static cameras of a body, and remembers what they saw of the latest instant.
+
+    Args:
+        body: that is looked at.
+        onlookers: static cameras; None where there are none.
+
+    Attributes:
+        seen: what they say of the latest instant.
+        rows: (S,) which segments any of them sees.
+    """
+
+    def __init__(self, body: BodyModel, onlookers: Onlookers | None) -> None:
+        self._body, self._onlookers = body, onlookers
+        self.seen = SeenBody({}, [], np.zeros((len(body.segments), 4, 4)), {})
+        self.rows = np.zeros(len(body.segments), bool)
+
+    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
+        """Where the body was placed by hand in its first images; empty if nobody did."""
+        return self._onlookers.begin(frame.images) if self._onlookers and frame.images else []
+
+    def look(self, frame: BodyFrame, path: Array, dt_s: float, known: Collection[SegmentPose]) -> None:
+        """Ask them of an instant at which the body should be at poses (S, 4, 4).
+
+        Args:
+            frame: their images.
+            path: where the body should be.
+            dt_s: since the instant before [s].
+            known: what the worn cameras say.
+        """
+        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
+        self.seen = seen or SeenBody({}, [], path, {})
+        self.rows = np.zeros(len(path), bool)
+        self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
+
+    @property
+    def evidence(self) -> list[SegmentPose]:
+        """All that they say of the instant."""
+        return [each for said in self.seen.evidence.values() for each in said]
+
+    @property
+    def speaking(self) -> int:
+        """How many of them say something."""
+        return sum(bool(said) for said in self.seen.evidence.values())
+
+    def path(self, path: Array, observed: Mask) -> Array:
+        """Poses (S, 4, 4) where worn cameras have the segments that they observe (S,), and static ones the others."""
+        return np.where(observed[:, None, None], path, self.seen.world_T_segment) if self.rows.any() else path
+
+    def expected(self, expected: ExpectedJoints, observed: Mask) -> ExpectedJoints:
+        """Joints that they see are expected where they have them: a limb may spin about its long axis."""
+        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1)[expected.rows] & self.rows.any()
+        if not seen.any():
+            return expected
+        return expected.told(seen, self._body.joint_rotations(self.seen.world_T_segment)[expected.rows], _SEEN_RAD)
+
+    def with_worn(self, worn: Mapping[str, SegmentPose]) -> Mapping[str, SegmentPose]:
+        """What worn cameras say of their segments, and static ones together of those that carry none."""
+        theirs = {each.segment for each in worn.values()}
+        return dict(worn) | {f"outside {e.segment}": e for e in self.seen.together if e.segment not in theirs}
