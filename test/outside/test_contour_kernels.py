@@ -293,6 +293,21 @@ def test_a_hole_ends_a_surface_like_a_border() -> None:
     assert (points[:, 2:4] * expected).sum(axis=1).min() > 0.99
 
 
+def test_the_rim_of_a_sheet_that_looks_away_is_no_border() -> None:
+    """Of two sheets side by side, of which one is seen from behind, the other alone has a contour."""
+    vertices = np.array([[x, y, 0.0] for x in (-0.2, 0.0, 0.2) for y in (-0.15, 0.15)])
+    seen, away = [[0, 1, 3], [0, 3, 2]], [[2, 4, 5], [2, 5, 3]]
+    camera, pose = LENSES["plumb_bob"], rigid(np.eye(3), np.array([0.0, 0.0, 1.5]))[None]
+    alone, _, _ = contour(camera, surface_of(Surface("sheet", vertices, np.array(seen, np.int32))), pose)
+    apart = np.concatenate([vertices, vertices + [1e-6, 0.0, 0.0]])  # no edge in common
+    both = np.array([*(np.array(away) + len(vertices)), *seen], np.int32)
+    points, _, _ = contour(camera, surface_of(Surface("sheet", apart, both)), pose)
+    assert len(alone) > 50
+    for point in points:
+        assert np.abs(alone[:, :4] - point[:4]).max(axis=1).min() < 1.1 * SPACING_PX  # none with another normal
+    assert len(points) == pytest.approx(len(alone), abs=4)
+
+
 def test_replacing_a_mesh_by_itself_turned_changes_nothing() -> None:
     """Whatever the segment's axes: pixels, normals, and the derivative turned."""
     camera, surface = LENSES["plumb_bob"], ball("ball", 0.2)
