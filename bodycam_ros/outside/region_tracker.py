@@ -29,6 +29,8 @@ _LOOSE = np.repeat([0.3, 0.05], 3)
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
 
+_AS_ONE_RAD = 0.01  # of joints while a body that was placed by hand moves as one
+
 
 class RegionTracker:
     """Follows a body in the images of stations.
@@ -58,15 +60,18 @@ class RegionTracker:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
 
         Colours beside a contour that is some centimetres off are mixed, so they are learned anew as the body is found.
+        It moves as one at first: feet are far off where the whole body is turned, and a leg may be taken for the other.
         """
         of = self._settings
         placed = self._step.closed(placed)
         joint_sigma = np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
         sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
-        expected = ExpectedBody(placed, sigmas, joint_sigma)
+        expected = ExpectedBody(placed, sigmas, _AS_ONE_RAD)
         poses = placed
         everything = np.ones(len(self.body.segments), bool)
         for turn in range(of.start_rounds):
+            if turn == of.start_rounds // 2:
+                expected = ExpectedBody(poses, sigmas, joint_sigma)
             for name, image in images.items():
                 self.views[name].learn(image, poses, 1.0 if turn == 0 else 0.5, everything)
             poses = self._found(images, poses, expected)[0]
