@@ -137,6 +137,8 @@ class RegionTracker:
             expected: where it should be.
             known: what others say of some segments; the body as a whole obeys it.
         """
+        for name in images:
+            self.views[name].borrow(other for other in self.views.values() if other is not self.views[name])
         start = self._step.closed(expected.world_T_segment)
         poses, before, said = self._found(images, start, expected, known)
         lost = self._presence.lost(*self._energies(images, poses))

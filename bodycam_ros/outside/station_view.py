@@ -1,6 +1,6 @@
 """What one station's images say of the segments of a body, by the colours on both sides of their contours (B 2.4)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +54,9 @@ class StationView:
         surface: of the body.
         settings: lines and colours.
         jointed: (S, S) which segments a joint ties to each other.
+
+    Attributes:
+        areas: (S, COLOURS) share of each colour where a segment is in front; zero while it has not been.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class StationView:
         self._lens = station.camera.parameters
         self._inside = np.zeros((surface.segment_count, COLOURS))
         self._outside = np.zeros((surface.segment_count, COLOURS))
-        self._areas = np.zeros((surface.segment_count, COLOURS))
+        self.areas = np.zeros((surface.segment_count, COLOURS))
         self._log_odds = np.zeros((surface.segment_count, COLOURS), np.float32)
 
     @property
@@ -91,10 +94,20 @@ class StationView:
         _, _, labels = self._contour(world_T_segment)
         return weigh_areas(image, labels, _SHRINK, self._log_odds)
 
+    def borrow(self, others: Iterable["StationView"]) -> None:
+        """Take colours that it does not know from stations that do: clothes look alike from all sides."""
+        shared = sum((other.areas for other in others), np.zeros_like(self.areas))
+        rows = np.flatnonzero(~self.areas.any(axis=1) & shared.any(axis=1))
+        if not len(rows):
+            return
+        self.areas[rows] = self._inside[rows] = shared[rows] / shared[rows].sum(axis=1, keepdims=True)
+        self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
+        self._stands_out = self._differing()
+
     def adopt(self, source: Mapping[int, int]) -> None:
         """Take the colours of one segment for those of another: row -> row that has them."""
         for row, alike in source.items():
-            for known in (self._inside, self._outside, self._areas, self._log_odds):
+            for known in (self._inside, self._outside, self.areas, self._log_odds):
                 known[row] = known[alike]
         self._stands_out = self._differing()
 
@@ -108,7 +121,7 @@ class StationView:
         areas = count_areas(image, labels, _SHRINK, len(which))
         # Of a segment that is in front of others alike, no line says what is inside.
         inside = np.where(inside.sum(axis=1, keepdims=True) > _LEAST_PIXELS, inside, areas)
-        for known, counts in ((self._inside, inside), (self._outside, outside), (self._areas, areas)):
+        for known, counts in ((self._inside, inside), (self._outside, outside), (self.areas, areas)):
             self._blend(known, counts, rate, which)
         self._log_odds[:] = np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN))
         self._stands_out = self._differing()
@@ -128,8 +141,8 @@ class StationView:
 
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""
-        roots = np.sqrt(self._areas)
-        known = self._areas.sum(axis=1) > 0.0
+        roots = np.sqrt(self.areas)
+        known = self.areas.sum(axis=1) > 0.0
         differs = (roots @ roots.T < _ALIKE) & np.outer(known, known)
         return np.ascontiguousarray(differs & ~self._jointed, np.uint8)
 
