@@ -86,7 +86,7 @@ def find_contour(
             continue
         segment = segment_of_vertex[a]
         normal_x, normal_y = along_y / length, -along_x / length
-        inner = first if towards[first] else second
+        inner = second if second >= 0 and towards[second] else first
         if _lies_towards(pixels, faces, inner, a, normal_x, normal_y):
             normal_x, normal_y = -normal_x, -normal_y
         at = spacing_px - left_over[segment]

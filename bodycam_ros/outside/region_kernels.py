@@ -103,22 +103,26 @@ def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) ->
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f4[:, ::1])")
-def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> float:
-    """How much better an image is explained with the body in it than without (B eq. 8), in pixels of the labels.
+def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
+    """How much better an image is explained with segments in it than without (B eq. 8).
 
     Args:
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment is in front, at a part of the resolution.
         log_odds: (S, COLOURS) as of ``ask_lines``.
+
+    Returns:
+        Of the pixels that each segment has: how many (S,) more it explains than it does not, and how many (S,) all are.
     """
-    energy = 0.0
+    energies, pixels = np.zeros(len(log_odds)), np.zeros(len(log_odds), np.int64)
     for row in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             segment = labels[row, column]
             if segment < len(log_odds):
                 colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
-                energy += math.tanh(0.5 * log_odds[segment, colour])
-    return energy
+                energies[segment] += math.tanh(0.5 * log_odds[segment, colour])
+                pixels[segment] += 1
+    return energies, pixels
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8, f8)")

@@ -16,6 +16,7 @@ from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.limb_search import LimbSearch, colours_from
+from bodycam_ros.outside.presence import Presence
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Contour, Image, SegmentRegions, StationView
@@ -25,10 +26,10 @@ from bodycam_ros.solving.seen_body import SeenBody
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] how far a pose that was tried may be from where the images have it."""
 
-_ROUNDS_A_CONTOUR = 2  # in which it is found once, and then carried on with the body
-
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
+
+_AS_ONE_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
 
 class RegionTracker:
@@ -53,20 +54,24 @@ class RegionTracker:
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
         self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
+        self._presence = Presence(len(body.segments))
 
     def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
 
         Colours beside a contour that is some centimetres off are mixed, so they are learned anew as the body is found.
+        It moves as one at first: feet are far off where the whole body is turned, and a leg may be taken for the other.
         """
         of = self._settings
         placed = self._step.closed(placed)
         joint_sigma = np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
         sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
-        expected = ExpectedBody(placed, sigmas, joint_sigma)
+        expected = ExpectedBody(placed, sigmas, _AS_ONE_RAD)
         poses = placed
         everything = np.ones(len(self.body.segments), bool)
         for turn in range(of.start_rounds):
+            if turn == of.start_rounds // 2:
+                expected = ExpectedBody(poses, sigmas, joint_sigma)
             for name, image in images.items():
                 view = self.views[name]
                 view.learn(image, view.contour(poses), 1.0 if turn == 0 else 0.5, everything)
@@ -90,15 +95,28 @@ class RegionTracker:
             self.views[name].learn(image, self.views[name].contour(poses), 1.0, ~lost)
             self.views[name].adopt(colours_from(self.body, lost))
 
+        found = self._limb_search(images, known).find(poses, lost)
+        self.learn(images, found)
+        return found
+
+    def _limb_search(self, images: Mapping[str, Image], known: Collection[SegmentPose]) -> LimbSearch:
+        """Looks for limbs in images of one instant."""
+
         def energy(tried: Array) -> float:
-            return sum(self.views[name].energy(image, tried) for name, image in images.items())
+            contours = {name: self.views[name].contour(tried) for name in images}
+            return float(self._energies(images, contours)[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
-        found = LimbSearch(self.body, energy, refine).find(poses, lost)
-        self.learn(images, found)
-        return found
+        return LimbSearch(self.body, energy, refine)
+
+    def _energies(
+        self, images: Mapping[str, Image], contours: Mapping[str, Contour]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) of all images a body in its contours explains, and how many (S,) its segments have."""
+        each = [self.views[name].energies(image, contours[name]) for name, image in images.items()]
+        return np.sum([energies for energies, _ in each], axis=0), np.sum([pixels for _, pixels in each], axis=0)
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.
@@ -123,10 +141,18 @@ class RegionTracker:
             expected: where it should be.
             known: what others say of some segments; the body as a whole obeys it.
         """
+        for name in images:
+            self.views[name].borrow(other for other in self.views.values() if other is not self.views[name])
         start = self._step.closed(expected.world_T_segment)
         poses, before, said, contours = self._found(images, start, expected, known)
+        lost = self._presence.lost(*self._energies(images, contours))
+        if self._presence.should_search:
+            found = self._limb_search(images, known).find(poses, lost)
+            expected = ExpectedBody(found, _LOOSE, float(_LOOSE[0]))
+            poses, before, said, contours = self._found(images, found, expected, known)
+            lost = self._presence.lost(*self._energies(images, contours))
         confidence = {name: regions.confidence for name, regions in said.items()}
-        seen = {name: self._is_seen(regions) for name, regions in said.items()}
+        seen = {name: self._is_seen(regions) & ~lost for name, regions in said.items()}
         by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
             view = self.views[name]
@@ -145,8 +171,8 @@ class RegionTracker:
         for turn in range(self._settings.rounds):
             stride = max(1, self._settings.coarse_stride >> turn)
             for name in images:
-                view, is_old = self.views[name], turn % _ROUNDS_A_CONTOUR > 0
-                contours[name] = view.carried(contours[name], poses) if is_old else view.contour(poses)
+                view = self.views[name]
+                contours[name] = view.carried(contours[name], poses) if name in contours else view.contour(poses)
             said = {name: self.views[name].look(image, contours[name], stride) for name, image in images.items()}
             information = sum((regions.information for regions in said.values()), np.zeros((len(poses), 6, 6)))
             vector = sum((regions.vector for regions in said.values()), np.zeros((len(poses), 6)))

@@ -1,6 +1,6 @@
 """What one station's images say of the segments of a body, by the colours on both sides of their contours (B 2.4)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
+_CARRIED_PX = 6.0  # that no point of a contour is carried on from where it was found
 _MOST_POINTS = 6000
 _UNSEEN = 1e-4  # likelihood of a colour that was never seen: noise, and what stands before the background for a moment
 _ALIKE = 0.5  # Bhattacharyya coefficient from which on the colours of two segments are one
@@ -69,6 +70,9 @@ class StationView:
         surface: of the body.
         settings: lines and colours.
         jointed: (S, S) which segments a joint ties to each other.
+
+    Attributes:
+        areas: (S, COLOURS) share of each colour where a segment is in front; zero while it has not been.
     """
 
     def __init__(
@@ -80,7 +84,7 @@ class StationView:
         self._stands_out = np.zeros(jointed.shape, np.uint8)
         self._camera_T_world = inverse(station.world_T_camera)
         self._lens = station.camera.parameters
-        self._inside, self._outside, self._areas, self._log_odds = (
+        self._inside, self._outside, self.areas, self._log_odds = (
             np.zeros((surface.segment_count, COLOURS), np.float32) for _ in range(4)
         )
 
@@ -115,9 +119,11 @@ class StationView:
         )
 
     def carried(self, contour: Contour, world_T_segment: Array) -> Contour:
-        """A contour of a body that has since moved a little, to poses (S, 4, 4): quicker, and as good."""
+        """A contour of a body that has since moved to poses (S, 4, 4): quicker, and as good unless it has moved far."""
         camera_T_segment = as_rows(self._camera_T_world @ world_T_segment)
         points, segments = carry_contour(self._lens, camera_T_segment, contour.points, contour.segments)
+        if np.abs(points[:, :2] - points[:, 10:]).max(initial=0.0) > _CARRIED_PX:
+            return self.contour(world_T_segment)
         return Contour(points, segments, contour.labels)
 
     def look(self, image: Image, contour: Contour, stride: int) -> SegmentRegions:
@@ -127,14 +133,28 @@ class StationView:
         said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
 
-    def energy(self, image: Image, world_T_segment: Array) -> float:
-        """How much better a body at poses (S, 4, 4) explains an image than no body does (B eq. 8)."""
-        return weigh_areas(image, self.contour(world_T_segment).labels, _SHRINK, self._log_odds)
+    def energies(self, image: Image, contour: Contour) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) the segments of a body explain better than no body does (B eq. 8).
+
+        Those that they explain worse are subtracted. The second value is how many pixels (S,) each has.
+        """
+        return weigh_areas(image, contour.labels, _SHRINK, self._log_odds)
+
+    def borrow(self, others: Iterable["StationView"]) -> None:
+        """Take colours that it does not know from stations that do: clothes look alike from all sides."""
+        rows = np.flatnonzero(~self.areas.any(axis=1))
+        shared = sum((other.areas[rows] for other in others), np.zeros((len(rows), COLOURS), np.float32))
+        rows, shared = rows[shared.any(axis=1)], shared[shared.any(axis=1)]
+        if not len(rows):
+            return
+        self.areas[rows] = self._inside[rows] = shared / shared.sum(axis=1, keepdims=True)
+        self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
+        self._stands_out = self._differing()
 
     def adopt(self, source: Mapping[int, int]) -> None:
         """Take the colours of one segment for those of another: row -> row that has them."""
         for row, alike in source.items():
-            for known in (self._inside, self._outside, self._areas, self._log_odds):
+            for known in (self._inside, self._outside, self.areas, self._log_odds):
                 known[row] = known[alike]
         self._stands_out = self._differing()
 
@@ -147,7 +167,7 @@ class StationView:
         areas = count_areas(image, contour.labels, _SHRINK, len(which))
         # Of a segment that is in front of others alike, no line says what is inside.
         inside = np.where(inside.sum(axis=1, keepdims=True) > _LEAST_PIXELS, inside, areas)
-        for known, counts in ((self._inside, inside), (self._outside, outside), (self._areas, areas)):
+        for known, counts in ((self._inside, inside), (self._outside, outside), (self.areas, areas)):
             self._blend(known, counts, rate, which)
         np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN), out=self._log_odds)
         self._stands_out = self._differing()
@@ -162,7 +182,7 @@ class StationView:
 
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""
-        roots = np.sqrt(self._areas)
-        known = self._areas.sum(axis=1) > 0.0
+        roots = np.sqrt(self.areas)
+        known = self.areas.sum(axis=1) > 0.0
         differs = (roots @ roots.T < _ALIKE) & np.outer(known, known)
         return np.ascontiguousarray(differs & ~self._jointed, np.uint8)
