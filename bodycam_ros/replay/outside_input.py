@@ -40,15 +40,13 @@ class OutsideInput:
     start: Path | None = None
 
 
-def stations_of(
-    given: OutsideInput, reference_map: ReferenceMap | None, cameras: Collection[str]
-) -> dict[str, Station]:
-    """The stations that a recording has images of.
+def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
+    """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
     Raises:
         StationError: the file cannot be used, or the recording has none of its cameras.
     """
-    stations = read_stations(given.stations, reference_map)
+    stations, cameras = read_stations(given.stations, reference_map), recording.cameras
     there = {name: station for name, station in stations.items() if name in cameras}
     if not there:
         raise StationError(
@@ -57,7 +55,7 @@ def stations_of(
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
-    for name, station in there.items():
+    for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
 
