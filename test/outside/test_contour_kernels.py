@@ -32,7 +32,7 @@ from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.closed_surface import closed_surface
-from bodycam_ros.outside.contour_kernels import NOBODY, POINT
+from bodycam_ros.outside.contour_kernels import NOBODY, POINT, carry_contour
 from bodycam_ros.outside.limb_mesh import Ball, limb_mesh
 from bodycam_ros.outside.surface import Surface
 
@@ -90,7 +90,7 @@ def test_the_derivative_is_that_of_the_pixel_along_the_normal(lens: CameraModel)
             opencv_pixels(lens, transform_points(pose[0], points[:, 4:7] + h * np.eye(3)[axis])) for h in (step, -step)
         ]
         numeric = ((ends[0] - ends[1]) / (2.0 * step) * points[:, 2:4]).sum(axis=1)
-        np.testing.assert_allclose(points[:, 7 + axis], numeric, atol=1e-3 * np.abs(points[:, 7:]).max())
+        np.testing.assert_allclose(points[:, 7 + axis], numeric, atol=1e-3 * np.abs(points[:, 7:10]).max())
 
 
 def test_the_contour_moves_with_the_segment_as_its_derivative_says(lens: CameraModel) -> None:
@@ -101,8 +101,37 @@ def test_the_contour_moves_with_the_segment_as_its_derivative_says(lens: CameraM
     for shift in 0.004 * np.eye(3):
         moved = opencv_pixels(lens, rim_of_ball(pose[0, :3, 3] + TURNED @ shift, radius))
         seen = before - beside(moved, points[:, :2])[0]
-        expected = points[:, 7:] @ shift
-        assert np.abs(seen - expected).max() < 0.06 * np.abs(points[:, 7:]).max() * 0.004 + 0.02
+        expected = points[:, 7:10] @ shift
+        assert np.abs(seen - expected).max() < 0.06 * np.abs(points[:, 7:10]).max() * 0.004 + 0.02
+
+
+def test_a_contour_is_carried_on_with_its_segment(lens: CameraModel) -> None:
+    """Which has gone on by 3 cm and some degrees: to the rim that it has there, but for what it turned towards us."""
+    radius, before, after = 0.2, at(CENTRES[0]), at(CENTRES[0])
+    after[0] = after[0] @ rigid(exp_so3(np.array([0.03, -0.02, 0.04])), np.array([0.02, -0.02, 0.01]))
+    points, segments, _ = contour(lens, surface_of(ball("ball", radius)), before)
+    carried, remaining = carry_contour(lens.parameters, after, points, segments)
+    assert len(carried) == len(points) and (remaining == segments).all()
+    np.testing.assert_allclose(
+        carried[:, :2], opencv_pixels(lens, transform_points(after[0], points[:, 4:7])), atol=1e-6
+    )
+    np.testing.assert_array_equal(carried[:, 10:], points[:, :2])
+    np.testing.assert_array_equal(carried[:, 2:7], points[:, 2:7])
+    rim = opencv_pixels(lens, rim_of_ball(after[0, :3, 3], radius))
+    assert np.abs(carried[:, :2] - points[:, :2]).max() > 5.0
+    assert np.abs(beside(rim, carried[:, :2])[0]).max() < 0.5
+    again, _ = carry_contour(lens.parameters, before, carried, remaining)
+    np.testing.assert_allclose(again, points, atol=1e-9 * np.abs(points).max())
+
+
+def test_a_contour_is_not_carried_behind_the_camera(lens: CameraModel) -> None:
+    surface = surface_of(ball("stays", 0.2), ball("leaves", 0.2))
+    points, segments, _ = contour(lens, surface, at(CENTRES[0], CENTRES[2]))
+    assert set(segments) == {0, 1}
+    away = at(CENTRES[0], (0.0, 0.0, -2.0))
+    carried, remaining = carry_contour(lens.parameters, away, points, segments)
+    np.testing.assert_allclose(carried, points[segments == 0], atol=1e-9 * np.abs(points).max())
+    assert (remaining == 0).all()
 
 
 def test_a_label_is_that_of_the_middle_of_its_pixels(lens: CameraModel) -> None:
@@ -248,4 +277,4 @@ def test_replacing_a_mesh_by_itself_turned_changes_nothing() -> None:
     points, _, _ = contour(camera, surface_of(surface), at(CENTRES[0]))
     again, _, _ = contour(camera, surface_of(turned), at(CENTRES[0]) @ rigid(turn.T, np.zeros(3)))
     np.testing.assert_allclose(again[:, :4], points[:, :4], atol=1e-9)
-    np.testing.assert_allclose(again[:, 7:] @ turn, points[:, 7:], atol=1e-6)
+    np.testing.assert_allclose(again[:, 7:10] @ turn, points[:, 7:10], atol=1e-6)

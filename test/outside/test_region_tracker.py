@@ -190,9 +190,9 @@ def test_what_something_covers_is_not_said_to_be_seen(dressed: DressedBody, moti
     covered, legs = "ext_00", ("shin_left", "shin_right", "foot_left", "foot_right")
     pictures = dict(images[1])
     pictures[covered] = pictures[covered].copy()
-    points, segments = tracker.views[covered].contour(motion[1])
+    contour = tracker.views[covered].contour(motion[1])
     rows = [dressed.body.segment_index[segment] for segment in legs]
-    top = int(points[np.isin(segments, rows), 1].min()) - 15
+    top = int(contour.points[np.isin(contour.segments, rows), 1].min()) - 15
     board = np.full_like(pictures[covered][top:], (170, 60, 160))
     pictures[covered][top:] = grained(board, np.random.default_rng(1))
     seen = tracker.look(pictures, expected_at(motion[0]))
