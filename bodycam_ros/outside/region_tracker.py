@@ -5,7 +5,7 @@ expected; the last round's lines are what the stations have to say. They say it 
 camera does, so that the solver weighs them like any other camera.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,20 +103,24 @@ class RegionTracker:
         """Looks for limbs in images of one instant."""
 
         def energy(tried: Array) -> float:
-            contours = {name: self.views[name].contour(tried) for name in images}
-            return float(self._energies(images, contours)[0].sum())
+            return float(self._energies(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
         return LimbSearch(self.body, energy, refine)
 
+    def _contours(self, images: Iterable[str], poses: Array) -> dict[str, Contour]:
+        """Contours of a body at poses (S, 4, 4), by station."""
+        return {name: self.views[name].contour(poses) for name in images}
+
     def _energies(
         self, images: Mapping[str, Image], contours: Mapping[str, Contour]
     ) -> tuple[Array, NDArray[np.int64]]:
-        """How many pixels (S,) of all images a body in its contours explains, and how many (S,) its segments have."""
+        """How many pixels (S,) of all images contours explain, and how many (S,) the segments have."""
         each = [self.views[name].energies(image, contours[name]) for name, image in images.items()]
-        return np.sum([energies for energies, _ in each], axis=0), np.sum([pixels for _, pixels in each], axis=0)
+        none = np.zeros(len(self.body.segments), np.int64)  # of an instant without images
+        return sum((energies for energies, _ in each), none.astype(float)), sum((pixels for _, pixels in each), none)
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.
