@@ -119,17 +119,18 @@ class ArticulatedStep:
         weights = expected.root_sigmas**-2.0
         A[range(_ROOT), range(_ROOT)] += weights
         b[:_ROOT] -= weights * deviation
-        rotations = self._body.joint_rotations(poses)
-        turned, turned_before = rotations[self._rows], self._body.joint_rotations(before)[self._rows]
+        rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
+        turned, turned_before = rotations[self._rows], rotations_before[self._rows]
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        beyond = log_so3(turned @ np.swapaxes(self._within_limits(rotations)[self._rows], 1, 2))
+        within = self._within_limits(rotations)[self._rows]
+        of = np.swapaxes([within, turned_before, self._middle], 2, 3)
+        beyond, since_before, off_middle = log_so3(turned @ of)
         far = np.linalg.norm(beyond, axis=1)[:, None]
         along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
         information = self._stiffness + expected.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
-        pull = expected.joint_sigma**-2.0 * log_so3(turned @ np.swapaxes(turned_before, 1, 2))
-        pull += beyond / _LIMIT_RAD**2
-        pull += (self._stiffness @ log_so3(turned @ np.swapaxes(self._middle, 1, 2))[..., None])[..., 0]
+        pull = expected.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
+        pull += (self._stiffness @ off_middle[..., None])[..., 0]
         information = world_R_joint @ information @ joint_R_world
         pull = (world_R_joint @ pull[..., None])[..., 0]
         A[self._blocks] += information

@@ -15,7 +15,7 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
-_CARRIED_PX = 6.0  # that no point of a contour is carried on from where it was found
+_CARRIED_PX = 4.0  # that no point of a contour is carried on from where it was found
 _MOST_POINTS = 6000
 _UNSEEN = 1e-4  # likelihood of a colour that was never seen: noise, and what stands before the background for a moment
 _ALIKE = 0.5  # Bhattacharyya coefficient from which on the colours of two segments are one
@@ -175,10 +175,12 @@ class StationView:
     @staticmethod
     def _blend(known: Counts, counts: Counts, rate: float, which: NDArray[np.bool_]) -> None:
         """Let what is known (S, COLOURS) of some segments follow what is counted; what is new is taken as it is."""
-        enough = which & (counts.sum(axis=1) > _LEAST_PIXELS)
-        share = counts[enough] / counts[enough].sum(axis=1, keepdims=True)
-        fresh = known[enough].sum(axis=1, keepdims=True) == 0.0
-        known[enough] += np.where(fresh, 1.0, rate).astype(np.float32) * (share - known[enough])
+        total = counts.sum(axis=1, keepdims=True)
+        share = counts / np.maximum(total, 1.0)
+        fresh = known.sum(axis=1, keepdims=True) == 0.0
+        share -= known
+        share *= np.where(which[:, None] & (total > _LEAST_PIXELS), np.where(fresh, 1.0, rate), 0.0).astype(np.float32)
+        known += share
 
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""
