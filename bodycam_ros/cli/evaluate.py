@@ -73,7 +73,10 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
 
     figures = summary(evaluation)
     console = widened(Terminal())  # units stand in square brackets
-    console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
+    if figures["cameras"]:
+        console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
+    if "stations" in figures:
+        console.print(_station_table(figures["stations"]))
     if any("clock" in camera for camera in figures["cameras"].values()):
         console.print(_clock_table(figures["cameras"]))
     console.print(_body_table(figures))
@@ -122,6 +125,21 @@ def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Tabl
         if with_light:
             row.append(_number(camera.get("brightness", {}).get("range"), 2))
         table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
+    return table
+
+
+def _station_table(stations: Mapping[str, Any]) -> Table:
+    table = Table(
+        title="static cameras",
+        caption="seen: share of the images that tell where a segment is; confidence: share of the contour that does",
+    )
+    table.add_column("camera", no_wrap=True)
+    for column in ("images", "seen", "segments", "confidence"):
+        table.add_column(column, justify="right")
+    for name, station in stations.items():
+        seen, segments, confidence = (station[key] for key in ("seen", "segments", "confidence"))
+        row = (str(station["images"]), f"{seen:.1%}", f"{segments:.1f}", f"{confidence:.1%}")
+        table.add_row(name, *row, style=None if seen else "red")
     return table
 
 
