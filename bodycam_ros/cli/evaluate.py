@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from bodycam_ros.cli.equipment_tables import equipment_tables
+from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
+from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal, widened
 
@@ -28,6 +30,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="BAG",
         help="bag that OUT was solved from: adds reprojection errors and overlay.png",
     )
+    add_outside_flags(parser)
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for summary.json and summary.png"
     )
@@ -42,12 +45,19 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
     from bodycam_ros.output_place import check_output
 
+    outside = outside_files(arguments)
     check_report_folder(arguments.output)
-    check_output(arguments.output, (arguments.solved, arguments.truth, arguments.recording))
+    inputs = (arguments.solved, arguments.truth, arguments.recording)
+    check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.map))
     _check_earlier(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
-    write_report(evaluation, arguments.output, overlay)
+    if outside is None:
+        write_report(evaluation, arguments.output, overlay)
+    else:
+        with shown_progress() as progress:
+            more = outside_pictures(evaluation, arguments.recording, outside, arguments.video, progress)
+            write_report(evaluation, arguments.output, overlay, more)
     _report(evaluation, arguments.output)
     print_verdict(Terminal(), evaluation.verdict)
     return exit_code(evaluation.verdict)
@@ -59,12 +69,12 @@ def _check_earlier(folder: Path) -> None:
     Raises:
         OutputError: there are such.
     """
-    from bodycam_ros.evaluate.report_folder import FIGURES, OVERLAY, PICTURE
+    from bodycam_ros.evaluate.report_folder import FEET, FIGURES, OUTSIDE, OVERLAY, PICTURE, VIDEO
     from bodycam_ros.output_place import check_file
 
     check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
     if not (folder / FIGURES).exists():
-        for name in (PICTURE, OVERLAY):
+        for name in (PICTURE, OVERLAY, OUTSIDE, FEET, VIDEO):
             check_file(folder / name, force=False, mark=b"", what="picture")
 
 

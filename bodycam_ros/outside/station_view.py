@@ -10,8 +10,9 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import find_contour
-from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, weigh_areas
+from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, line_shifts, weigh_areas
 from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.outside.seen_contour import SeenContour
 from bodycam_ros.outside.station import Station
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
@@ -114,6 +115,12 @@ class StationView:
         """Pixels (N, 2) of the visible contours of a body at poses (S, 4, 4), and their segments (N,)."""
         points, segments, _ = self._contour(world_T_segment)
         return points[:, :2], segments
+
+    def seen_contour(self, image: Image, world_T_segment: Array) -> SeenContour:
+        """The visible contours of a body at poses (S, 4, 4), and where the colours that are known would have them."""
+        points, segments, labels = self._contour(world_T_segment)
+        shifts = line_shifts(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, 1)
+        return SeenContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
 
     @staticmethod
     def _blend(known: Array, counts: Array, rate: float, which: NDArray[np.bool_]) -> None:
