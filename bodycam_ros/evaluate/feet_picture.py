@@ -27,6 +27,7 @@ _SIZE_INCHES = (14.0, 7.0)
 _DOTS_PER_INCH = 110
 _SMALLEST_MM = 20.0  # of an axis: a foot that rests shall look so
 _MOST_TICKS = 5
+_LABEL_PAD = 9.0
 
 
 def has_feet(evaluation: Evaluation) -> bool:
@@ -106,9 +107,9 @@ def _frame(axes: Any, points: Array, azimuth_deg: float) -> None:
     axes.view_init(elev=_ELEVATION_DEG, azim=azimuth_deg)
     for name, centre, reach in zip("xyz", middle.tolist(), half.tolist(), strict=True):
         getattr(axes, f"set_{name}lim")(centre - reach, centre + reach)
-        getattr(axes, f"set_{name}label")(f"{name} [mm]")
+        getattr(axes, f"set_{name}label")(f"{name} [mm]", labelpad=_LABEL_PAD)
         side = getattr(axes, f"{name}axis")
         side.set_pane_color((1.0, 1.0, 1.0, 0.0))
         side._axinfo["grid"].update(color=FAINT, linewidth=0.7)
-        axes.locator_params(axis=name, nbins=_MOST_TICKS)
-    axes.set_box_aspect(half, zoom=0.92)
+        axes.locator_params(axis=name, nbins=max(2, round(_MOST_TICKS * reach / float(half.max()))))
+    axes.set_box_aspect(half, zoom=0.88)

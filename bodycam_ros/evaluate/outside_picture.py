@@ -29,7 +29,7 @@ _LATEST_S = 20.0
 _LEARNED_S = 0.5
 """Images before the instant by which colours are learned."""
 
-_PANEL_INCHES = 5.0
+_PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _DOTS_PER_INCH = 130
 _ROOM = 1.15  # of the window around the body
 _SMALLEST_PX = 80
@@ -63,8 +63,14 @@ class OutsideView:
             side, middle = max(height, width), np.array([width, height]) / 2.0
         else:
             side, middle = max(_SMALLEST_PX, round(_ROOM * float(np.ptp(covered, axis=0).max()))), covered.mean(axis=0)
-        left, top = np.rint(middle - side / 2.0).astype(int).tolist()
+        left, top = (_start(*of) for of in ((float(middle[0]), side, width), (float(middle[1]), side, height)))
         return Window(left, top, side, side, -(-_SHARP_PX // side))
+
+
+def _start(middle: float, side: int, size: int) -> int:
+    """Where a window begins, around a middle, but within the image if it is no larger than that."""
+    start = round(middle - side / 2.0)
+    return min(max(start, 0), size - side) if side <= size else (size - side) // 2
 
 
 def outside_views(scene: OutsideScene, solved: SolvedRecording, recording: Path) -> tuple[OutsideView, ...]:
@@ -101,18 +107,23 @@ def draw_outside(views: Sequence[OutsideView], path: Path) -> None:
     columns = min(len(views), 2 if len(views) in (2, 4) else 3)
     rows = -(-len(views) // columns)
     with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(
-            figsize=(max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + 0.2) + 0.3),
-            facecolor="white",
-            layout="constrained",
-        )
+        width, height = max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + _TITLE_INCHES) + _KEY_INCHES
+        figure = Figure(figsize=(width, height), facecolor="white")
         FigureCanvasAgg(figure)
         panels = figure.subplots(rows, columns, squeeze=False)
         for axes, view in zip(panels.flat, [*views, *[None] * panels.size], strict=False):
             axes.axis("off")
             if view is not None:
                 _draw_view(axes, view)
-        figure.legend(handles=_key(), loc="outside lower center", ncols=7, labelcolor=QUIET, handlelength=1.4)
+        figure.legend(handles=_key(), loc="lower center", ncols=7, labelcolor=QUIET, handlelength=1.4)
+        figure.subplots_adjust(
+            left=0.01,
+            right=0.99,
+            bottom=_KEY_INCHES / height,
+            top=1.0 - _TITLE_INCHES / height,
+            wspace=0.02,
+            hspace=_TITLE_INCHES / _PANEL_INCHES,
+        )
         figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.outside_scene import OutsideScene
 from bodycam_ros.mapping.progress import Progress
@@ -45,6 +47,7 @@ def draw_outside_video(
         open_recording(recording) as images,
         progress.step(path.name, images.image_count(station)) as advance,
         video_writer(path, 1e9 / solved.frame_ns) as write,
+        threadpool_limits(1, user_api="blas"),  # whose threads would wait for those that decode and compress
     ):
         for image in images.images([station]):
             advance()

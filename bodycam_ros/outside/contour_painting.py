@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.drawing.picture_style import FAINT
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.contour_kernels import NOBODY
 from bodycam_ros.outside.seen_contour import SeenContour
@@ -26,6 +27,7 @@ ENLARGED = 4.0
 
 _TINT = 0.28  # share of the surface's colour in the image
 _SUBPIXEL = 4  # bits
+_THICK_PX, _RADIUS_PX = 2, 2.2  # of lines and points in the picture, however much it is magnified
 _LEAST_FORCE_PX = 0.15  # below it, a force is not there to be seen
 
 
@@ -62,12 +64,11 @@ def paint_contour(image: Image, contour: SeenContour, colours: Sequence[str], wi
     picture = _magnified(_tinted(image, contour, colours), window)
     places = window.place(contour.pixels)
     ends = places + window.times * ENLARGED * np.nan_to_num(contour.shifts)[:, None] * contour.normals
-    thick = max(1, window.times // 2)
     for place, end, shift in zip(places, ends, contour.shifts.tolist(), strict=True):
         if abs(shift) > _LEAST_FORCE_PX:
             colour = bgr(OUTWARD if shift > 0.0 else INWARD)
-            cv2.line(picture, _fixed(place), _fixed(end), colour, thick, cv2.LINE_AA, _SUBPIXEL)
-    radius = max(1, round(2**_SUBPIXEL * 0.6 * window.times))
+            cv2.line(picture, _fixed(place), _fixed(end), colour, _THICK_PX, cv2.LINE_AA, _SUBPIXEL)
+    radius = round(2**_SUBPIXEL * _RADIUS_PX)
     for place, shift in zip(places, contour.shifts.tolist(), strict=True):
         colour = bgr(SILENT if np.isnan(shift) else CONTOUR)
         cv2.circle(picture, _fixed(place), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
@@ -92,10 +93,10 @@ def _tinted(image: Image, contour: SeenContour, colours: Sequence[str]) -> Image
 
 
 def _magnified(image: Image, window: Window) -> Image:
-    """A part of an image; what lies beyond its borders is black."""
+    """A part of an image; what lies beyond its borders is grey."""
     top, left = max(window.top, 0), max(window.left, 0)
     inside = image[top : max(top, window.top + window.height), left : max(left, window.left + window.width)]
-    part = np.zeros((window.height, window.width, 3), np.uint8)
+    part = np.full((window.height, window.width, 3), bgr(FAINT), np.uint8)
     row, column = top - window.top, left - window.left
     part[row : row + inside.shape[0], column : column + inside.shape[1]] = inside
     size = (window.width * window.times, window.height * window.times)
