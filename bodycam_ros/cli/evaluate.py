@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from bodycam_ros.cli.equipment_tables import equipment_tables
+from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
+from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal, widened
 
@@ -28,6 +30,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="BAG",
         help="bag that OUT was solved from: adds reprojection errors and overlay.png",
     )
+    add_outside_flags(parser)
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for summary.json and summary.png"
     )
@@ -42,12 +45,19 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
     from bodycam_ros.output_place import check_output
 
+    outside = outside_files(arguments)
     check_report_folder(arguments.output)
-    check_output(arguments.output, (arguments.solved, arguments.truth, arguments.recording))
+    inputs = (arguments.solved, arguments.truth, arguments.recording)
+    check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.map))
     _check_earlier(arguments.output)
     evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
-    write_report(evaluation, arguments.output, overlay)
+    if outside is None:
+        write_report(evaluation, arguments.output, overlay)
+    else:
+        with shown_progress() as progress:
+            more = outside_pictures(evaluation, arguments.recording, outside, arguments.video, progress)
+            write_report(evaluation, arguments.output, overlay, more)
     _report(evaluation, arguments.output)
     print_verdict(Terminal(), evaluation.verdict)
     return exit_code(evaluation.verdict)
@@ -59,12 +69,12 @@ def _check_earlier(folder: Path) -> None:
     Raises:
         OutputError: there are such.
     """
-    from bodycam_ros.evaluate.report_folder import FIGURES, OVERLAY, PICTURE
+    from bodycam_ros.evaluate.report_folder import FEET, FIGURES, OUTSIDE, OVERLAY, PICTURE, VIDEO
     from bodycam_ros.output_place import check_file
 
     check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
     if not (folder / FIGURES).exists():
-        for name in (PICTURE, OVERLAY):
+        for name in (PICTURE, OVERLAY, OUTSIDE, FEET, VIDEO):
             check_file(folder / name, force=False, mark=b"", what="picture")
 
 
@@ -73,7 +83,10 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
 
     figures = summary(evaluation)
     console = widened(Terminal())  # units stand in square brackets
-    console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
+    if figures["cameras"]:
+        console.print(_camera_table(figures["cameras"], camera_styles(evaluation.verdict)))
+    if "stations" in figures:
+        console.print(_station_table(figures["stations"]))
     if any("clock" in camera for camera in figures["cameras"].values()):
         console.print(_clock_table(figures["cameras"]))
     console.print(_body_table(figures))
@@ -122,6 +135,21 @@ def _camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Tabl
         if with_light:
             row.append(_number(camera.get("brightness", {}).get("range"), 2))
         table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
+    return table
+
+
+def _station_table(stations: Mapping[str, Any]) -> Table:
+    table = Table(
+        title="static cameras",
+        caption="seen: share of the images that tell where a segment is; confidence: share of the contour that does",
+    )
+    table.add_column("camera", no_wrap=True)
+    for column in ("images", "seen", "segments", "confidence"):
+        table.add_column(column, justify="right")
+    for name, station in stations.items():
+        seen, segments, confidence = (station[key] for key in ("seen", "segments", "confidence"))
+        row = (str(station["images"]), f"{seen:.1%}", f"{segments:.1f}", f"{confidence:.1%}")
+        table.add_row(name, *row, style=None if seen else "red")
     return table
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.solved.solved_recording import CameraRecord
+from bodycam_ros.solved.camera_record import CameraRecord
 
 EDGES_PX = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, np.inf)
 
@@ -45,6 +45,8 @@ def image_motion(record: CameraRecord) -> Array:
 
 def blur_classes(records: Sequence[CameraRecord]) -> tuple[BlurClass, ...]:
     """The images of all cameras by how much their picture moved; classes without an image are left out."""
+    if not records:
+        return ()
     motion = np.concatenate([image_motion(record) for record in records])
     registered = np.concatenate([record.registered for record in records])
     landmarks = np.concatenate([record.landmarks for record in records])

@@ -51,7 +51,8 @@ def brightness(solved: SolvedRecording, recording: Path) -> Mapping[str, Brightn
     rows: dict[str, list[tuple[float, float, float]]] = {}
     due: dict[str, int] = {}
     with open_recording(recording) as images:
-        cameras = [record.camera for record in solved.cameras if record.camera in images.cameras]
+        names = (*(record.camera for record in solved.cameras), *(record.station for record in solved.stations))
+        cameras = [name for name in names if name in images.cameras]
         for image in images.images(cameras):
             if image.stamp_ns > end_ns:
                 break

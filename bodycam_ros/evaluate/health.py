@@ -15,7 +15,8 @@ from bodycam_ros.evaluate.measures import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.camera_sight import CameraSight
-from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
+from bodycam_ros.solved.camera_record import CameraRecord
+from bodycam_ros.solved.solved_recording import SolvedRecording
 from bodycam_ros.solved.trajectory import interpolated
 from bodycam_ros.timing.clock_history import ClockHistory
 
@@ -28,7 +29,7 @@ _ROUNDING_NS = 1.0
 
 def image_stamps(solved: SolvedRecording) -> NDArray[np.int64]:
     """Stamps of all cameras' images, sorted [ns]."""
-    stamps: NDArray[np.int64] = np.sort(np.concatenate([record.stamps_ns for record in solved.cameras]))
+    stamps: NDArray[np.int64] = np.sort(np.concatenate(solved.image_stamps_ns))
     return stamps
 
 
@@ -52,8 +53,9 @@ def gaps(solved: SolvedRecording) -> tuple[tuple[float, float], ...]:
 
 
 def blind(solved: SolvedRecording) -> NDArray[np.bool_]:
-    """(T,) instants that no registered camera speaks about: the body follows from motion alone."""
-    seen = np.concatenate([record.stamps_ns[record.registered] for record in solved.cameras])
+    """(T,) instants that no registered camera speaks about, nor a static one: the body follows from motion alone."""
+    worn = [record.stamps_ns[record.registered] for record in solved.cameras]
+    seen = np.concatenate([*worn, *(record.stamps_ns[record.sees] for record in solved.stations)])
     if not len(seen):
         return np.ones(len(solved.stamps_ns), dtype=bool)
     nothing_near: NDArray[np.bool_] = distance_in_time(solved.stamps_ns, np.sort(seen)) > solved.frame_ns / 2.0
@@ -167,7 +169,7 @@ def pose_gaps(solved: SolvedRecording, record: CameraRecord) -> tuple[Array, Arr
 
 
 def camera_models(solved: SolvedRecording, recording: Path) -> dict[str, CameraModel]:
-    """The models of the cameras that were solved, from the recording: a solved bag has no intrinsics.
+    """The models of the worn cameras that were solved, from the recording: a solved bag has no intrinsics.
 
     Raises:
         RecordingError: not a recording, or not of these cameras.
@@ -176,7 +178,7 @@ def camera_models(solved: SolvedRecording, recording: Path) -> dict[str, CameraM
     mounted = [record.camera for record, _ in solved.solved_cameras()]
     with open_recording(recording) as cameras:
         models = {camera: cameras.camera_model(camera) for camera in mounted if camera in cameras.cameras}
-        if not models:
+        if mounted and not models:
             raise RecordingError(
                 f"{recording} has none of the cameras of {solved.path}: {', '.join(mounted)}; it has "
                 f"{', '.join(cameras.cameras)}"

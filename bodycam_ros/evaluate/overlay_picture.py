@@ -19,7 +19,8 @@ from bodycam_ros.drawing.picture_style import EQUIPMENT, QUIET, TYPOGRAPHY, WARN
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.geometry import Array
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.solved.solved_recording import CameraRecord, SolvedRecording
+from bodycam_ros.solved.camera_record import CameraRecord
+from bodycam_ros.solved.solved_recording import SolvedRecording
 from bodycam_ros.solved.trajectory import interpolated
 
 CAMERAS = 6

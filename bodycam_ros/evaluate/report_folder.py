@@ -1,8 +1,9 @@
 """Writes an evaluation into a folder: all of its files or none."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import Evaluation
@@ -12,6 +13,7 @@ from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.whole_file import whole_files
 
 FIGURES, PICTURE, OVERLAY = "summary.json", "summary.png", "overlay.png"
+OUTSIDE, FEET, VIDEO = "outside.png", "feet.png", "outside.mp4"
 
 
 def check_report_folder(folder: Path) -> None:
@@ -26,8 +28,19 @@ def check_report_folder(folder: Path) -> None:
         raise RecordingError(f"{folder}: is a ros2 bag folder; give another folder for {FIGURES} and {PICTURE}")
 
 
-def write_report(evaluation: Evaluation, folder: Path, overlay: Sequence[OverlayView] = ()) -> None:
+def write_report(
+    evaluation: Evaluation,
+    folder: Path,
+    overlay: Sequence[OverlayView] = (),
+    more: Mapping[str, Callable[[Path], None]] = MappingProxyType({}),
+) -> None:
     """Write ``summary.json``, ``summary.png`` and, if there are views, ``overlay.png``; earlier ones are replaced.
+
+    Args:
+        evaluation: what was found.
+        folder: to write to.
+        overlay: views of worn cameras.
+        more: name of another file -> writes it to a path.
 
     Raises:
         RecordingError: the place cannot become a report folder.
@@ -39,3 +52,5 @@ def write_report(evaluation: Evaluation, folder: Path, overlay: Sequence[Overlay
         draw_summary(evaluation, unfinished / PICTURE)
         if overlay:
             draw_overlays(overlay, unfinished / OVERLAY)
+        for name, draw in more.items():
+            draw(unfinished / name)

@@ -78,18 +78,18 @@ class _Stance:
 
 def sliding(solved: SolvedRecording) -> dict[str, Sliding]:
     """Foot -> how it slides, by stances of the solved motion; ``ALL`` -> the feet together; empty without feet."""
-    soles = {foot: _sole(solved, foot, solved.world_T_link[foot]) for foot in _feet(solved)}
+    soles = {foot: sole_of(solved, foot, solved.world_T_link[foot]) for foot in feet_of(solved)}
     stances = _stances(soles, solved.stamps_ns, solved.longest_step_ns)
     return _each_and_all(soles, stances, solved.stamps_ns)
 
 
 def sliding_against_truth(solved: SolvedRecording, comparison: Comparison) -> dict[str, SlidingAgainstTruth]:
     """The same, by stances of the true motion, and what the true feet do in them."""
-    feet = [foot for foot in _feet(solved) if foot in comparison.segments]
+    feet = [foot for foot in feet_of(solved) if foot in comparison.segments]
     inside = np.isin(solved.stamps_ns, comparison.stamps_ns)
     of_truth = {foot: comparison.true_segments[comparison.segments.index(foot)] for foot in feet}
-    true = {foot: _sole(solved, foot, poses) for foot, poses in of_truth.items()}
-    ours = {foot: _sole(solved, foot, solved.world_T_link[foot][inside]) for foot in feet}
+    true = {foot: sole_of(solved, foot, poses) for foot, poses in of_truth.items()}
+    ours = {foot: sole_of(solved, foot, solved.world_T_link[foot][inside]) for foot in feet}
     stances = _stances(true, comparison.stamps_ns, solved.longest_step_ns)
     measured = [
         _each_and_all(soles, stances, comparison.stamps_ns)
@@ -98,13 +98,13 @@ def sliding_against_truth(solved: SolvedRecording, comparison: Comparison) -> di
     return {foot: SlidingAgainstTruth(*(of[foot] for of in measured)) for foot in measured[0]}
 
 
-def _feet(solved: SolvedRecording) -> list[str]:
+def feet_of(solved: SolvedRecording) -> list[str]:
     """Segments that stand, and hang on another whose length tells their size."""
     parents = solved.urdf.parent_segments()
     return [foot for foot in _CONTACT.segments.split() if foot in parents]
 
 
-def _sole(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
+def sole_of(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
     """Heel and ball (T, 2, 3) in the world [m]."""
     shin = solved.urdf.parent_segments()[foot]
     ends = solved.world_T_link[foot][:, :3, 3] - solved.world_T_link[shin][:, :3, 3]

@@ -15,6 +15,7 @@ from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.sliding import Sliding
+from bodycam_ros.solved.station_record import StationRecord
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.verdict.verdict import Verdict
 
@@ -47,6 +48,8 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             health.camera: _camera(health, evaluation.brightness.get(health.camera)) for health in evaluation.cameras
         },
     }
+    if solved.stations:
+        figures["stations"] = {record.station: _station(record) for record in solved.stations}
     if solved.equipment is not None:
         figures["equipment"] = equipment_figures(solved.equipment, solved.start_ns)
     if evaluation.comparison is not None:
@@ -122,6 +125,15 @@ def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
             "saturated": float(light.saturated.mean()),
         }
     return figures
+
+
+def _station(record: StationRecord) -> dict[str, Any]:
+    return {
+        "images": len(record.stamps_ns),
+        "seen": float(record.sees.mean()),
+        "segments": float(record.segments.mean()),
+        "confidence": float(record.confidence.mean()),
+    }
 
 
 def _clock(timing: ClockHistory) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.sight_panel import draw_sights
+from bodycam_ros.evaluate.station_panel import draw_stations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
@@ -48,7 +49,10 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
         left, right = (0.095, 0.405), (0.6, 0.365)
         registrations = figure.add_axes((left[0], 0.232, left[1], 0.258))
-        draw_sights(registrations, evaluation)
+        if evaluation.cameras:
+            draw_sights(registrations, evaluation)
+        else:
+            draw_stations(registrations, evaluation.solved)
         draw_errors(_stacked(figure, left, (0.045, 0.182), ERROR_PANELS, registrations), evaluation)
         draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
         draw_blur(strip.add_axes((left[0], 0.2, left[1], 0.6)), evaluation)
@@ -65,7 +69,7 @@ def _draw_headline(figure: SubFigure, evaluation: Evaluation, top: float) -> Non
     solved = evaluation.solved
     duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
     figure.text(0.03, top, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
-    what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {len(evaluation.cameras)}"
+    what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {_counted(evaluation)}"
     if evaluation.comparison is not None:
         what += f", against the truth of {evaluation.comparison.truth_name}"
     figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
@@ -90,13 +94,7 @@ def verdict_line(verdict: Verdict) -> str:
 
 def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
     """(value, caption) of the figures to judge by."""
-    registered = np.average([h.registered for h in evaluation.cameras], weights=[h.images for h in evaluation.cameras])
-    landmarks = np.mean([h.landmarks for h in evaluation.cameras])
-    figures = [
-        (f"{100.0 * evaluation.image_coverage:.1f} %", "body solved"),
-        (f"{100.0 * registered:.1f} %", "cameras registered"),
-        (f"{landmarks:.0f}", "landmarks per image"),
-    ]
+    figures = [(f"{100.0 * evaluation.image_coverage:.1f} %", "body solved"), *_cameras(evaluation)]
     if evaluation.comparison is None:
         return [
             *figures,
@@ -112,6 +110,24 @@ def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
         (f"{100.0 * (comparison.scale - 1.0):+.2f} %", "scale error"),
         (f"{np.degrees(comparison.tilt):.2f}°", "tilt"),
     ]
+
+
+def _counted(evaluation: Evaluation) -> str:
+    static = f"{len(evaluation.solved.stations)} static"
+    if not evaluation.solved.stations:
+        return str(len(evaluation.cameras))
+    return f"{len(evaluation.cameras)} and {static}" if evaluation.cameras else static
+
+
+def _cameras(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """(value, caption): how often worn cameras knew where they are; without any, how often static ones saw the body."""
+    if evaluation.cameras:
+        images = [health.images for health in evaluation.cameras]
+        registered = np.average([health.registered for health in evaluation.cameras], weights=images)
+        landmarks = np.mean([health.landmarks for health in evaluation.cameras])
+        return [(f"{100.0 * registered:.1f} %", "cameras registered"), (f"{landmarks:.0f}", "landmarks per image")]
+    segments = np.concatenate([record.segments for record in evaluation.solved.stations])
+    return [(f"{100.0 * np.mean(segments > 0):.1f} %", "body seen"), (f"{segments.mean():.1f}", "segments per image")]
 
 
 def _stacked(

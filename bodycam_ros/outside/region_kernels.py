@@ -234,3 +234,30 @@ def _parting(inside: Array, step: Array) -> tuple[float, float]:
         square += likely * (shift - _REACH) ** 2
     mean /= total
     return mean, square / total - mean * mean
+
+
+@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8)")
+def line_shifts(
+    image: Bytes,
+    labels: Bytes,
+    shrink: int,
+    points: Array,
+    segments: Whole,
+    stands_out: Bytes,
+    log_odds: NDArray[np.float32],
+    stride: int,
+) -> Array:
+    """How far outward (N,) of each contour point its line has the contour [px]; NaN of lines that know nothing.
+
+    Arguments are those of ``ask_lines``.
+    """
+    shifts = np.full(len(points), math.nan)
+    step = _smoothed_step()
+    inside = np.empty(2 * (_REACH + _STEP) + 1)
+    for n in range(len(points)):
+        segment = segments[n]
+        _read_line(image, labels, shrink, points[n], segment, stands_out, log_odds[segment], stride, inside)
+        mean, variance = _parting(inside, step)
+        if variance <= _FLAT:
+            shifts[n] = mean * stride
+    return shifts

@@ -118,9 +118,11 @@ class RegionTracker:
         self, images: Mapping[str, Image], contours: Mapping[str, Contour]
     ) -> tuple[Array, NDArray[np.int64]]:
         """How many pixels (S,) of all images contours explain, and how many (S,) the segments have."""
-        each = [self.views[name].energies(image, contours[name]) for name, image in images.items()]
-        none = np.zeros(len(self.body.segments), np.int64)  # of an instant without images
-        return sum((energies for energies, _ in each), none.astype(float)), sum((pixels for _, pixels in each), none)
+        energies, pixels = np.zeros(len(self.body.segments)), np.zeros(len(self.body.segments), np.int64)
+        for name, image in images.items():
+            explained, shown = self.views[name].energies(image, contours[name])
+            energies, pixels = energies + explained, pixels + shown
+        return energies, pixels
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.

@@ -10,8 +10,9 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import carry_contour, find_contour
-from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, weigh_areas
+from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, line_shifts, weigh_areas
 from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.outside.seen_contour import SeenContour
 from bodycam_ros.outside.station import Station
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
@@ -171,6 +172,12 @@ class StationView:
             self._blend(known, counts, rate, which)
         np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN), out=self._log_odds)
         self._stands_out = self._differing()
+
+    def seen_contour(self, image: Image, contour: Contour) -> SeenContour:
+        """Visible contours of a body, and where the colours that are known would have them."""
+        points, segments, labels = contour.points, contour.segments, contour.labels
+        shifts = line_shifts(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, 1)
+        return SeenContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
 
     @staticmethod
     def _blend(known: Counts, counts: Counts, rate: float, which: NDArray[np.bool_]) -> None:

@@ -153,7 +153,9 @@ def replay(
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
         judged = judge(agreement, body, settings.verdict)
-        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment, coupling)))
+        bare = [name for name in person.segments if not any(camera in cameras for camera in person.cameras_on(name))]
+        found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
+        summary.verdict = Verdict.of(found)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged

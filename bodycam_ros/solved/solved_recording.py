@@ -1,6 +1,5 @@
 """What a replay or a live run published, as arrays: read from its bag, or from one recorded from the live graph."""
 
-import math
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -14,16 +13,15 @@ from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.equipment.equipment_record import EquipmentLog, EquipmentRecord
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE, clock_state, says_clock
+from bodycam_ros.messages.clocks import TIMING, TIMING_TYPE
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
-from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.tracks import landmark_matches, track_frame
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solved.body_motion import BodyMotion, MotionJoiner
-from bodycam_ros.solved.image_motion import ImageMotion
+from bodycam_ros.solved.camera_record import TRACKS, TRACKS_TYPE, CameraLog, CameraRecord
+from bodycam_ros.solved.station_record import StationLog, StationRecord
 from bodycam_ros.solved.topics import (
     LANDMARKS,
     LANDMARKS_TYPE,
@@ -37,8 +35,6 @@ from bodycam_ros.solved.topics import (
 )
 from bodycam_ros.solved.trajectory import between_neighbours
 from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockState
 
 GAP_FRAMES = 1.5
 """Instants further apart than this are a gap [frames]; between others the body is known."""
@@ -46,44 +42,7 @@ GAP_FRAMES = 1.5
 _LEFT_OUT_NOWHERE = 10
 """Percentile of the steps between instants: of ten neighbours, two at least are neighbours indeed."""
 
-_TRACKS, _TRACKS_TYPE = "/tracks", "bodycam_msgs/msg/FeatureTracks"
 _BODY_TOPICS = {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}
-
-
-@dataclass(frozen=True, eq=False)
-class CameraRecord:
-    """One camera over K images.
-
-    Attributes:
-        camera: name.
-        stamps_ns: (K,) of its images, corrected by what is known of its clock, increasing [ns].
-        tracks: (K,) feature tracks; -1 where the bag does not say.
-        landmarks: (K,) tracks that are named, which means that they carry a landmark of the map.
-        world_T_camera: (K, 4, 4) registered pose of the optical frame [m]; NaN while the camera is lost.
-        image_motion: (K,) by how much the picture moved since the image before, the median over tracks [px]; NaN where
-            none was followed.
-        sights: (K,) what it knew, a ``CameraSight`` each.
-        timing: its clock; None where the bag does not say.
-    """
-
-    camera: str
-    stamps_ns: NDArray[np.int64]
-    tracks: NDArray[np.int64]
-    landmarks: NDArray[np.int64]
-    world_T_camera: Array
-    image_motion: Array
-    sights: NDArray[np.int8]
-    timing: ClockHistory | None = None
-
-    def time_of(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Stamps (N,) of images as the camera gave them, as times of the recording [ns]."""
-        return stamps_ns if self.timing is None else self.timing.corrected_ns(stamps_ns)
-
-    @property
-    def registered(self) -> NDArray[np.bool_]:
-        """(K,) whether the camera knew its pose."""
-        known: NDArray[np.bool_] = np.isfinite(self.world_T_camera[:, 0, 0])
-        return known
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +53,9 @@ class SolvedRecording:
         path: of the bag.
         urdf: the robot that ``/robot_description`` describes.
         motion: of the body.
-        cameras: in the order of the URDF.
+        cameras: worn ones, in the order of the URDF.
         equipment: how the body was coupled to it; None without.
+        stations: static cameras; without any there are worn ones.
     """
 
     path: Path
@@ -103,6 +63,7 @@ class SolvedRecording:
     motion: BodyMotion
     cameras: tuple[CameraRecord, ...]
     equipment: EquipmentRecord | None = None
+    stations: tuple[StationRecord, ...] = ()
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:
@@ -122,20 +83,25 @@ class SolvedRecording:
             return np.ones(len(self.stamps_ns), bool)
         return np.isin(self.stamps_ns, self.equipment.stamps_ns[self.equipment.placed])
 
+    @property
+    def image_stamps_ns(self) -> list[NDArray[np.int64]]:
+        """(K,) stamps of the images of each camera, worn or static [ns]."""
+        return [*(record.stamps_ns for record in self.cameras), *(record.stamps_ns for record in self.stations)]
+
     @cached_property
     def start_ns(self) -> int:
         """The first image or instant [ns]."""
-        return int(min([self.stamps_ns[0], *(record.stamps_ns[0] for record in self.cameras)]))
+        return int(min([self.stamps_ns[0], *(stamps[0] for stamps in self.image_stamps_ns)]))
 
     @cached_property
     def end_ns(self) -> int:
         """The last image or instant [ns]."""
-        return int(max([self.stamps_ns[-1], *(record.stamps_ns[-1] for record in self.cameras)]))
+        return int(max([self.stamps_ns[-1], *(stamps[-1] for stamps in self.image_stamps_ns)]))
 
     @cached_property
     def frame_ns(self) -> int:
         """Time between two images of a camera, the median over all [ns]; of instants if there are too few images."""
-        steps = [np.diff(record.stamps_ns) for record in self.cameras]
+        steps = [np.diff(stamps) for stamps in self.image_stamps_ns]
         steps = steps if any(len(step) for step in steps) else [np.diff(self.stamps_ns)]
         together = np.concatenate(steps)
         return int(np.median(together)) if len(together) else 1
@@ -194,33 +160,36 @@ def read_solved(path: Path) -> SolvedRecording:
         _check_topics(bag)
         urdf = UrdfTree.parse(published_robot(bag), f"{path}: {ROBOT}")
         body = MotionJoiner(path, urdf.moving, ROBOT)
-        cameras: dict[str, _CameraMessages] = defaultdict(_CameraMessages)
+        cameras: dict[str, CameraLog] = defaultdict(CameraLog)
         of_cameras = {
             topic: camera
-            for suffix, kind in ((LANDMARKS, LANDMARKS_TYPE), (_TRACKS, _TRACKS_TYPE), (TIMING, TIMING_TYPE))
+            for suffix, kind in ((LANDMARKS, LANDMARKS_TYPE), (TRACKS, TRACKS_TYPE), (TIMING, TIMING_TYPE))
             for topic, camera in camera_topics(bag, suffix, kind).items()
         }
-        coupled = EquipmentLog()
+        of_stations = camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
+        coupled, outside = EquipmentLog(), StationLog()
         equipment = [EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment, *of_cameras]):
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment, *of_cameras, *of_stations]):
             if topic in MOTION_TOPICS:
                 body.add(topic, message)
                 continue
-            if topic in equipment:
-                with contradictions_named(path, topic):
-                    coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
-                continue
             with contradictions_named(path, topic):
-                cameras[of_cameras[topic]].add(topic, message, of_cameras[topic])
+                if topic in equipment:
+                    coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
+                elif topic in of_stations:
+                    outside.add(message)
+                else:
+                    cameras[of_cameras[topic]].add(topic, message, of_cameras[topic])
     order = {camera: place for place, camera in enumerate(urdf.cameras)}
     records = [messages.record(camera) for camera, messages in cameras.items() if messages.landmarks]
-    if not records:
+    stations = outside.records()
+    if not records and not stations:
         raise RecordingError(
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
             "replay the recording again"
         )
     records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
-    return SolvedRecording(path, urdf, body.joined(), tuple(records), coupled.record())
+    return SolvedRecording(path, urdf, body.joined(), tuple(records), coupled.record(), stations)
 
 
 def _check_topics(bag: BagFile) -> None:
@@ -230,7 +199,8 @@ def _check_topics(bag: BagFile) -> None:
             raise RecordingError(f"{bag.path}: {topic} is {kind}, expected {wanted}")
         if kind is None or bag.message_count(topic) == 0:
             _refuse(bag, f"{'no topic' if kind is None else 'no message on'} {topic}")
-    if not any(bag.message_count(topic) for topic in camera_topics(bag, LANDMARKS, LANDMARKS_TYPE)):
+    of_cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE) | camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
+    if not any(map(bag.message_count, of_cameras)):
         _refuse(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
 
 
@@ -239,52 +209,3 @@ def _refuse(bag: BagFile, what: str) -> None:
         f"{bag.path}: {what}; expected a bag that 'bodycam replay' wrote, or a recording of all topics of the live "
         f"graph; there are: {', '.join(bag.topics) or 'none at all'}"
     )
-
-
-class _CameraMessages:
-    """Registrations and tracks of one camera, to be joined by their stamps."""
-
-    def __init__(self) -> None:
-        self.landmarks: dict[int, tuple[int, Array | None, CameraSight]] = {}
-        self._tracks: dict[int, tuple[int, float]] = {}
-        self._motion = ImageMotion()
-        self._clocks: dict[int, ClockState] = {}
-        self._readout = (math.nan, math.nan)
-
-    def add(self, topic: str, message: Message, camera: str) -> None:
-        if topic.endswith(_TRACKS):
-            frame = track_frame(message, camera)
-            self._tracks[frame.stamp_ns] = (len(frame.track_ids), self._motion.add(frame.track_ids, frame.pixels))
-            return
-        if topic.endswith(TIMING):
-            if says_clock(message):
-                clock = clock_state(message)
-                self._clocks[clock.since_ns] = clock
-            if not math.isnan(message.readout_sigma):
-                self._readout = message.readout_time, message.readout_sigma
-            return
-        matches = landmark_matches(message, camera)
-        self.landmarks[matches.stamp_ns] = (
-            len(matches.landmark_ids),
-            matches.world_T_camera,
-            camera_sight(matches),
-        )
-
-    def record(self, camera: str) -> CameraRecord:
-        stamps = sorted(self.landmarks)
-        lost = np.full((4, 4), np.nan)
-        poses = [self.landmarks[stamp][1] for stamp in stamps]
-        tracks = [self._tracks.get(stamp, (-1, np.nan)) for stamp in stamps]
-        clocks = tuple(self._clocks[since] for since in sorted(self._clocks))
-        timing = ClockHistory(camera, clocks, *self._readout) if clocks else None
-        given_ns = np.array(stamps, dtype=np.int64)
-        return CameraRecord(
-            camera=camera,
-            stamps_ns=given_ns if timing is None else timing.corrected_ns(given_ns),
-            tracks=np.array([count for count, _ in tracks], dtype=np.int64),
-            landmarks=np.array([self.landmarks[stamp][0] for stamp in stamps], dtype=np.int64),
-            world_T_camera=np.array([lost if pose is None else pose for pose in poses]),
-            image_motion=np.array([moved for _, moved in tracks], dtype=np.float64),
-            sights=np.array([self.landmarks[stamp][2] for stamp in stamps], dtype=np.int8),
-            timing=timing,
-        )

@@ -13,8 +13,9 @@ from bodycam_ros.evaluate.brightness import brightness
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.registration.camera_sight import CameraSight
+from bodycam_ros.solved.camera_record import CameraRecord
 from bodycam_ros.solved.image_motion import ImageMotion
-from bodycam_ros.solved.solved_recording import CameraRecord, read_solved
+from bodycam_ros.solved.solved_recording import read_solved
 
 
 def record(motion: list[float], lost: tuple[int, ...] = ()) -> CameraRecord:
