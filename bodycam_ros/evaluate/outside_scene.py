@@ -124,11 +124,13 @@ class OutsideScene:
         """Learn a station's colours in an image (H, W, 3) of the body at poses (S, 4, 4); at first all count alike."""
         self._learned[station] += 1
         rate = max(1.0 / self._learned[station], _SETTINGS.learning_rate)
-        self._tracker.views[station].learn(pixels, poses, rate, np.ones(len(poses), bool))
+        self._tracker.views[station].learn(
+            pixels, self._tracker.views[station].contour(poses), rate, np.ones(len(poses), bool)
+        )
 
     def contour(self, station: str, pixels: Image, poses: Array) -> SeenContour:
         """The contour of the body at poses (S, 4, 4) in a station's image (H, W, 3), and where it would have it."""
-        return self._tracker.views[station].seen_contour(pixels, poses)
+        return self._tracker.views[station].seen_contour(pixels, self._tracker.views[station].contour(poses))
 
 
 def _in_board(stations: Path) -> bool:

@@ -24,9 +24,9 @@ _NEAREST_M = 0.1  # of a vertex before the camera
 _LONGEST_PX = 200.0  # an edge, or a face, that is longer is too near to be a body's
 _INWARD, _OUTWARD = 1.0, 1.5  # [pixels of the labels] from the contour, where its own segment, and nobody, must be
 
-POINT = 10
+POINT = 12
 """Numbers of a contour point: pixel (2), outward normal in the image (2), point in the segment's frame (3), derivative
-of the pixel along that normal by the point, in the segment's frame (3) [px/m]."""
+of the pixel along that normal by the point, in the segment's frame (3) [px/m], pixel where it was found (2)."""
 
 
 @kernel(
@@ -86,7 +86,7 @@ def find_contour(
             continue
         segment = segment_of_vertex[a]
         normal_x, normal_y = along_y / length, -along_x / length
-        inner = first if towards[first] else second
+        inner = second if second >= 0 and towards[second] else first
         if _lies_towards(pixels, faces, inner, a, normal_x, normal_y):
             normal_x, normal_y = -normal_x, -normal_y
         at = spacing_px - left_over[segment]
@@ -97,10 +97,11 @@ def find_contour(
             outside = label_at(labels, x + _OUTWARD * shrink * normal_x, y + _OUTWARD * shrink * normal_y, shrink)
             if inside == segment and is_beside(stands_out, segment, outside):
                 point = points[count]
-                point[0], point[1], point[2], point[3] = x, y, normal_x, normal_y
+                point[2], point[3] = normal_x, normal_y
                 for axis in range(3):
                     point[4 + axis] = vertices[a, axis] + share * (vertices[b, axis] - vertices[a, axis])
-                if _slope(lens, camera_T_segment[segment], point):
+                if _place(lens, camera_T_segment[segment], point):
+                    point[10], point[11] = point[0], point[1]
                     segments[count] = segment
                     count += 1
             at += spacing_px
@@ -187,10 +188,11 @@ def _front(
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if area == 0.0:
             continue
+        per_area = 1.0 / area
         for row in range(max(0, int(math.ceil(low_y))), min(height - 1, int(math.floor(high_y))) + 1):
             for column in range(max(0, int(math.ceil(low_x))), min(width - 1, int(math.floor(high_x))) + 1):
-                of_a = ((bx - column) * (cy - row) - (cx - column) * (by - row)) / area
-                of_b = ((cx - column) * (ay - row) - (ax - column) * (cy - row)) / area
+                of_a = ((bx - column) * (cy - row) - (cx - column) * (by - row)) * per_area
+                of_b = ((cx - column) * (ay - row) - (ax - column) * (cy - row)) * per_area
                 of_c = 1.0 - of_a - of_b
                 if of_a >= -1e-9 and of_b >= -1e-9 and of_c >= -1e-9:
                     z = of_a * depths[a] + of_b * depths[b] + of_c * depths[c]
@@ -209,16 +211,41 @@ def _lies_towards(pixels: Array, faces: Whole, face: int, a: int, normal_x: floa
     return side > 0.0
 
 
+@kernel("(f8[::1], f8[:, :, ::1], f8[:, ::1], i8[::1])")
+def carry_contour(lens: Array, camera_T_segment: Array, points: Array, segments: Whole) -> tuple[Array, Whole]:
+    """Contour points where their segments have moved a little since they were found, along the normals they had.
+
+    The contour then runs along other points of the surface, but these lie across the line of sight from the same.
+
+    Args:
+        lens: of the camera.
+        camera_T_segment: (S, 4, 4) where the segments are now.
+        points, segments: (N, POINT), (N,) of ``find_contour``.
+
+    Returns:
+        Points and segments, without those that have left the lens.
+    """
+    carried, remaining = points.copy(), segments.copy()
+    count = 0
+    for n in range(len(points)):
+        carried[count] = points[n]
+        if _place(lens, camera_T_segment[segments[n]], carried[count]):
+            remaining[count] = segments[n]
+            count += 1
+    return carried[:count].copy(), remaining[:count].copy()
+
+
 @kernel()
-def _slope(lens: Array, camera_T_segment: Array, point: Array) -> bool:
-    """Fill in how a contour point's pixel moves along its normal with the point; whether the lens can tell."""
+def _place(lens: Array, camera_T_segment: Array, point: Array) -> bool:
+    """Fill in a contour point's pixel, and how it moves along its normal with the point; whether the lens can tell."""
     T = camera_T_segment
     x = T[0, 0] * point[4] + T[0, 1] * point[5] + T[0, 2] * point[6] + T[0, 3]
     y = T[1, 0] * point[4] + T[1, 1] * point[5] + T[1, 2] * point[6] + T[1, 3]
     z = T[2, 0] * point[4] + T[2, 1] * point[5] + T[2, 2] * point[6] + T[2, 3]
-    _, _, valid, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
+    u, v, valid, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
     if not valid:
         return False
+    point[0], point[1] = u, v
     along_x = point[2] * u_x + point[3] * v_x
     along_y = point[2] * u_y + point[3] * v_y
     along_z = point[2] * u_z + point[3] * v_z

@@ -17,6 +17,7 @@ from bodycam_ros.outside.contour_kernels import is_beside, label_at
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+Counts = NDArray[np.float32]
 
 BINS = 16
 """Colours are told apart by so many steps of blue, green and red."""
@@ -52,38 +53,39 @@ def count_colours(
     stands_out: Bytes,
     inward: int,
     outward: int,
-) -> tuple[Array, Array]:
+) -> tuple[Counts, Counts]:
     """How often each colour (S, COLOURS) lies inward, and outward, of the contours of segments.
 
     Args:
         image: (H, W, 3) blue, green, red.
-        labels, shrink: which segment is in front, at a part of the resolution.
-        points, segments: of ``find_contour``.
+        labels, shrink: which segment was in front where the contour was found, at a part of the resolution.
+        points, segments: of ``find_contour``, or carried on from there.
         stands_out: (S, S) whether one segment differs from another that is behind it.
         inward, outward: [px] from the contour.
     """
-    inside = np.zeros((len(stands_out), COLOURS))
-    outside = np.zeros((len(stands_out), COLOURS))
+    inside = np.zeros((len(stands_out), COLOURS), np.float32)
+    outside = np.zeros((len(stands_out), COLOURS), np.float32)
     for n in range(len(points)):
         x, y, normal_x, normal_y = points[n, 0], points[n, 1], points[n, 2], points[n, 3]
+        found_x, found_y = points[n, 10], points[n, 11]
         segment = segments[n]
         for step in range(_GAP, inward):
-            u, v = x - step * normal_x, y - step * normal_y
-            colour = _colour(image, u, v)
-            if colour < 0 or label_at(labels, u, v, shrink) != segment:
+            colour = _colour(image, x - step * normal_x, y - step * normal_y)
+            label = label_at(labels, found_x - step * normal_x, found_y - step * normal_y, shrink)
+            if colour < 0 or label != segment:
                 break
             inside[segment, colour] += 1.0
         for step in range(_GAP, outward):
-            u, v = x + step * normal_x, y + step * normal_y
-            colour = _colour(image, u, v)
-            if colour < 0 or not is_beside(stands_out, segment, label_at(labels, u, v, shrink)):
+            colour = _colour(image, x + step * normal_x, y + step * normal_y)
+            label = label_at(labels, found_x + step * normal_x, found_y + step * normal_y, shrink)
+            if colour < 0 or not is_beside(stands_out, segment, label):
                 break
             outside[segment, colour] += 1.0
     return inside, outside
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, i8)")
-def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) -> Array:
+def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) -> Counts:
     """How often each colour (S, COLOURS) is where a segment is in front.
 
     Args:
@@ -91,7 +93,7 @@ def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) ->
         labels, shrink: which segment is in front, at a part of the resolution.
         segment_count: S.
     """
-    areas = np.zeros((segment_count, COLOURS))
+    areas = np.zeros((segment_count, COLOURS), np.float32)
     for row in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             if labels[row, column] < segment_count:
@@ -101,22 +103,26 @@ def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) ->
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f4[:, ::1])")
-def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> float:
-    """How much better an image is explained with the body in it than without (B eq. 8), in pixels of the labels.
+def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
+    """How much better an image is explained with segments in it than without (B eq. 8).
 
     Args:
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment is in front, at a part of the resolution.
         log_odds: (S, COLOURS) as of ``ask_lines``.
+
+    Returns:
+        Of the pixels that each segment has: how many (S,) more it explains than it does not, and how many (S,) all are.
     """
-    energy = 0.0
+    energies, pixels = np.zeros(len(log_odds)), np.zeros(len(log_odds), np.int64)
     for row in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             segment = labels[row, column]
             if segment < len(log_odds):
                 colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
-                energy += math.tanh(0.5 * log_odds[segment, colour])
-    return energy
+                energies[segment] += math.tanh(0.5 * log_odds[segment, colour])
+                pixels[segment] += 1
+    return energies, pixels
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8, f8)")
@@ -135,8 +141,8 @@ def ask_lines(
 
     Args:
         image: (H, W, 3) blue, green, red.
-        labels, shrink: which segment is in front, at a part of the resolution.
-        points, segments: (N, POINT), (N,) of ``find_contour``.
+        labels, shrink: which segment was in front where the contour was found, at a part of the resolution.
+        points, segments: (N, POINT), (N,) of ``find_contour``, or carried on from there.
         stands_out: (S, S) whether one segment differs from another that is behind it.
         log_odds: (S, COLOURS) logarithm of how much more likely a colour is on the segment than beside it.
         stride: pixels of a line that are one sample.
@@ -204,7 +210,7 @@ def _read_line(
             odds = 0.0
             middle = direction * sample * stride
             if abs(middle) > shrink and is_told:
-                label = label_at(labels, point[0] + middle * point[2], point[1] + middle * point[3], shrink)
+                label = label_at(labels, point[10] + middle * point[2], point[11] + middle * point[3], shrink)
                 is_told = label == segment if direction < 0 else label < 0 or is_beside(stands_out, segment, label)
             if is_told:
                 for within in range(stride):
@@ -218,16 +224,11 @@ def _read_line(
 @kernel()
 def _parting(inside: Array, step: Array) -> tuple[float, float]:
     """Mean and variance of where a line's regions part, in samples outward of its middle."""
-    logs = np.zeros(2 * _REACH + 1)
-    best = -math.inf
-    for shift in range(2 * _REACH + 1):
-        for x in range(2 * _STEP + 1):
-            of_segment = inside[shift + x]
-            logs[shift] += math.log(step[x] * of_segment + (1.0 - step[x]) * (1.0 - of_segment))
-        best = max(best, logs[shift])
     total = mean = square = 0.0
     for shift in range(2 * _REACH + 1):
-        likely = math.exp(logs[shift] - best)
+        likely = 1.0  # at worst 0.08 to the power of 15: no need for logarithms
+        for x in range(2 * _STEP + 1):
+            likely *= 1.0 - step[x] + (2.0 * step[x] - 1.0) * inside[shift + x]
         total += likely
         mean += likely * (shift - _REACH)
         square += likely * (shift - _REACH) ** 2

@@ -5,7 +5,7 @@ expected; the last round's lines are what the stations have to say. They say it 
 camera does, so that the solver weighs them like any other camera.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,22 @@ from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.limb_search import LimbSearch, colours_from
+from bodycam_ros.outside.presence import Presence
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.station_view import Image, SegmentRegions, StationView
+from bodycam_ros.outside.station_view import Contour, Image, SegmentRegions, StationView
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.seen_body import SeenBody
 
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] how far a pose that was tried may be from where the images have it."""
 
+_ROUNDS_A_CONTOUR = 2  # in which it is found once, and then carried on with the body
+
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
+
+_AS_ONE_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
 
 class RegionTracker:
@@ -51,31 +56,36 @@ class RegionTracker:
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
         self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
+        self._presence = Presence(len(body.segments))
 
     def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
 
         Colours beside a contour that is some centimetres off are mixed, so they are learned anew as the body is found.
+        It moves as one at first: feet are far off where the whole body is turned, and a leg may be taken for the other.
         """
         of = self._settings
         placed = self._step.closed(placed)
         joint_sigma = np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
         sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
-        expected = ExpectedBody(placed, sigmas, joint_sigma)
+        expected = ExpectedBody(placed, sigmas, _AS_ONE_RAD)
         poses = placed
         everything = np.ones(len(self.body.segments), bool)
         for turn in range(of.start_rounds):
+            if turn == of.start_rounds // 2:
+                expected = ExpectedBody(poses, sigmas, joint_sigma)
             for name, image in images.items():
-                self.views[name].learn(image, poses, 1.0 if turn == 0 else 0.5, everything)
+                view = self.views[name]
+                view.learn(image, view.contour(poses), 1.0 if turn == 0 else 0.5, everything)
             poses = self._found(images, poses, expected)[0]
         self.learn(images, poses)
         return poses
 
     def learn(self, images: Mapping[str, Image], poses: Array) -> None:
         """Learn all colours in images of a body at poses (S, 4, 4)."""
-        everything = np.ones(len(self.body.segments), bool)
+        everything, poses = np.ones(len(self.body.segments), bool), self._step.closed(poses)
         for name, image in images.items():
-            self.views[name].learn(image, self._step.closed(poses), 1.0, everything)
+            self.views[name].learn(image, self.views[name].contour(poses), 1.0, everything)
 
     def find_limbs(self, images: Mapping[str, Image], poses: Array, known: Collection[SegmentPose]) -> Array:
         """Poses (S, 4, 4) of a body of which others know some segments, and where the images have the rest of it."""
@@ -84,18 +94,37 @@ class RegionTracker:
         lost[[self.body.segment_index[segment] for segment in self.body.equipment_segments]] = False
         poses = self._step.closed(poses)
         for name, image in images.items():
-            self.views[name].learn(image, poses, 1.0, ~lost)
+            self.views[name].learn(image, self.views[name].contour(poses), 1.0, ~lost)
             self.views[name].adopt(colours_from(self.body, lost))
 
+        found = self._limb_search(images, known).find(poses, lost)
+        self.learn(images, found)
+        return found
+
+    def _limb_search(self, images: Mapping[str, Image], known: Collection[SegmentPose]) -> LimbSearch:
+        """Looks for limbs in images of one instant."""
+
         def energy(tried: Array) -> float:
-            return sum(self.views[name].energy(image, tried) for name, image in images.items())
+            return float(self._energies(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
-        found = LimbSearch(self.body, energy, refine).find(poses, lost)
-        self.learn(images, found)
-        return found
+        return LimbSearch(self.body, energy, refine)
+
+    def _contours(self, images: Iterable[str], poses: Array) -> dict[str, Contour]:
+        """Contours of a body at poses (S, 4, 4), by station."""
+        return {name: self.views[name].contour(poses) for name in images}
+
+    def _energies(
+        self, images: Mapping[str, Image], contours: Mapping[str, Contour]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) of all images contours explain, and how many (S,) the segments have."""
+        energies, pixels = np.zeros(len(self.body.segments)), np.zeros(len(self.body.segments), np.int64)
+        for name, image in images.items():
+            explained, shown = self.views[name].energies(image, contours[name])
+            energies, pixels = energies + explained, pixels + shown
+        return energies, pixels
 
     def check_size(self, name: str, image: Image) -> None:
         """Refuse an image of another size than its station's lens is for.
@@ -120,26 +149,39 @@ class RegionTracker:
             expected: where it should be.
             known: what others say of some segments; the body as a whole obeys it.
         """
+        for name in images:
+            self.views[name].borrow(other for other in self.views.values() if other is not self.views[name])
         start = self._step.closed(expected.world_T_segment)
-        poses, before, said = self._found(images, start, expected, known)
+        poses, before, said, contours = self._found(images, start, expected, known)
+        lost = self._presence.lost(*self._energies(images, contours))
+        if self._presence.should_search:
+            found = self._limb_search(images, known).find(poses, lost)
+            expected = ExpectedBody(found, _LOOSE, float(_LOOSE[0]))
+            poses, before, said, contours = self._found(images, found, expected, known)
+            lost = self._presence.lost(*self._energies(images, contours))
         confidence = {name: regions.confidence for name, regions in said.items()}
-        seen = {name: self._is_seen(regions) for name, regions in said.items()}
+        seen = {name: self._is_seen(regions) & ~lost for name, regions in said.items()}
         by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
             view = self.views[name]
-            view.learn(image, poses, self._settings.learning_rate, seen[name] | (by_any & ~view.knows))
+            contour = view.carried(contours[name], poses)
+            view.learn(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.knows))
         evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
         return SeenBody(evidence, self._together(poses, said, seen), poses, confidence)
 
     def _found(
         self, images: Mapping[str, Image], start: Array, expected: ExpectedBody, known: Collection[SegmentPose] = ()
-    ) -> tuple[Array, Array, dict[str, SegmentRegions]]:
-        """Poses (S, 4, 4) after all rounds, those before the last, and what the stations said of these."""
+    ) -> tuple[Array, Array, dict[str, SegmentRegions], dict[str, Contour]]:
+        """Poses (S, 4, 4) after all rounds, those before the last, what the stations said of these, and where."""
         poses = before = start
         said: dict[str, SegmentRegions] = {}
+        contours: dict[str, Contour] = {}
         for turn in range(self._settings.rounds):
             stride = max(1, self._settings.coarse_stride >> turn)
-            said = {name: self.views[name].look(image, poses, stride) for name, image in images.items()}
+            for name in images:
+                view, is_old = self.views[name], turn % _ROUNDS_A_CONTOUR > 0
+                contours[name] = view.carried(contours[name], poses) if is_old else view.contour(poses)
+            said = {name: self.views[name].look(image, contours[name], stride) for name, image in images.items()}
             information = sum((regions.information for regions in said.values()), np.zeros((len(poses), 6, 6)))
             vector = sum((regions.vector for regions in said.values()), np.zeros((len(poses), 6)))
             before = poses
@@ -150,7 +192,7 @@ class RegionTracker:
                 information[row] += weight
                 vector[row] += weight @ log_se3(inverse(poses[row]) @ each.world_T_segment)
             poses = self._step.moved(poses, information, vector, expected)
-        return poses, before, said
+        return poses, before, said, contours
 
     def _is_seen(self, regions: SegmentRegions) -> NDArray[np.bool_]:
         """Which segments (S,) are seen well enough to say something."""

@@ -1,6 +1,6 @@
 """What one station's images say of the segments of a body, by the colours on both sides of their contours (B 2.4)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels.kernel import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
-from bodycam_ros.outside.contour_kernels import find_contour
+from bodycam_ros.outside.contour_kernels import carry_contour, find_contour
 from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, line_shifts, weigh_areas
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.seen_contour import SeenContour
@@ -22,6 +22,21 @@ _ALIKE = 0.5  # Bhattacharyya coefficient from which on the colours of two segme
 _LEAST_PIXELS = 30.0  # that make a statistic
 
 Image = NDArray[np.uint8]
+Counts = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Where lines across the contours of a body are.
+
+    Attributes:
+        points, segments: (N, POINT), (N,) of ``find_contour``.
+        labels: which segment was in front where they were found, at a part of the image's resolution.
+    """
+
+    points: Array
+    segments: NDArray[np.int64]
+    labels: Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +70,9 @@ class StationView:
         surface: of the body.
         settings: lines and colours.
         jointed: (S, S) which segments a joint ties to each other.
+
+    Attributes:
+        areas: (S, COLOURS) share of each colour where a segment is in front; zero while it has not been.
     """
 
     def __init__(
@@ -66,10 +84,9 @@ class StationView:
         self._stands_out = np.zeros(jointed.shape, np.uint8)
         self._camera_T_world = inverse(station.world_T_camera)
         self._lens = station.camera.parameters
-        self._inside = np.zeros((surface.segment_count, COLOURS))
-        self._outside = np.zeros((surface.segment_count, COLOURS))
-        self._areas = np.zeros((surface.segment_count, COLOURS))
-        self._log_odds = np.zeros((surface.segment_count, COLOURS), np.float32)
+        self._inside, self._outside, self.areas, self._log_odds = (
+            np.zeros((surface.segment_count, COLOURS), np.float32) for _ in range(4)
+        )
 
     @property
     def knows(self) -> NDArray[np.bool_]:
@@ -77,83 +94,98 @@ class StationView:
         known: NDArray[np.bool_] = np.logical_and(self._inside.any(axis=1), self._outside.any(axis=1))
         return known
 
-    def look(self, image: Image, world_T_segment: Array, stride: int) -> SegmentRegions:
-        """Ask the lines across the contours of a body at poses (S, 4, 4), ``stride`` pixels a sample."""
-        points, segments, labels = self._contour(world_T_segment)
+    def contour(self, world_T_segment: Array) -> Contour:
+        """The visible contours of a body at poses (S, 4, 4)."""
+        of, camera = self._surface, self.station.camera
+        return Contour(
+            *find_contour(
+                self._lens,
+                as_rows(self._camera_T_world @ world_T_segment),
+                of.vertices,
+                of.segment_of_vertex,
+                of.faces,
+                of.face_normals,
+                of.face_offsets,
+                of.segment_of_face,
+                of.edges,
+                of.edge_faces,
+                self._stands_out,
+                camera.width,
+                camera.height,
+                _SHRINK,
+                self._settings.line_spacing,
+                _MOST_POINTS,
+            )
+        )
+
+    def carried(self, contour: Contour, world_T_segment: Array) -> Contour:
+        """A contour of a body that has since moved a little, to poses (S, 4, 4): quicker, and as good."""
+        camera_T_segment = as_rows(self._camera_T_world @ world_T_segment)
+        points, segments = carry_contour(self._lens, camera_T_segment, contour.points, contour.segments)
+        return Contour(points, segments, contour.labels)
+
+    def look(self, image: Image, contour: Contour, stride: int) -> SegmentRegions:
+        """Ask the lines across the contours of a body, ``stride`` pixels a sample."""
+        points, segments, labels = contour.points, contour.segments, contour.labels
         least_px = self._settings.least_sigma * stride
         said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
 
-    def energy(self, image: Image, world_T_segment: Array) -> float:
-        """How much better a body at poses (S, 4, 4) explains an image than no body does (B eq. 8)."""
-        _, _, labels = self._contour(world_T_segment)
-        return weigh_areas(image, labels, _SHRINK, self._log_odds)
+    def energies(self, image: Image, contour: Contour) -> tuple[Array, NDArray[np.int64]]:
+        """How many pixels (S,) the segments of a body explain better than no body does (B eq. 8).
+
+        Those that they explain worse are subtracted. The second value is how many pixels (S,) each has.
+        """
+        return weigh_areas(image, contour.labels, _SHRINK, self._log_odds)
+
+    def borrow(self, others: Iterable["StationView"]) -> None:
+        """Take colours that it does not know from stations that do: clothes look alike from all sides."""
+        shared = sum((other.areas for other in others), np.zeros_like(self.areas))
+        rows = np.flatnonzero(~self.areas.any(axis=1) & shared.any(axis=1))
+        if not len(rows):
+            return
+        self.areas[rows] = self._inside[rows] = shared[rows] / shared[rows].sum(axis=1, keepdims=True)
+        self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
+        self._stands_out = self._differing()
 
     def adopt(self, source: Mapping[int, int]) -> None:
         """Take the colours of one segment for those of another: row -> row that has them."""
         for row, alike in source.items():
-            for known in (self._inside, self._outside, self._areas, self._log_odds):
+            for known in (self._inside, self._outside, self.areas, self._log_odds):
                 known[row] = known[alike]
         self._stands_out = self._differing()
 
-    def learn(self, image: Image, world_T_segment: Array, rate: float, which: NDArray[np.bool_]) -> None:
-        """Learn the colours of some segments (S,) at poses (S, 4, 4); of those never seen before, at once."""
-        points, segments, labels = self._contour(world_T_segment)
+    def learn(self, image: Image, contour: Contour, rate: float, which: NDArray[np.bool_]) -> None:
+        """Learn the colours of some segments (S,) beside their contours; of those never seen before, at once."""
         of = self._settings
         inside, outside = count_colours(
-            image, labels, _SHRINK, points, segments, self._stands_out, of.inward, of.outward
+            image, contour.labels, _SHRINK, contour.points, contour.segments, self._stands_out, of.inward, of.outward
         )
-        areas = count_areas(image, labels, _SHRINK, len(which))
+        areas = count_areas(image, contour.labels, _SHRINK, len(which))
         # Of a segment that is in front of others alike, no line says what is inside.
         inside = np.where(inside.sum(axis=1, keepdims=True) > _LEAST_PIXELS, inside, areas)
-        for known, counts in ((self._inside, inside), (self._outside, outside), (self._areas, areas)):
+        for known, counts in ((self._inside, inside), (self._outside, outside), (self.areas, areas)):
             self._blend(known, counts, rate, which)
-        self._log_odds[:] = np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN))
+        np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN), out=self._log_odds)
         self._stands_out = self._differing()
 
-    def contour(self, world_T_segment: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Pixels (N, 2) of the visible contours of a body at poses (S, 4, 4), and their segments (N,)."""
-        points, segments, _ = self._contour(world_T_segment)
-        return points[:, :2], segments
-
-    def seen_contour(self, image: Image, world_T_segment: Array) -> SeenContour:
-        """The visible contours of a body at poses (S, 4, 4), and where the colours that are known would have them."""
-        points, segments, labels = self._contour(world_T_segment)
+    def seen_contour(self, image: Image, contour: Contour) -> SeenContour:
+        """Visible contours of a body, and where the colours that are known would have them."""
+        points, segments, labels = contour.points, contour.segments, contour.labels
         shifts = line_shifts(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, 1)
         return SeenContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
 
     @staticmethod
-    def _blend(known: Array, counts: Array, rate: float, which: NDArray[np.bool_]) -> None:
+    def _blend(known: Counts, counts: Counts, rate: float, which: NDArray[np.bool_]) -> None:
         """Let what is known (S, COLOURS) of some segments follow what is counted; what is new is taken as it is."""
         enough = which & (counts.sum(axis=1) > _LEAST_PIXELS)
         share = counts[enough] / counts[enough].sum(axis=1, keepdims=True)
         fresh = known[enough].sum(axis=1, keepdims=True) == 0.0
-        known[enough] += np.where(fresh, 1.0, rate) * (share - known[enough])
+        known[enough] += np.where(fresh, 1.0, rate).astype(np.float32) * (share - known[enough])
 
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""
-        roots = np.sqrt(self._areas)
-        known = self._areas.sum(axis=1) > 0.0
+        roots = np.sqrt(self.areas)
+        known = self.areas.sum(axis=1) > 0.0
         differs = (roots @ roots.T < _ALIKE) & np.outer(known, known)
         return np.ascontiguousarray(differs & ~self._jointed, np.uint8)
-
-    def _contour(self, world_T_segment: Array) -> tuple[Array, NDArray[np.int64], Image]:
-        of, camera = self._surface, self.station.camera
-        return find_contour(
-            self._lens,
-            as_rows(self._camera_T_world @ world_T_segment),
-            of.vertices,
-            of.segment_of_vertex,
-            of.faces,
-            of.face_normals,
-            of.face_offsets,
-            of.segment_of_face,
-            of.edges,
-            of.edge_faces,
-            self._stands_out,
-            camera.width,
-            camera.height,
-            _SHRINK,
-            self._settings.line_spacing,
-            _MOST_POINTS,
-        )

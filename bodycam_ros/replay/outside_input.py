@@ -1,12 +1,13 @@
 """What a user says of static cameras, and the watch that is made of it."""
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import LensError, StationError
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.outside.region_tracker import RegionTracker
@@ -15,10 +16,13 @@ from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_watch import StationWatch
 from bodycam_ros.outside.stations_file import read_stations
 from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.solving.seen_body import SeenBody
 
 logger = logging.getLogger(__name__)
+
+_OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
 @dataclass(frozen=True)
@@ -36,15 +40,13 @@ class OutsideInput:
     start: Path | None = None
 
 
-def stations_of(
-    given: OutsideInput, reference_map: ReferenceMap | None, cameras: Collection[str]
-) -> dict[str, Station]:
-    """The stations that a recording has images of.
+def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
+    """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
     Raises:
         StationError: the file cannot be used, or the recording has none of its cameras.
     """
-    stations = read_stations(given.stations, reference_map)
+    stations, cameras = read_stations(given.stations, reference_map), recording.cameras
     there = {name: station for name, station in stations.items() if name in cameras}
     if not there:
         raise StationError(
@@ -53,6 +55,8 @@ def stations_of(
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
+    for station in there.values():
+        _compare_lenses(given.stations, station, recording)
     return there
 
 
@@ -80,5 +84,38 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
-    placed = None if given.start is None else start_poses(body, read_start(given.start, body), settings.region)
+    placed = None if given.start is None else _placed(given.start, given.stations, stations, body, settings)
     return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
+
+
+def _placed(
+    start: Path, file: Path, stations: dict[str, Station], body: BodyModel, settings: PipelineSettings
+) -> Array:
+    """Where the body begins (S, 4, 4) in the world: the file of the start has the frame of that of the stations."""
+    name, station = next(iter(stations.items()))
+    world_T_file = station.world_T_camera @ inverse(read_stations(file)[name].world_T_camera)
+    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
+    return start_poses(body, placed, settings.region)
+
+
+def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
+    try:
+        said = recording.camera_model(station.name)
+    except LensError:
+        return  # Nobody says otherwise.
+    ours = station.camera
+    scale = said.width / ours.width
+    off = abs(said.fx / (scale * ours.fx) - 1.0)
+    if off > _OTHER_LENS or (said.width, said.height) != (ours.width, ours.height):
+        logger.warning(
+            "camera %s: %s has a lens of %g px for %dx%d, camera_info in %s one of %g px for %dx%d; the former is used",
+            station.name,
+            file,
+            ours.fx,
+            ours.width,
+            ours.height,
+            recording.path,
+            said.fx,
+            said.width,
+            said.height,
+        )

@@ -89,7 +89,7 @@ def replay(
     reference_map = None if map_path is None else _metric_map(map_path)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
-        stations = stations_of(outside, reference_map, recording.cameras) if outside else {}
+        stations = stations_of(outside, reference_map, recording) if outside else {}
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
@@ -153,7 +153,9 @@ def replay(
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
         judged = judge(agreement, body, settings.verdict)
-        summary.verdict = Verdict.of((*judged.findings, *equipment_findings(summary.equipment, coupling)))
+        bare = [name for name in person.segments if not any(camera in cameras for camera in person.cameras_on(name))]
+        found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
+        summary.verdict = Verdict.of(found)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged

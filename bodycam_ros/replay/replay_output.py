@@ -24,6 +24,7 @@ from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
+from bodycam_ros.verdict.outside_findings import SeenSegments
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
@@ -33,6 +34,7 @@ class ReplayOutput:
 
     Attributes:
         coupled: what was said of the equipment so far.
+        seen: which segments static cameras saw so far.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class ReplayOutput:
         self._begun_ns = 0
         self._limits = SeenLimits(body)
         self.coupled = EquipmentLog()
+        self.seen = SeenSegments()
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
         """What is known from the start: the map, if there is one."""
@@ -93,6 +96,7 @@ class ReplayOutput:
     def write_seen(self, stamp_ns: int, seen: SeenBody) -> None:
         """What static cameras say of the segments at an instant."""
         names = self._body.segments
+        self.seen.add(each.segment for each in seen.together)
         for station, evidence in seen.evidence.items():
             self._summary.registered[station] += bool(evidence)
             confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))

@@ -23,10 +23,10 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with one camera, or with the equipment.
+    """What is wrong with one camera, with the equipment, or with a segment that static cameras should see.
 
     Attributes:
-        camera: name; of the equipment if ``part`` says so.
+        camera: name; of the equipment or the segment if ``part`` says so.
         level: what it makes of the result; doubtful or wrong.
         what: is seen.
         why: that likely is.
@@ -39,7 +39,7 @@ class Finding:
     what: str
     why: str = ""
     remedy: str = ""
-    part: Literal["camera", "equipment"] = "camera"
+    part: Literal["camera", "equipment", "segment"] = "camera"
 
     @property
     def told(self) -> str:

@@ -6,6 +6,7 @@ one to the next is larger. Both start from where the box was in the frame before
 """
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,10 +16,8 @@ import cv2
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from outside.painted_scene import Painted, grained, paint
 from rich.console import Console
 from rich.table import Table
-from tools.silhouette_icp import SilhouetteIcp
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info
@@ -30,6 +29,10 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.surface import Surface
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from outside.painted_scene import Painted, grained, paint  # noqa: E402
+from tools.silhouette_icp import SilhouetteIcp  # noqa: E402
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
