@@ -54,13 +54,13 @@ def seen(sample: Path) -> tuple[StationView, Image, Array]:
     image = dressed.images(poses, 1.0, 0)["ext_00"]
     surface = BodySurface.of(body, dressed.surfaces)
     view = RegionTracker(body, surface, dressed.stations, RegionSettings()).views["ext_00"]
-    view.learn(image, poses, 1.0, np.ones(len(poses), bool))
+    view.learn(image, view.contour(poses), 1.0, np.ones(len(poses), bool))
     return view, image, poses
 
 
 def test_where_the_body_is_nothing_moves_the_contour(seen: tuple[StationView, Image, Array]) -> None:
     view, image, poses = seen
-    contour = view.seen_contour(image, poses)
+    contour = view.seen_contour(image, view.contour(poses))
     told = np.isfinite(contour.shifts)
     assert told.mean() > 0.9
     assert np.median(np.abs(contour.shifts[told])) < 1.0
@@ -74,7 +74,7 @@ def test_forces_point_back_to_where_the_body_is(seen: tuple[StationView, Image, 
     """It is taken for two centimetres further to the image's right than it is: 3 px."""
     view, image, poses = seen
     moved = rigid(np.eye(3), 0.02 * view.station.world_T_camera[:3, 0]) @ poses
-    contour = view.seen_contour(image, moved)
+    contour = view.seen_contour(image, view.contour(moved))
     across = np.abs(contour.normals[:, 0]) > 0.9
     steps = (contour.shifts * contour.normals[:, 0])[across & np.isfinite(contour.shifts)]
     assert len(steps) > 30
@@ -112,5 +112,5 @@ def test_points_and_forces_are_painted_in_their_colours_where_they_are() -> None
 
 def test_a_body_that_is_not_in_the_image_covers_nothing(seen: tuple[StationView, Image, Array]) -> None:
     view, image, poses = seen
-    contour = view.seen_contour(image, rigid(np.eye(3), np.array([0.0, 0.0, 30.0])) @ poses)
+    contour = view.seen_contour(image, view.contour(rigid(np.eye(3), np.array([0.0, 0.0, 30.0])) @ poses))
     assert contour.covered is None and not len(contour.shifts)
