@@ -10,6 +10,7 @@ from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.outside.stations_frame import check_stations_frame
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -72,6 +73,8 @@ class Sources:
         body = body_file.read(with_hands if _has_hands(solved, stations_path) else lambda body: body)
         reference_map = None if map_path is None else ReferenceMap.load(map_path)
         stations = {} if stations_path is None else read_stations(stations_path, reference_map)
+        if stations_path is not None and solved is not None:
+            check_stations_frame(stations_path, solved, map_path)
         motion = Motion.standing(body) if solved is None else read_motion(solved, body)
         cameras: tuple[str, ...] = ()
         if recording is not None:
