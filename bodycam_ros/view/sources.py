@@ -5,12 +5,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.outside.stations_frame import check_stations_frame
+from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.solved.topics import ROBOT, published_robot
+from bodycam_ros.solved.urdf_tree import UrdfTree
 from bodycam_ros.view.correction import BodyFile
 from bodycam_ros.view.motion import Motion, read_motion
 
@@ -65,9 +70,11 @@ class Sources:
         if map_path is None and stations_path is None:
             raise ViewError("nothing to stand in: give the place's reference map with --map, or --stations")
         body_file = BodyFile(body_path)
-        body = body_file.read() if stations_path is None else body_file.read(with_hands)  # as the replay follows it
+        body = body_file.read(with_hands if _has_hands(solved, stations_path) else lambda body: body)
         reference_map = None if map_path is None else ReferenceMap.load(map_path)
         stations = {} if stations_path is None else read_stations(stations_path, reference_map)
+        if stations_path is not None and solved is not None:
+            check_stations_frame(stations_path, solved, map_path)
         motion = Motion.standing(body) if solved is None else read_motion(solved, body)
         cameras: tuple[str, ...] = ()
         if recording is not None:
@@ -80,3 +87,14 @@ class Sources:
                         + (f", {stations_path} {', '.join(stations)}" if stations else "")
                     )
         return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
+
+
+def _has_hands(solved: Path | None, stations: Path | None) -> bool:
+    """Whether the replay gave the body hands, as it does for static cameras; before it, whether it would."""
+    if solved is None:
+        return stations is not None
+    with BagFile(solved) as bag:
+        text = published_robot(bag)
+    return bool(text) and any(
+        SegmentName(segment).kind == "hand" for segment in UrdfTree.parse(text, f"{solved}: {ROBOT}").segments
+    )

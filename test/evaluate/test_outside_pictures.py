@@ -173,13 +173,15 @@ def test_a_true_way_lies_beneath_one_that_is_perfect(solved: Path, truth: Path, 
         ("--recording {recording} --stations {stations} --video ext_7", "'ext_7': is no static camera that"),
         ("--recording {recording} --stations {recording}/metadata.yaml", "metadata.yaml: camera"),
         ("--recording {recording} --stations {stations} --surface {recording}", "has no mesh of any segment"),
-        ("--recording {recording} --stations {stations} --map {map}", "was solved without a map"),
+        ("--recording {recording} --stations {board} --map {map}", "was solved without a map"),
     ],
 )
 def test_what_does_not_fit_is_named(
     watched: Watched, sample: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str, told: str
 ) -> None:
-    flags = flags.format(stations=watched.stations, recording=watched.recording, map=sample / "map")
+    board = tmp_path / "board.yaml"
+    board.write_text(watched.stations.read_text().replace("T_map_cam", "T_board_cam"))
+    flags = flags.format(stations=watched.stations, recording=watched.recording, map=sample / "map", board=board)
     assert main(["evaluate", str(watched.solved), "-o", str(tmp_path / "report"), *flags.split()]) == 1
     assert told in capsys.readouterr().err.replace("\n", " ")
     assert not (tmp_path / "report").exists()
