@@ -18,7 +18,6 @@ from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 
-
 EQUIPMENT = {"dev_outside_cycle": "bicycle"}
 
 
