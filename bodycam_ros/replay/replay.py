@@ -200,7 +200,7 @@ def _nothing_solved(recording_path: Path, map_path: Path | None, outside: Outsid
             "by hand in a file of segments, and give that as --start"
         )
     if outside is not None:
-        return StationError(f"{recording_path}: no image of a static camera could be decoded, so there is no motion")
+        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
     return MapError(
         f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
         "is it the map of another place, or are the images too dark or blurred?"
