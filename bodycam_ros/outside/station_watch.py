@@ -47,12 +47,12 @@ class StationWatch:
         self._has_colours = False
 
     def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
-        """As ``Onlookers.begin``: nothing without a placed body, or without an image."""
-        pictures = self._decoded(images)
+        """As ``Onlookers.begin``: once, and nothing without a placed body, or without an image."""
+        pictures = {} if self._placed is None else self._decoded(images)
         if self._placed is None or not pictures:
             return []
         poses = self._tracker.begin(pictures, self._placed)
-        self._has_colours = True
+        self._placed, self._has_colours = None, True
         sigmas = np.repeat([self._settings.start_rotation_sigma, self._settings.start_translation_sigma], 3)
         body = self._tracker.body
         return [
@@ -67,6 +67,8 @@ class StationWatch:
         """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
         pictures = self._decoded(images)
         if not pictures:
+            return None
+        if not self._has_colours and not known:
             return None
         if not self._has_colours:
             expected = self._tracker.find_limbs(pictures, expected, known)

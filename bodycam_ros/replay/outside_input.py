@@ -40,11 +40,13 @@ class OutsideInput:
     start: Path | None = None
 
 
-def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
+def stations_of(
+    given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
+) -> dict[str, Station]:
     """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
     Raises:
-        StationError: the file cannot be used, or the recording has none of its cameras.
+        StationError: the file cannot be used, the recording has none of its cameras, or the body wears one of them.
     """
     stations, cameras = read_stations(given.stations, reference_map), recording.cameras
     there = {name: station for name, station in stations.items() if name in cameras}
@@ -55,6 +57,11 @@ def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recordi
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
+    if worn := sorted(set(there) & set(body.mounts)):
+        raise StationError(
+            f"{given.stations}: says where {', '.join(worn)} stands, but body {body.name} wears it; name static "
+            "cameras otherwise, or take it out of one of the two"
+        )
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
@@ -79,8 +86,7 @@ def station_watch(
         on_seen: told what they say.
 
     Raises:
-        BodyError: the body's surface cannot be used.
-        StationError: the start cannot be used.
+        BodyError: the body's surface, or the start, cannot be used.
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)

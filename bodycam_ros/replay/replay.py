@@ -89,7 +89,7 @@ def replay(
     reference_map = None if map_path is None else _metric_map(map_path)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
-        stations = stations_of(outside, reference_map, recording) if outside else {}
+        stations = stations_of(outside, reference_map, recording, body) if outside else {}
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
@@ -97,6 +97,8 @@ def replay(
     onlookers = None
     if outside is not None:
         onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
+        if not cameras and outside is not None and outside.start is None:
+            raise _nothing_solved(recording_path, map_path, outside)
     skeleton = SkeletonPipeline(
         person,
         cameras,
