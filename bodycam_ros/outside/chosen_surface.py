@@ -17,7 +17,7 @@ def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) ->
     Segments that a folder has no mesh of have no surface: static cameras do not see them.
 
     Args:
-        body: alone, or coupled to its equipment, which then has a surface as well.
+        body: alone, or coupled to its equipment, which has a surface where the folder has meshes of it.
         body_path: the file that the body is from; the folder that it names lies beside it.
         folder: of meshes, as the user asks for.
 
@@ -27,7 +27,9 @@ def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) ->
     if folder is None and body.surface is not None:
         folder = body_path.parent / body.surface
     if folder is None:
-        return capsule_surfaces(body)
+        # Nobody knows how a machine looks whose file has but joints: tubes that are not there would pull at the legs.
+        capsules = capsule_surfaces(body)
+        return {segment: capsule for segment, capsule in capsules.items() if segment not in body.equipment_segments}
     surfaces = read_surfaces(folder, body)
     if lacking := [segment for segment in body.segments if segment not in {*surfaces, *body.equipment_segments}]:
         logger.warning("%s: has no mesh of %s; static cameras do not see them", folder, ", ".join(lacking))
