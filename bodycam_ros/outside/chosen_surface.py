@@ -27,9 +27,7 @@ def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) ->
     if folder is None and body.surface is not None:
         folder = body_path.parent / body.surface
     if folder is None:
-        # Nobody knows how a machine looks whose file has but joints: tubes that are not there would pull at the legs.
-        capsules = capsule_surfaces(body)
-        return {segment: capsule for segment, capsule in capsules.items() if segment not in body.equipment_segments}
+        return capsule_surfaces(body)
     surfaces = read_surfaces(folder, body)
     if lacking := [segment for segment in body.segments if segment not in {*surfaces, *body.equipment_segments}]:
         logger.warning("%s: has no mesh of %s; static cameras do not see them", folder, ", ".join(lacking))
