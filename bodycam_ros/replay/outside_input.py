@@ -7,11 +7,10 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import LensError, StationError
-from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
+from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.outside.start_file import read_start, start_poses
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_watch import StationWatch
 from bodycam_ros.outside.stations_file import read_stations
@@ -84,18 +83,8 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
-    placed = None if given.start is None else _placed(given.start, given.stations, stations, body, settings)
+    placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings.region)
     return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
-
-
-def _placed(
-    start: Path, file: Path, stations: dict[str, Station], body: BodyModel, settings: PipelineSettings
-) -> Array:
-    """Where the body begins (S, 4, 4) in the world: the file of the start has the frame of that of the stations."""
-    name, station = next(iter(stations.items()))
-    world_T_file = station.world_T_camera @ inverse(read_stations(file)[name].world_T_camera)
-    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
-    return start_poses(body, placed, settings.region)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:

@@ -36,19 +36,19 @@ class LookingOn:
         self.rows = np.zeros(len(body.segments), bool)
 
     def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """Where the body was placed by hand in its first images; empty if nobody did."""
-        return self._onlookers.begin(frame.images) if self._onlookers and frame.images else []
+        """Where the body was placed by hand, at the first instant; empty if nobody did."""
+        return self._onlookers.begin(frame) if self._onlookers else []
 
     def look(self, frame: BodyFrame, path: Array, dt_s: float, known: Collection[SegmentPose]) -> None:
         """Ask them of an instant at which the body should be at poses (S, 4, 4).
 
         Args:
-            frame: their images.
+            frame: what they saw or said.
             path: where the body should be.
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
-        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
+        seen = self._onlookers.look(frame, path, dt_s, known) if self._onlookers else None
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
