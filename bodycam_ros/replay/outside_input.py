@@ -2,13 +2,13 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import LensError, StationError
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
+from bodycam_ros.outside.outside_files import OutsideFiles
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
@@ -24,22 +24,7 @@ logger = logging.getLogger(__name__)
 _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
-@dataclass(frozen=True)
-class OutsideInput:
-    """Files that say what static cameras need to know.
-
-    Attributes:
-        stations: where they stand, and their lenses.
-        surface: folder of the segments' meshes; None for the body's own, or capsules.
-        start: where the body is in the first image; None where worn cameras tell.
-    """
-
-    stations: Path
-    surface: Path | None = None
-    start: Path | None = None
-
-
-def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
+def stations_of(given: OutsideFiles, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
     """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
     Raises:
@@ -60,7 +45,7 @@ def stations_of(given: OutsideInput, reference_map: ReferenceMap | None, recordi
 
 
 def station_watch(
-    given: OutsideInput,
+    given: OutsideFiles,
     stations: dict[str, Station],
     body: BodyModel,
     body_path: Path,

@@ -8,10 +8,10 @@ from tempfile import gettempdir
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
+from bodycam_ros.outside.outside_files import OutsideFiles
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
-from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.whole_file import scratch_folder
@@ -29,7 +29,7 @@ def replay_in_passes(
     on_step: OnProgress = lambda step, share: None,
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
-    outside: OutsideInput | None = None,
+    outside: OutsideFiles | None = None,
 ) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
     """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
 

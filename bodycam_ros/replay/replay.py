@@ -19,6 +19,7 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideFiles
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
@@ -35,7 +36,7 @@ from bodycam_ros.replay.camera_worker import (
     SkippedImage,
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
-from bodycam_ros.replay.outside_input import OutsideInput, station_watch, stations_of
+from bodycam_ros.replay.outside_input import station_watch, stations_of
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.solving.seen_body import SeenBody
@@ -61,7 +62,7 @@ def replay(
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
-    outside: OutsideInput | None = None,
+    outside: OutsideFiles | None = None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -192,7 +193,7 @@ def _read(
         yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
-def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideInput | None) -> BodycamError:
+def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideFiles | None) -> BodycamError:
     """Why there is no motion to write."""
     if outside is not None and outside.start is None:
         return StationError(
