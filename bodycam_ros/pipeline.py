@@ -162,8 +162,7 @@ class SkeletonPipeline:
         self._cameras = dict(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
-        self._onlookers = onlookers
-        self._waits_for_worn = bool(on_body)
+        self._onlookers, self._waits_for_worn = onlookers, bool(on_body)
         self._images: deque[CameraImage] = deque()
         self.assembler = FrameAssembler([*on_body, *stations], settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -243,14 +242,10 @@ class SkeletonPipeline:
         return self._assemble(self.instants.add(matches))
 
     def add_image(self, image: CameraImage) -> list[BodyOutput]:
-        """Add what a static camera saw; return what is ready to be published, in order of time.
-
-        What worn cameras say comes later, once their clocks are known: images wait for it.
-        """
-        if self._waits_for_worn:
-            self._images.append(image)
-            return []
-        return self._solve(self.assembler.add(image))
+        """As ``add``, of a static camera; its image waits for what worn ones say, but no longer than clocks take."""
+        self._images.append(image)
+        longest_s = self._settings.clock.lookahead + 2.0 * self._settings.assembler.max_wait
+        return self._release(image.stamp_ns - round(1e9 * longest_s) if self._waits_for_worn else image.stamp_ns)
 
     def add_said(self, said: SaidSegments) -> list[BodyOutput]:
         """Add what a static camera says live; return what is ready to be published, in order of time."""
@@ -263,17 +258,22 @@ class SkeletonPipeline:
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
         outputs = self._assemble(self.instants.flush())
-        outputs += [output for image in self._images for output in self._solve(self.assembler.add(image))]
-        self._images.clear()
-        outputs += self._solve(self.assembler.flush())
-        return outputs + self._outputs(self._smoother.flush())
+        outputs += self._release(self._images[-1].stamp_ns) if self._images else []
+        return outputs + self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
 
     def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
         outputs = []
         for matches in said:
-            while self._images and self._images[0].stamp_ns <= matches.stamp_ns:
-                outputs += self._solve(self.assembler.add(self._images.popleft()))
+            if matches.camera not in self.instants.watch.strangers:
+                outputs += self._release(matches.stamp_ns)
             outputs += self._solve(self.assembler.add(matches))
+        return outputs
+
+    def _release(self, until_ns: int) -> list[BodyOutput]:
+        """Let images of static cameras go on, up to a stamp [ns]."""
+        outputs = []
+        while self._images and self._images[0].stamp_ns <= until_ns:
+            outputs += self._solve(self.assembler.add(self._images.popleft()))
         return outputs
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:

@@ -14,6 +14,7 @@ from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
 from bodycam_ros.evaluate.endurance import Endurance, endure
 from bodycam_ros.evaluate.map_size_timing import MapSizeTiming, time_map_sizes
 from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
+from bodycam_ros.evaluate.station_timing import time_stations
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
@@ -58,6 +59,8 @@ def run(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
         timing = time_stages(*inputs, settings, on_image=lambda: progress.advance(task))
         progress.update(task, description="maps of other sizes")
         sizes = time_map_sizes(*inputs[:2], timing.registered, settings, on_map=lambda: progress.advance(task))
+        progress.update(task, description="static cameras")
+        outside = time_stations(read_body(arguments.body), settings)
         progress.update(task, description="replay, all cores")
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
             summary = replay(*inputs, scratch / "out", settings, jobs=arguments.jobs)
@@ -73,6 +76,13 @@ def run(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
         f"{arguments.jobs} processes, {summary.real_time_factor:.2f} of real time",
         soft_wrap=True,
     )
+    if outside:
+        console.print(
+            f"static cameras: {outside.median_ms:.1f} ms per instant of {outside.stations} cameras and "
+            f"{outside.segments} segments of {outside.faces:,} faces in all, {outside.share_ms:.2f} ms per segment and "
+            "camera, images decoded; on a scene of its own",
+            soft_wrap=True,
+        )
     if endurance:
         console.print(
             f"solver over {arguments.minutes:g} min: {endurance.percentile_ms(50):.1f} ms per instant (median), "

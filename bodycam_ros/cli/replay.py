@@ -16,7 +16,7 @@ from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipm
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.passes import replay_in_passes
@@ -127,14 +127,14 @@ def run(arguments: argparse.Namespace) -> int:
     return exit_code(summary.verdict)
 
 
-def _outside(arguments: argparse.Namespace) -> OutsideFiles | None:
+def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
     """What is said of static cameras.
 
     Raises:
         StationError: it is said for none, or nothing tells where the world is.
     """
     if arguments.stations is not None:
-        return OutsideFiles(arguments.stations, arguments.surface, arguments.start)
+        return OutsideInput(arguments.stations, arguments.surface, arguments.start)
     for flag in ("surface", "start"):
         if getattr(arguments, flag) is not None:
             raise StationError(f"--{flag} is for static cameras: say with --stations where they stand")

@@ -19,19 +19,17 @@ from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.seen_contour import SeenContour
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image
-from bodycam_ros.outside.stations_file import IN_BOARD, read_stations
+from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.outside.stations_frame import check_stations_frame
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.solved.solved_recording import SolvedRecording
 from bodycam_ros.solved.topics import published_robot
 from bodycam_ros.solved.trajectory import interpolated
-from bodycam_ros.yaml_file import read_yaml
 
 _SETTINGS = replace(RegionSettings(), line_spacing=4.0)
 """More lines than the tracker needs: a contour is to be seen."""
-
-_MAP_POINTS = "/map/points"
 
 
 @dataclass(frozen=True)
@@ -79,15 +77,9 @@ class OutsideScene:
             MapError, LensError: the map, or a lens, cannot be used.
         """
         with BagFile(solved.path) as bag:
-            body, in_map = body_from_urdf(published_robot(bag)), bag.message_count(_MAP_POINTS) > 0
+            body = body_from_urdf(published_robot(bag))
         stations = read_stations(files.stations, None if files.map is None else ReferenceMap.load(files.map))
-        if in_map and files.map is None and _in_board(files.stations):
-            raise StationError(
-                f"{files.stations}: says by {IN_BOARD} where cameras stand, but {solved.path} was solved in a map; say "
-                "with --map in which"
-            )
-        if files.map is not None and not in_map:
-            raise StationError(f"{solved.path} was solved without a map, in the frame of {files.stations}: omit --map")
+        check_stations_frame(files.stations, solved.path, files.map)
         with open_recording(recording) as images:
             there = {name: station for name, station in stations.items() if name in images.cameras}
             if not there:
@@ -131,8 +123,3 @@ class OutsideScene:
     def contour(self, station: str, pixels: Image, poses: Array) -> SeenContour:
         """The contour of the body at poses (S, 4, 4) in a station's image (H, W, 3), and where it would have it."""
         return self._tracker.views[station].seen_contour(pixels, self._tracker.views[station].contour(poses))
-
-
-def _in_board(stations: Path) -> bool:
-    """Whether a file of stations, which is known to be one, says where they stand on a board."""
-    return any(IN_BOARD in entry for entry in read_yaml(stations, "file of static cameras", StationError).values())

@@ -39,6 +39,7 @@ def draw_outside_video(
 
     Raises:
         RecordingError: not a recording, or an image that cannot be decoded.
+        StationError: there is no image of it.
         OutputError: the video cannot be written.
     """
     camera = scene.stations[station].camera
@@ -49,6 +50,7 @@ def draw_outside_video(
         video_writer(path, 1e9 / solved.frame_ns) as write,
         threadpool_limits(1, user_api="blas"),  # whose threads would wait for those that decode and compress
     ):
+        is_empty = True
         for image in images.images([station]):
             advance()
             if not solved.stamps_ns[0] <= image.stamp_ns <= solved.stamps_ns[-1]:
@@ -57,3 +59,6 @@ def draw_outside_video(
             scene.learn(station, pixels, poses)
             painted = paint_contour(pixels, scene.contour(station, pixels, poses), scene.colours, window)
             write(1e-9 * (image.stamp_ns - int(solved.stamps_ns[0])), painted)
+            is_empty = False
+        if is_empty:
+            raise StationError(f"{recording}: has no image of {station} from the time that {solved.path} has")

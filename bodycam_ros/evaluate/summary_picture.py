@@ -71,7 +71,7 @@ def _draw_headline(figure: SubFigure, evaluation: Evaluation, top: float) -> Non
     figure.text(0.03, top, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
     what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {_counted(evaluation)}"
     if evaluation.comparison is not None:
-        what += f", against the truth of {evaluation.comparison.truth_name}"
+        what += f", truth: {evaluation.comparison.truth_name}"
     figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
     colour = _VERDICT_COLOURS[evaluation.verdict.level]
     figure.text(

@@ -10,7 +10,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError, StationError
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import read_stations
 
 READERS_OF_INFO = 3
@@ -51,7 +51,7 @@ def live_graph(
     overwrite_body: bool = False,
     grown_map: Path | None = None,
     equipment: str = "",
-    outside: OutsideFiles | None = None,
+    outside: OutsideInput | None = None,
 ) -> list[NodeProcess]:
     """A tracker for each camera, the registration and the solver; a region tracker for each static camera.
 
@@ -121,7 +121,7 @@ def live_graph(
     ]
 
 
-def _static_alone(body: Path, equipment: str, outside: OutsideFiles | None) -> list[NodeProcess]:
+def _static_alone(body: Path, equipment: str, outside: OutsideInput | None) -> list[NodeProcess]:
     """The graph without cameras on the body, and without a map."""
     if outside is None:
         raise StationError(
@@ -138,7 +138,7 @@ def _static_alone(body: Path, equipment: str, outside: OutsideFiles | None) -> l
 
 
 def _region_trackers(
-    body: Path, equipment: str, outside: OutsideFiles, reference_map: Path | None
+    body: Path, equipment: str, outside: OutsideInput, reference_map: Path | None
 ) -> list[NodeProcess]:
     given: dict[str, object] = {"body": str(body), **_of_stations(outside, reference_map)}
     if equipment:
@@ -151,7 +151,7 @@ def _region_trackers(
     ]
 
 
-def _of_stations(outside: OutsideFiles, reference_map: Path | None) -> dict[str, object]:
+def _of_stations(outside: OutsideInput, reference_map: Path | None) -> dict[str, object]:
     """What region trackers and solver are told alike."""
     paths = {"stations": outside.stations, "start": outside.start, "map": reference_map}
     return {name: str(path) for name, path in paths.items() if path is not None}

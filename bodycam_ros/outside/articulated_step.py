@@ -56,6 +56,9 @@ class ArticulatedStep:
         self._turns = np.zeros((len(body.segments), len(joints)))
         for column, (_, joint) in enumerate(joints):
             self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
+        self._with_root = self._turns_of_root()
+        unknowns = _ROOT + np.arange(3 * len(joints)).reshape(-1, 3)
+        self._blocks = unknowns[:, :, None], unknowns[:, None]
         self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
         self._middle = middle_of_limits(body)[self._rows]
         self._joint_angles = JointAngles(body)
@@ -74,10 +77,11 @@ class ArticulatedStep:
             expected: what is known beside it.
         """
         J = self._jacobians(poses)
-        A = np.einsum("sik,sij,sjl->kl", J, information, J, optimize=True)
-        b = np.einsum("sik,si->k", J, vector)
+        size = J.shape[2]
+        A = J.reshape(-1, size).T @ (information @ J).reshape(-1, size)
+        b = vector.ravel() @ J.reshape(-1, size)
         self._expect(A, b, poses, expected)
-        return self._applied(poses, np.linalg.solve(A, b))
+        return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
 
     def closed(self, poses: Array) -> Array:
         """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
@@ -88,21 +92,24 @@ class ArticulatedStep:
     def _jacobians(self, poses: Array) -> Array:
         """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
         centre = poses[self._root, :3, 3]
-        pivots = self._world_T_joint(poses)[:, :3, 3] - centre
         # In the world's axes, of a point at the centre: a turn w about a pivot p moves it by p x w.
-        turns = np.zeros((len(poses), 6, _ROOT + 3 * len(self._rows)))
-        turns[:, range(_ROOT), range(_ROOT)] = 1.0
-        turns[self._beside] = 0.0
-        for column, pivot in enumerate(pivots):
-            at = slice(_ROOT + 3 * column, _ROOT + 3 * column + 3)
-            turns[:, :3, at] = self._turns[:, column, None, None] * np.eye(3)
-            turns[:, 3:, at] = self._turns[:, column, None, None] * hat(pivot)
+        pivots = hat(self._world_T_joint(poses)[:, :3, 3] - centre)
+        turns = self._with_root.copy()
+        turns[:, 3:, _ROOT:] = (self._turns[:, None, :, None] * np.swapaxes(pivots, 0, 1)).reshape(len(poses), 3, -1)
         segment_R_world = np.swapaxes(poses[:, :3, :3], 1, 2)
         to_segment = np.zeros((len(poses), 6, 6))
         to_segment[:, :3, :3] = to_segment[:, 3:, 3:] = segment_R_world
         to_segment[:, 3:, :3] = -segment_R_world @ hat(poses[:, :3, 3] - centre)
         J: Array = to_segment @ turns
         return J
+
+    def _turns_of_root(self) -> Array:
+        """(S, 6, 6 + 3 J) what the root's twist does to segments, and what the joints' turns do to their rotations."""
+        turns = np.zeros((*self._turns.shape[:1], 6, _ROOT + 3 * len(self._rows)))
+        turns[:, range(_ROOT), range(_ROOT)] = 1.0
+        turns[self._beside] = 0.0
+        turns[:, :3, _ROOT:] = (self._turns[:, None, :, None] * np.eye(3)[:, None]).reshape(len(turns), 3, -1)
+        return turns
 
     def _expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
         """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
@@ -112,23 +119,22 @@ class ArticulatedStep:
         weights = expected.root_sigmas**-2.0
         A[range(_ROOT), range(_ROOT)] += weights
         b[:_ROOT] -= weights * deviation
-        rotations = self._body.joint_rotations(poses)
-        turned, turned_before = rotations[self._rows], self._body.joint_rotations(before)[self._rows]
+        rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
+        turned, turned_before = rotations[self._rows], rotations_before[self._rows]
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        beyond = log_so3(turned @ np.swapaxes(self._within_limits(rotations)[self._rows], 1, 2))
+        within = self._within_limits(rotations)[self._rows]
+        of = np.swapaxes([within, turned_before, self._middle], 2, 3)
+        beyond, since_before, off_middle = log_so3(turned @ of)
         far = np.linalg.norm(beyond, axis=1)[:, None]
         along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
         information = self._stiffness + expected.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
-        pull = expected.joint_sigma**-2.0 * log_so3(turned @ np.swapaxes(turned_before, 1, 2))
-        pull += beyond / _LIMIT_RAD**2
-        pull += (self._stiffness @ log_so3(turned @ np.swapaxes(self._middle, 1, 2))[..., None])[..., 0]
+        pull = expected.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
+        pull += (self._stiffness @ off_middle[..., None])[..., 0]
         information = world_R_joint @ information @ joint_R_world
         pull = (world_R_joint @ pull[..., None])[..., 0]
-        for column in range(len(self._rows)):
-            at = slice(_ROOT + 3 * column, _ROOT + 3 * column + 3)
-            A[at, at] += information[column]
-            b[at] -= pull[column]
+        A[self._blocks] += information
+        b[_ROOT:] -= pull.ravel()
 
     def _within_limits(self, rotations: Array) -> Array:
         """Joint rotations (J, 3, 3) with every angle put back into its limits."""

@@ -16,7 +16,6 @@ from bodycam_ros.geometry import Array
 _POSES = 400  # that are tried of a limb: 2 x 2 ms each
 _REFINED = 3  # best ones that are refined
 _UNKNOWN_RANGE = 1.0  # [rad] to either side, where no limits are known
-_SEED = 1
 
 Mask = NDArray[np.bool_]
 
@@ -41,9 +40,16 @@ class LimbSearch:
         body: joints and their limits.
         energy: how well poses (S, 4, 4) split all images; more is better.
         refine: poses (S, 4, 4) near the given ones that split them better.
+        random: chooses the poses that are tried.
     """
 
-    def __init__(self, body: BodyModel, energy: Callable[[Array], float], refine: Callable[[Array], Array]) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        energy: Callable[[Array], float],
+        refine: Callable[[Array], Array],
+        random: np.random.Generator,
+    ) -> None:
         self._body, self._energy, self._refine = body, energy, refine
         self._angles = JointAngles(body)
         low, high = angle_limits(body)
@@ -52,7 +58,7 @@ class LimbSearch:
         self._joint_of_angle = np.repeat(
             np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
         )
-        self._random = np.random.default_rng(_SEED)
+        self._random = random
 
     def find(self, poses: Array, lost: Mask) -> Array:
         """Poses (S, 4, 4) in which the lost segments (S,) are where the images have them; the others stay."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
-class OutsideFiles:
+class OutsideInput:
     """Where they are.
 
     Attributes:

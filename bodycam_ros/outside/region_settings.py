@@ -27,7 +27,7 @@ class RegionSettings:
         0.7, unit="px", limits=(0.1, 10.0), reason="of a line where its regions part within a pixel"
     )
     lines_alike: float = setting(
-        15.0,
+        6.0,
         limits=(1.0, 1000.0),
         reason="lines that err together, and so count as one: surface and colours are wrong for whole stretches",
     )

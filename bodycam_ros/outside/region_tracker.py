@@ -26,11 +26,13 @@ from bodycam_ros.solving.seen_body import SeenBody
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] how far a pose that was tried may be from where the images have it."""
 
-_ROUNDS_A_CONTOUR = 2  # in which it is found once, and then carried on with the body
+_SEED = 1
+"""Of the poses that are tried of lost limbs: a replay gives the same result each time."""
 
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line tells, such as a limb's long axis: open, but with an inverse."""
 
+_MIXED = 2.5  # times as many lines count as one while colours are mixed
 _AS_ONE_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
 
@@ -57,6 +59,7 @@ class RegionTracker:
         self.views = {name: StationView(station, surface, settings, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
         self._presence = Presence(len(body.segments))
+        self._random = np.random.default_rng(_SEED)
 
     def begin(self, images: Mapping[str, Image], placed: Array) -> Array:
         """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
@@ -66,9 +69,10 @@ class RegionTracker:
         """
         of = self._settings
         placed = self._step.closed(placed)
-        joint_sigma = np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
-        sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
-        expected = ExpectedBody(placed, sigmas, _AS_ONE_RAD)
+        firm = _MIXED**-0.5
+        joint_sigma = firm * np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
+        sigmas = firm * np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
+        expected = ExpectedBody(placed, sigmas, firm * _AS_ONE_RAD)
         poses = placed
         everything = np.ones(len(self.body.segments), bool)
         for turn in range(of.start_rounds):
@@ -110,7 +114,7 @@ class RegionTracker:
         def refine(tried: Array) -> Array:
             return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
-        return LimbSearch(self.body, energy, refine)
+        return LimbSearch(self.body, energy, refine, self._random)
 
     def _contours(self, images: Iterable[str], poses: Array) -> dict[str, Contour]:
         """Contours of a body at poses (S, 4, 4), by station."""
@@ -154,7 +158,8 @@ class RegionTracker:
         start = self._step.closed(expected.world_T_segment)
         poses, before, said, contours = self._found(images, start, expected, known)
         lost = self._presence.lost(*self._energies(images, contours))
-        if self._presence.should_search:
+        jumped = frozenset(np.flatnonzero(lost).tolist()) if self._presence.should_search else frozenset[int]()
+        if jumped:
             found = self._limb_search(images, known).find(poses, lost)
             expected = ExpectedBody(found, _LOOSE, float(_LOOSE[0]))
             poses, before, said, contours = self._found(images, found, expected, known)
@@ -167,7 +172,7 @@ class RegionTracker:
             contour = view.carried(contours[name], poses)
             view.learn(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.knows))
         evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
-        return SeenBody(evidence, self._together(poses, said, seen), poses, confidence)
+        return SeenBody(evidence, self._together(poses, said, seen), poses, confidence, jumped)
 
     def _found(
         self, images: Mapping[str, Image], start: Array, expected: ExpectedBody, known: Collection[SegmentPose] = ()
@@ -179,8 +184,8 @@ class RegionTracker:
         for turn in range(self._settings.rounds):
             stride = max(1, self._settings.coarse_stride >> turn)
             for name in images:
-                view, is_old = self.views[name], turn % _ROUNDS_A_CONTOUR > 0
-                contours[name] = view.carried(contours[name], poses) if is_old else view.contour(poses)
+                view = self.views[name]
+                contours[name] = view.carried(contours[name], poses) if name in contours else view.contour(poses)
             said = {name: self.views[name].look(image, contours[name], stride) for name, image in images.items()}
             information = sum((regions.information for regions in said.values()), np.zeros((len(poses), 6, 6)))
             vector = sum((regions.vector for regions in said.values()), np.zeros((len(poses), 6)))

@@ -34,12 +34,18 @@ class StationReports:
         self._body, self._placed = body, placed
         self._settings, self._motion = settings, motion
         self._step = ArticulatedStep(body)
+        self._seen: Array | None = None
+        self._seen_ns = 0
 
     def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``Onlookers.begin``: nothing without a placed body, or before a station speaks."""
+        """As ``Onlookers.begin``: nothing without a placed body, or before a station speaks.
+
+        After a silence it is placed where it was seen last, and anew only where time begins anew.
+        """
         if self._placed is None or not frame.said:
             return []
-        return placed_segments(self._body, self._placed, self._settings)
+        poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
+        return placed_segments(self._body, poses, self._settings)
 
     def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
         """As ``Onlookers.look``, of what stations say of segments that the body has."""
@@ -55,6 +61,7 @@ class StationReports:
         }
         heard = [each for said in evidence.values() for each in said]
         poses = self._together([*heard, *known], expected, dt_s)
+        self._seen, self._seen_ns = poses, frame.stamp_ns
         information = np.zeros((len(poses), 6, 6))
         for each in heard:
             information[index[each.segment]] += np.linalg.inv(each.covariance)

@@ -16,6 +16,7 @@ from bodycam_ros.outside.seen_contour import SeenContour
 from bodycam_ros.outside.station import Station
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
+_CARRIED_PX = 4.0  # that no point of a contour is carried on from where it was found
 _MOST_POINTS = 6000
 _UNSEEN = 1e-4  # likelihood of a colour that was never seen: noise, and what stands before the background for a moment
 _ALIKE = 0.5  # Bhattacharyya coefficient from which on the colours of two segments are one
@@ -119,9 +120,11 @@ class StationView:
         )
 
     def carried(self, contour: Contour, world_T_segment: Array) -> Contour:
-        """A contour of a body that has since moved a little, to poses (S, 4, 4): quicker, and as good."""
+        """A contour of a body that has since moved to poses (S, 4, 4): quicker, and as good unless it has moved far."""
         camera_T_segment = as_rows(self._camera_T_world @ world_T_segment)
         points, segments = carry_contour(self._lens, camera_T_segment, contour.points, contour.segments)
+        if np.abs(points[:, :2] - points[:, 10:]).max(initial=0.0) > _CARRIED_PX:
+            return self.contour(world_T_segment)
         return Contour(points, segments, contour.labels)
 
     def look(self, image: Image, contour: Contour, stride: int) -> SegmentRegions:
@@ -140,11 +143,12 @@ class StationView:
 
     def borrow(self, others: Iterable["StationView"]) -> None:
         """Take colours that it does not know from stations that do: clothes look alike from all sides."""
-        shared = sum((other.areas for other in others), np.zeros_like(self.areas))
-        rows = np.flatnonzero(~self.areas.any(axis=1) & shared.any(axis=1))
+        rows = np.flatnonzero(~self.areas.any(axis=1))
+        shared = sum((other.areas[rows] for other in others), np.zeros((len(rows), COLOURS), np.float32))
+        rows, shared = rows[shared.any(axis=1)], shared[shared.any(axis=1)]
         if not len(rows):
             return
-        self.areas[rows] = self._inside[rows] = shared[rows] / shared[rows].sum(axis=1, keepdims=True)
+        self.areas[rows] = self._inside[rows] = shared / shared.sum(axis=1, keepdims=True)
         self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
         self._stands_out = self._differing()
 
@@ -178,10 +182,12 @@ class StationView:
     @staticmethod
     def _blend(known: Counts, counts: Counts, rate: float, which: NDArray[np.bool_]) -> None:
         """Let what is known (S, COLOURS) of some segments follow what is counted; what is new is taken as it is."""
-        enough = which & (counts.sum(axis=1) > _LEAST_PIXELS)
-        share = counts[enough] / counts[enough].sum(axis=1, keepdims=True)
-        fresh = known[enough].sum(axis=1, keepdims=True) == 0.0
-        known[enough] += np.where(fresh, 1.0, rate).astype(np.float32) * (share - known[enough])
+        total = counts.sum(axis=1, keepdims=True)
+        share = counts / np.maximum(total, 1.0)
+        fresh = known.sum(axis=1, keepdims=True) == 0.0
+        share -= known
+        share *= np.where(which[:, None] & (total > _LEAST_PIXELS), np.where(fresh, 1.0, rate), 0.0).astype(np.float32)
+        known += share
 
     def _differing(self) -> NDArray[np.uint8]:
         """(S, S) which segments have other colours than each other; those that a joint ties have no border."""

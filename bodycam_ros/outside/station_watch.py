@@ -55,18 +55,20 @@ class StationWatch:
         self._has_colours = False
 
     def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``Onlookers.begin``: nothing without a placed body, or without an image."""
-        pictures = self._decoded(frame.images) if self._placed is not None else {}
+        """As ``Onlookers.begin``: once, and nothing without a placed body, or without an image."""
+        pictures = {} if self._placed is None else self._decoded(frame.images)
         if self._placed is None or not pictures:
             return []
         poses = self._tracker.begin(pictures, self._placed)
-        self._has_colours = True
+        self._placed, self._has_colours = None, True
         return placed_segments(self._tracker.body, poses, self._settings)
 
     def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
         """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
         pictures = self._decoded(frame.images)
         if not pictures:
+            return None
+        if not self._has_colours and not known:
             return None
         if not self._has_colours:
             expected = self._tracker.find_limbs(pictures, expected, known)

@@ -8,7 +8,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import LensError, StationError
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
@@ -24,11 +24,13 @@ logger = logging.getLogger(__name__)
 _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
-def stations_of(given: OutsideFiles, reference_map: ReferenceMap | None, recording: Recording) -> dict[str, Station]:
+def stations_of(
+    given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
+) -> dict[str, Station]:
     """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
     Raises:
-        StationError: the file cannot be used, or the recording has none of its cameras.
+        StationError: the file cannot be used, the recording has none of its cameras, or the body wears one of them.
     """
     stations, cameras = read_stations(given.stations, reference_map), recording.cameras
     there = {name: station for name, station in stations.items() if name in cameras}
@@ -39,13 +41,18 @@ def stations_of(given: OutsideFiles, reference_map: ReferenceMap | None, recordi
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
+    if worn := sorted(set(there) & set(body.mounts)):
+        raise StationError(
+            f"{given.stations}: says where {', '.join(worn)} stands, but body {body.name} wears it; name static "
+            "cameras otherwise, or take it out of one of the two"
+        )
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
 
 
 def station_watch(
-    given: OutsideFiles,
+    given: OutsideInput,
     stations: dict[str, Station],
     body: BodyModel,
     body_path: Path,
@@ -63,8 +70,7 @@ def station_watch(
         on_seen: told what they say.
 
     Raises:
-        BodyError: the body's surface cannot be used.
-        StationError: the start cannot be used.
+        BodyError: the body's surface, or the start, cannot be used.
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)

@@ -8,7 +8,8 @@ from tempfile import gettempdir
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
@@ -29,7 +30,7 @@ def replay_in_passes(
     on_step: OnProgress = lambda step, share: None,
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
-    outside: OutsideFiles | None = None,
+    outside: OutsideInput | None = None,
 ) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
     """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
 
@@ -59,7 +60,7 @@ def replay_in_passes(
         )
         return summary, ()
     person = read_body(body_path)
-    held = None if equipment is None else held_equipment(equipment, person)
+    held = None if equipment is None else held_equipment(equipment, with_hands(person) if outside else person)
     body = coupled_body(person, held)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]

@@ -19,7 +19,7 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
@@ -62,7 +62,7 @@ def replay(
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
-    outside: OutsideFiles | None = None,
+    outside: OutsideInput | None = None,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -90,7 +90,7 @@ def replay(
     reference_map = None if map_path is None else _metric_map(map_path)
     started = time.monotonic()
     with open_recording(recording_path) as recording:
-        stations = stations_of(outside, reference_map, recording) if outside else {}
+        stations = stations_of(outside, reference_map, recording, body) if outside else {}
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
@@ -98,6 +98,8 @@ def replay(
     onlookers = None
     if outside is not None:
         onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
+        if not cameras and outside is not None and outside.start is None:
+            raise _nothing_solved(recording_path, map_path, outside)
     skeleton = SkeletonPipeline(
         person,
         cameras,
@@ -193,7 +195,7 @@ def _read(
         yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
-def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideFiles | None) -> BodycamError:
+def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideInput | None) -> BodycamError:
     """Why there is no motion to write."""
     if outside is not None and outside.start is None:
         return StationError(
@@ -201,7 +203,7 @@ def _nothing_solved(recording_path: Path, map_path: Path | None, outside: Outsid
             "by hand in a file of segments, and give that as --start"
         )
     if outside is not None:
-        return StationError(f"{recording_path}: no image of a static camera could be decoded, so there is no motion")
+        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
     return MapError(
         f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
         "is it the map of another place, or are the images too dark or blurred?"

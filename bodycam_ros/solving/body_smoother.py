@@ -166,7 +166,7 @@ class BodySmoother:
             self._coupling.begin(frame.stamp_ns)
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         states = self._publish_before(frame.stamp_ns)
-        placed = [] if self._window.instants else self._looking_on.begin(frame)
+        placed = [] if self._window.instants else self._looking_on.begin(frame, registered.values())
         if not self._window.instants and not registered and not placed:
             return states
         index = self._window.instants[-1].index + 1 if self._window.instants else 0
@@ -189,9 +189,9 @@ class BodySmoother:
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         self._looking_on.look(frame, path, dt_s, [*evidence.values(), *placed])
-        path, expected = self._looking_on.path(path, observed), self._looking_on.expected(expected, observed)
-        start = seated(path, trusted.seats)
-        self._jumped = trusted.jumped
+        expected = self._looking_on.expected(expected, observed)
+        start = seated(self._looking_on.path(path, observed), trusted.seats)
+        self._jumped = trusted.jumped | self._looking_on.jumped
         said = [*evidence.values(), *placed, *self._looking_on.evidence]
         held, holding = self._couple(frame.stamp_ns, dt_s, start, self._looking_on.with_worn(trusted.evidence))
         factors = {

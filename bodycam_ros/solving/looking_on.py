@@ -1,6 +1,6 @@
 """Static cameras beside worn ones: what each instant takes from them, and what it leaves to the worn."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +27,21 @@ class LookingOn:
 
     Attributes:
         seen: what they say of the latest instant.
-        rows: (S,) which segments any of them sees.
+        rows: (S,) which segments any of them sees; those of the instant before until it is asked.
+        jumped: rows of segments that were found somewhere else: what they were taken to be before is no motion.
     """
 
     def __init__(self, body: BodyModel, onlookers: Onlookers | None) -> None:
         self._body, self._onlookers = body, onlookers
         self.seen = SeenBody({}, [], np.zeros((len(body.segments), 4, 4)), {})
         self.rows = np.zeros(len(body.segments), bool)
+        self.jumped = frozenset[int]()
 
-    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """Where the body was placed by hand, at the first instant; empty if nobody did."""
-        return self._onlookers.begin(frame) if self._onlookers else []
+    def begin(self, frame: BodyFrame, worn: Iterable[SegmentPose]) -> list[SegmentPose]:
+        """Where the body was placed by hand, at the first instant, but for what worn cameras know."""
+        placed = self._onlookers.begin(frame) if self._onlookers and (frame.images or frame.said) else []
+        known = {each.segment for each in worn}
+        return [each for each in placed if each.segment not in known]
 
     def look(self, frame: BodyFrame, path: Array, dt_s: float, known: Collection[SegmentPose]) -> None:
         """Ask them of an instant at which the body should be at poses (S, 4, 4).
@@ -48,10 +52,12 @@ class LookingOn:
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
-        seen = self._onlookers.look(frame, path, dt_s, known) if self._onlookers else None
+        asked = self._onlookers if frame.images or frame.said else None
+        seen = asked.look(frame, path, dt_s, known) if asked else None
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
+        self.jumped = frozenset(self.seen.jumped)
 
     @property
     def evidence(self) -> list[SegmentPose]:

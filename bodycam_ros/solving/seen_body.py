@@ -18,12 +18,14 @@ class SeenBody:
         together: what they say together of each segment that any sees, where the body as a whole has it.
         world_T_segment: (S, 4, 4) the body as a whole, joints closed.
         confidence: camera -> (S,) how sure it is of each segment, 0 to 1.
+        jumped: rows of segments that were looked for, and may be somewhere else than before.
     """
 
     evidence: Mapping[str, list[SegmentPose]]
     together: list[SegmentPose]
     world_T_segment: Array
     confidence: Mapping[str, Array]
+    jumped: frozenset[int] = frozenset()
 
 
 class Onlookers(Protocol):

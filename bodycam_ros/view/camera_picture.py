@@ -14,6 +14,7 @@ from bodycam_ros.drawing.overlay import GOOD, GOOD_PX, Overlay
 from bodycam_ros.drawing.picture_style import EQUIPMENT, WARNING, side_colour
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import Array
+from bodycam_ros.outside.contour_painting import CONTOUR
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.view.inbox import Inbox, on_input, set_value
 from bodycam_ros.view.scene_nodes import rgb
@@ -23,6 +24,7 @@ WIDTH = 640
 
 _NO_CAMERA = "none"
 _BLANK = np.full((12, 16, 3), 227, np.uint8)
+_CONTOUR_PX = 1
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 _FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
 
@@ -47,6 +49,7 @@ def draw_picture(
     world_T_camera: Array,
     limbs: list[Bone],
     matches: LandmarkMatches | None,
+    contour: Array | None = None,
 ) -> CameraPicture:
     """Draw one image.
 
@@ -56,6 +59,7 @@ def draw_picture(
         world_T_camera: (4, 4) where the body puts it [m].
         limbs: lines of the body and its equipment at this one instant [m].
         matches: landmarks that were found in the image.
+        contour: (N, 2) pixels where the body's surface ends, as a static camera looks for it.
 
     Raises:
         RecordingError: the image cannot be decoded.
@@ -75,6 +79,8 @@ def draw_picture(
     for centre, is_good in zip(_fixed(overlay.pixels * scale), good, strict=True):
         colour = rgb(GOOD if is_good else WARNING)
         cv2.circle(pixels, centre.tolist(), 3 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)
+    for centre in [] if contour is None else _fixed((contour + 0.5) * scale - 0.5):
+        cv2.circle(pixels, centre.tolist(), _CONTOUR_PX << _SHIFT, rgb(CONTOUR), cv2.FILLED, cv2.LINE_AA, _SHIFT)
     known = errors[np.isfinite(errors)]
     return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))
 

@@ -1,6 +1,6 @@
 """What a person changes on a body: every step kept, so that each can be taken back, and written to the body's file."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -200,16 +200,19 @@ class BodyFile:
         self.path = path
         self.original_path = path.with_name(f"{path.name}.orig")
         self._read = b""
+        self._added: frozenset[str] = frozenset()
 
-    def read(self) -> BodyModel:
-        """The body.
+    def read(self, extended: Callable[[BodyModel], BodyModel] = lambda body: body) -> BodyModel:
+        """The body, extended by segments that are to be seen, but not written.
 
         Raises:
             BodyError: the file is missing, not YAML, or describes no body.
         """
         body = read_body(self.path)
         self._read = self._content()
-        return body
+        whole = extended(body)
+        self._added = frozenset(whole.segments) - set(body.segments)
+        return whole
 
     def write(self, correction: Correction) -> BodyModel:
         """Write the corrected body, whole or not at all; return it with its report, which notes what was moved.
@@ -230,7 +233,7 @@ class BodyFile:
         if not kept_before:
             write_whole(self.original_path, self._read)
         try:
-            write_body(body, self.path)
+            write_body(_without(body, self._added), self.path)
         except BaseException:
             if not kept_before:
                 self.original_path.unlink(missing_ok=True)
@@ -243,6 +246,15 @@ class BodyFile:
             return self.path.read_bytes()
         except OSError as error:
             raise BodyError(f"{self.path}: cannot read this body file: {error}") from error
+
+
+def _without(body: BodyModel, segments: Set[str]) -> BodyModel:
+    """The body without some of its last segments."""
+    return replace(
+        body,
+        segments=tuple(segment for segment in body.segments if segment not in segments),
+        joints=tuple(joint for joint in body.joints if joint.child not in segments),
+    )
 
 
 def _noted(body: BodyModel, moves: Iterable[tuple[Part, Move]]) -> BodyModel:

@@ -1,6 +1,6 @@
 """The controls: of time, of a correction, and of what is shown, with what the colours mean."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -173,23 +173,24 @@ class CorrectionPanel:
 
 
 class ShowPanel:
-    """A legend, and a switch for each kind of thing."""
+    """A legend, and a switch for each kind of thing; what is hidden at first is switched on later."""
 
     def __init__(
         self,
         gui: GuiApi,
         inbox: Inbox,
         switches: Mapping[str, Callable[[bool], None]],
+        hidden: Collection[str] = (),
         *,
         knows_registration: bool,
     ) -> None:
         with gui.add_folder("Show"):
             for label, switch in switches.items():
-                self._add_switch(gui, inbox, label, switch)
+                self._add_switch(gui, inbox, label, switch, label not in hidden)
             gui.add_html(_legend(_PARTS, _CAMERAS if knows_registration else _UNKNOWN))
 
-    def _add_switch(self, gui: GuiApi, inbox: Inbox, label: str, switch: Callable[[bool], None]) -> None:
-        box = gui.add_checkbox(label, True)
+    def _add_switch(self, gui: GuiApi, inbox: Inbox, label: str, switch: Callable[[bool], None], is_on: bool) -> None:
+        box = gui.add_checkbox(label, is_on)
         on_input(box, lambda: inbox.put(lambda: switch(bool(box.value))))
 
 

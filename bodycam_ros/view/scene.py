@@ -1,13 +1,16 @@
 """All that is seen: the place, the body at one instant, its cameras, and from where a browser looks at first."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from viser import SceneApi, SceneNodeHandle, ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
+from bodycam_ros.outside.station import Station
+from bodycam_ros.outside.surface import Surface
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.camera_scene import CameraScene
@@ -16,6 +19,8 @@ from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.scene_nodes import GRID, GRID_FINE, WORLD, rgb
 from bodycam_ros.view.skeleton_scene import EquipmentScene, SkeletonScene, limbs_of
+from bodycam_ros.view.station_scene import StationScene
+from bodycam_ros.view.surface_scene import SurfaceScene
 
 FIELD_OF_VIEW = float(np.radians(40.0))
 """Of the browser's camera, from bottom to top [rad]."""
@@ -37,9 +42,11 @@ class Scene:
         self,
         server: ViserServer,
         body: BodyModel,
-        reference_map: ReferenceMap,
+        reference_map: ReferenceMap | None,
         motion: Motion,
         on_click: Callable[[Part], None],
+        stations: Mapping[str, Station] = MappingProxyType({}),
+        read_surfaces: Callable[[], Mapping[str, Surface]] = dict,
     ) -> None:
         self._server = server
         self._motion = motion
@@ -49,6 +56,8 @@ class Scene:
         self._skeleton = SkeletonScene(server.scene, body, on_click)
         self._equipment = EquipmentScene(server.scene, len(motion.equipment))
         self._cameras = CameraScene(server.scene, body, on_click)
+        self._stations = StationScene(server.scene, stations)
+        self._surface = SurfaceScene(server.scene, read_surfaces)
 
     def show(self, body: BodyModel, instant: int, *, follow: bool) -> None:
         """Show a body at an instant, and if it is followed, at the middle of the scene."""
@@ -91,11 +100,15 @@ class Scene:
             RecordingError: the image cannot be decoded.
         """
         picture = None if footage is None else self._picture(body, instant, footage)
-        self._cameras.show_image(camera, None if picture is None else picture.pixels)
+        pixels, is_static = None if picture is None else picture.pixels, camera in self._stations.stations
+        self._cameras.show_image(*((None, None) if is_static else (camera, pixels)))
+        self._stations.show_image(*((camera, pixels) if is_static else (None, None)))
         return picture
 
     def world_T_camera(self, body: BodyModel, instant: int, camera: str) -> Array:
-        """(4, 4) where a body has a camera at an instant [m]."""
+        """(4, 4) where a body has a camera at an instant, or a static one stands [m]."""
+        if camera in self._stations.stations:
+            return self._stations.stations[camera].world_T_camera
         mount = body.mounts[camera]
         world_T_segment = self._motion.segments_at(body, instant)[body.segment_index[mount.segment]]
         world_T_camera: Array = world_T_segment @ mount.segment_T_camera
@@ -103,21 +116,35 @@ class Scene:
 
     def show_map(self, visible: bool) -> None:
         """Show or hide the landmarks."""
-        self._landmarks.visible = visible
+        if self._landmarks is not None:
+            self._landmarks.visible = visible
+
+    def show_surface(self, visible: bool) -> None:
+        """Show or hide the body's surface.
+
+        Raises:
+            BodyError: it cannot be used.
+        """
+        self._surface.show(visible)
 
     def show_cameras(self, visible: bool) -> None:
         """Show or hide the cameras."""
         self._cameras.show(visible)
+        self._stations.show(visible)
 
     def _picture(self, body: BodyModel, instant: int, footage: Footage) -> CameraPicture | None:
         at_ns = int(self._motion.stamps_ns[instant])
         image = footage.image_at(at_ns, self._motion.frame_ns // 2)
         if image is None:
             return None
-        limbs = limbs_of(body, self._motion.segments_at(body, instant))
-        limbs += self._motion.equipment_at(instant)
+        world_T_segment = self._motion.segments_at(body, instant)
+        limbs = limbs_of(body, world_T_segment) + self._motion.equipment_at(instant)
         world_T_camera = self.world_T_camera(body, instant, footage.camera)
-        return draw_picture(image, footage.model, world_T_camera, limbs, footage.matches.get(image.stamp_ns))
+        contour = None
+        if footage.camera in self._stations.stations:
+            contour = self._stations.contour(footage.camera, body, self._surface.surfaces, world_T_segment)
+        matches = footage.matches.get(image.stamp_ns)
+        return draw_picture(image, footage.model, world_T_camera, limbs, matches, contour)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +177,12 @@ class OpeningView:
         return cls(centre + distance * away, centre)
 
 
-def _add_map(scene: SceneApi, reference_map: ReferenceMap) -> SceneNodeHandle:
-    """Add the landmarks in their colours, and where the map knows what is up, a grid on the floor.
+def _add_map(scene: SceneApi, reference_map: ReferenceMap | None) -> SceneNodeHandle | None:
+    """Add the landmarks in their colours, and where it is known what is up, a grid on the floor.
 
-    Returns the landmarks, to be shown or hidden.
+    Returns the landmarks, to be shown or hidden; None without a map, where a board on the floor is the world.
     """
-    if reference_map.gravity_aligned:
+    if reference_map is None or reference_map.gravity_aligned:
         scene.add_grid(
             f"{WORLD}/floor",
             infinite_grid=True,
@@ -165,6 +192,8 @@ def _add_map(scene: SceneApi, reference_map: ReferenceMap) -> SceneNodeHandle:
             section_color=rgb(GRID),
             fade_distance=_FADES_M,
         )
+    if reference_map is None:
+        return None
     return scene.add_point_cloud(
         f"{WORLD}/landmarks",
         reference_map.points_world,

@@ -8,6 +8,7 @@ import numpy as np
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
+from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
@@ -23,25 +24,36 @@ _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
 
 _NOTICE_S = 6.0
+_SURFACE = "surface"
 _STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that is taken without being moved
 _GREEN: Literal["green"] = "green"
 _RED: Literal["red"] = "red"
 
 
-def view(solved: Path | None, map_path: Path, body_path: Path, recording: Path | None, port: int) -> None:
+def view(
+    solved: Path | None,
+    map_path: Path | None,
+    body_path: Path,
+    recording: Path | None,
+    port: int,
+    stations: Path | None = None,
+    surface: Path | None = None,
+) -> None:
     """Show a body in a browser until the program is interrupted.
 
     Args:
         solved: bag that ``bodycam replay`` wrote; None: the body in its N-pose.
-        map_path: map folder.
+        map_path: map folder; None where stations are given, whose own frame then is the world.
         body_path: body file, written back when a person asks for it.
         recording: bag that ``solved`` was made from.
         port: of this machine; 0 takes any free one.
+        stations: file that says where static cameras stand.
+        surface: folder of the body's meshes; None for the body's own, or capsules.
 
     Raises:
         BodycamError: an input is missing or damaged, they do not fit each other, or the port cannot be used.
     """
-    sources = Sources.read(solved, map_path, body_path, recording)
+    sources = Sources.read(solved, map_path, body_path, recording, stations, surface)
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
         session = Session(server, sources)
@@ -70,7 +82,15 @@ class Session:
         duration_s = float(sources.motion.seconds[-1])
         self._playback = Playback(duration_s, time.monotonic)
         scene, gui = server.scene, server.gui
-        self._scene = Scene(server, sources.body, sources.reference_map, sources.motion, self._click)
+        self._scene = Scene(
+            server,
+            sources.body,
+            sources.reference_map,
+            sources.motion,
+            self._click,
+            sources.stations,
+            lambda: surfaces_of(sources.body, sources.body_file.path, sources.surface),
+        )
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
         actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
@@ -79,8 +99,14 @@ class Session:
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
-        switches = {"map": self._scene.show_map, "cameras": self._scene.show_cameras}
-        ShowPanel(gui, inbox, switches, knows_registration=bool(sources.motion.registered))
+        # Who has worn cameras alone does not look at a surface.
+        hidden = set() if sources.stations or sources.surface else {_SURFACE}
+        if not hidden:
+            self._scene.show_surface(True)
+        switches = {"cameras": self._scene.show_cameras, _SURFACE: self._scene.show_surface}
+        if sources.reference_map is not None:
+            switches = {"map": self._scene.show_map, **switches}
+        ShowPanel(gui, inbox, switches, hidden, knows_registration=bool(sources.motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
         self._scene.look_at_body(sources.body, 0)

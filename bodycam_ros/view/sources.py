@@ -1,12 +1,21 @@
 """What a view shows, read and checked before a browser is asked to show it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
+from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.station import Station
+from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.outside.stations_frame import check_stations_frame
+from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.solved.topics import ROBOT, published_robot
+from bodycam_ros.solved.urdf_tree import UrdfTree
 from bodycam_ros.view.correction import BodyFile
 from bodycam_ros.view.motion import Motion, read_motion
 
@@ -18,44 +27,74 @@ class Sources:
     Attributes:
         body_file: where the body comes from and is written to.
         body: as it was read.
-        reference_map: the place.
+        reference_map: the place; None where static cameras are all that is known of it.
         motion: of the body.
         solved: the bag that the motion is from.
         recording: the bag with images.
-        cameras: of the body that have images.
+        cameras: of the body, and static ones, that have images.
+        stations: static cameras.
+        surface: folder of the body's meshes, if another is wanted than the body's own.
     """
 
     body_file: BodyFile
     body: BodyModel
-    reference_map: ReferenceMap
+    reference_map: ReferenceMap | None
     motion: Motion
     solved: Path | None
     recording: Path | None
     cameras: tuple[str, ...]
+    stations: Mapping[str, Station] = field(default_factory=dict)
+    surface: Path | None = None
 
     @classmethod
-    def read(cls, solved: Path | None, map_path: Path, body_path: Path, recording: Path | None) -> "Sources":
+    def read(
+        cls,
+        solved: Path | None,
+        map_path: Path | None,
+        body_path: Path,
+        recording: Path | None,
+        stations_path: Path | None = None,
+        surface: Path | None = None,
+    ) -> "Sources":
         """Read them all.
 
         Raises:
             BodycamError: one of them is missing or damaged, or they do not fit each other.
         """
         if recording is not None and solved is None:
+            place = f"--stations {stations_path}" if map_path is None else f"--map {map_path}"
             raise ViewError(
                 f"{recording}: without OUT nobody knows where the body was in these images; solve them first with "
-                f"'bodycam replay {recording} --map {map_path} --body {body_path} -o OUT', then name OUT here too"
+                f"'bodycam replay {recording} {place} --body {body_path} -o OUT', then name OUT here too"
             )
+        if map_path is None and stations_path is None:
+            raise ViewError("nothing to stand in: give the place's reference map with --map, or --stations")
         body_file = BodyFile(body_path)
-        body = body_file.read()
-        reference_map = ReferenceMap.load(map_path)
+        body = body_file.read(with_hands if _has_hands(solved, stations_path) else lambda body: body)
+        reference_map = None if map_path is None else ReferenceMap.load(map_path)
+        stations = {} if stations_path is None else read_stations(stations_path, reference_map)
+        if stations_path is not None and solved is not None:
+            check_stations_frame(stations_path, solved, map_path)
         motion = Motion.standing(body) if solved is None else read_motion(solved, body)
         cameras: tuple[str, ...] = ()
         if recording is not None:
             with open_recording(recording) as bag:
-                cameras = tuple(camera for camera in body.mounts if camera in bag.cameras)
+                cameras = tuple(camera for camera in (*body.mounts, *stations) if camera in bag.cameras)
                 if not cameras:
                     raise RecordingError(
                         f"{recording}: has none of the body's cameras; it has {', '.join(bag.cameras)}, the body "
                         f"{', '.join(body.mounts) or 'none'}"
+                        + (f", {stations_path} {', '.join(stations)}" if stations else "")
                     )
-        return cls(body_file, body, reference_map, motion, solved, recording, cameras)
+        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
+
+
+def _has_hands(solved: Path | None, stations: Path | None) -> bool:
+    """Whether the replay gave the body hands, as it does for static cameras; before it, whether it would."""
+    if solved is None:
+        return stations is not None
+    with BagFile(solved) as bag:
+        text = published_robot(bag)
+    return bool(text) and any(
+        SegmentName(segment).kind == "hand" for segment in UrdfTree.parse(text, f"{solved}: {ROBOT}").segments
+    )

@@ -1,38 +1,22 @@
 """A recording that was solved from static cameras alone, or with worn ones."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from known_walk import FRAME_NS, FRAMES, START_NS, Stamped, Walk, write_solved
+from known_walk import FRAMES, Walk, write_solved
+from station_words import said
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.report_folder import write_report
 from bodycam_ros.evaluate.station_panel import segment_table
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
-from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.solved.solved_recording import read_solved
-from bodycam_ros.solving.camera_evidence import SegmentPose
 
 WORN = tuple(f"/{camera}/{topic}" for camera in ("waist", "shin") for topic in ("landmarks", "tracks"))
 UNSEEN = range(20, 30)
-
-
-def said(walk: Walk, station: str, unseen: Sequence[int] = ()) -> list[Stamped]:
-    """What a static camera says of the thigh and the shin, and that it looks for the foot in vain."""
-    make, messages = recorded_messages(), []
-    for frame in range(FRAMES):
-        poses, stamp_ns = walk.world_T_segment[frame], START_NS + frame * FRAME_NS
-        seen = ["thigh_left", "shin_left"] if frame not in unseen else []
-        evidence = [SegmentPose(name, poses[walk.body.segment_index[name]], np.eye(6)) for name in seen]
-        confidence = {"thigh_left": 0.6, "shin_left": 0.9, "foot_left": 0.0} if seen else {}
-        message = segment_poses_message(make, stamp_ns, station, evidence, confidence)
-        messages.append((f"/{station}{SEGMENT_POSES}", stamp_ns, message))
-    return messages
 
 
 def test_static_cameras_alone_are_evaluated(walk: Walk, truth: Path, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from bodycam_ros.messages.header import header_message, stamp_ns
 from bodycam_ros.nodes.graph import live_graph, player, stations_of
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.outside.outside_files import OutsideFiles
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import write_stations
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
@@ -65,9 +65,9 @@ def bag(dressed: DressedBody, motion: Array, tmp_path_factory: pytest.TempPathFa
 
 
 @pytest.fixture(scope="module")
-def outside(dressed: DressedBody, motion: Array, bag: Path) -> OutsideFiles:
+def outside(dressed: DressedBody, motion: Array, bag: Path) -> OutsideInput:
     """Where the stations stand, and where the person does at first, 3 cm and 4 degrees off."""
-    files = OutsideFiles(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
+    files = OutsideInput(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
     write_stations(files.stations, dressed.stations.values())
     off = exp_se3(np.array([0.0, 0.0, 0.07, 0.02, -0.02, 0.01]))
     lines = []
@@ -88,7 +88,7 @@ def joints_off(solved: SolvedRecording, dressed: DressedBody, motion: Array) -> 
 
 
 def test_a_person_is_followed_live_as_in_a_replay(
-    graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: OutsideFiles, tmp_path: Path
+    graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: OutsideInput, tmp_path: Path
 ) -> None:
     from std_srvs.srv import Trigger
 

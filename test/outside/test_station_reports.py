@@ -99,3 +99,12 @@ def test_it_begins_where_somebody_placed_it(body: BodyModel, motion: Array) -> N
     assert [each.segment for each in begun] == list(body.segments)
     np.testing.assert_array_equal([each.world_T_segment for each in begun], motion[0])
     assert StationReports(body, None, SETTINGS, MOTION).begin(frame_of(said)) == []
+
+
+def test_after_a_silence_it_is_where_it_was_seen_last(body: BodyModel, motion: Array) -> None:
+    said = said_along(body, motion[3], "a", np.array([1.0, 0.0, 0.0]), 0.0)
+    reports = StationReports(body, motion[0], SETTINGS, MOTION)
+    seen = reports.look(frame_of(said), motion[3], DT_S, ())
+    later, again = (reports.begin(BodyFrame(stamp_ns, {}, {}, {"a": said})) for stamp_ns in (2, 1))
+    np.testing.assert_array_equal([each.world_T_segment for each in later], seen.world_T_segment)
+    np.testing.assert_array_equal([each.world_T_segment for each in again], motion[0])

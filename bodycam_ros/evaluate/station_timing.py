@@ -1,0 +1,114 @@
+"""What static cameras cost an instant: a person of capsules, in plain colours before noise, seen by four of them.
+
+The scene is made here, so that every recording's bench can tell it: how long the lines take depends on how many there
+are, not on what they show, and the person moves as far between images as people who walk do.
+"""
+
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.outside.articulated_step import ExpectedBody
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.contour_kernels import NOBODY
+from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.station import Station
+from bodycam_ros.outside.station_view import StationView
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.solving.motion import predict
+
+STATIONS = 4
+_WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0
+_AWAY_M = 4.0  # of the stations, all around
+_STEP_M, _TURN_RAD, _DT_S = 0.03, 0.03, 1.0 / 30.0  # of the person, from image to image
+_FIRST_SLOW = 2  # instants that are not timed
+_SIGMAS = np.repeat([0.08, 0.03], 3)  # of where the person is expected
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class StationTiming:
+    """Milliseconds of the processor for an instant, all images decoded.
+
+    Attributes:
+        look_ms: for each instant.
+        segments, faces: of the person.
+        stations: that looked.
+        largest_off_m: how far any segment was from where it was painted, to know that the person was followed.
+    """
+
+    look_ms: list[float]
+    segments: int
+    faces: int
+    stations: int
+    largest_off_m: float
+
+    @property
+    def median_ms(self) -> float:
+        """Of an instant."""
+        return float(np.median(self.look_ms))
+
+    @property
+    def share_ms(self) -> float:
+        """Of an instant, per segment and station."""
+        return self.median_ms / (self.segments * self.stations)
+
+
+def time_stations(body: BodyModel, settings: PipelineSettings, instants: int = 20) -> StationTiming | None:
+    """Follow a body through images that are made of it, on one thread; None if it has no bones to put capsules on."""
+    surfaces = capsule_surfaces(body)
+    if not surfaces:
+        return None
+    surface = BodySurface.of(body, surfaces)
+    tracker = RegionTracker(body, surface, _stations(), settings.region)
+    motion = [_poses(body, number) for number in range(_FIRST_SLOW + instants)]
+    before, poses, spent, off = motion[0], motion[0], [], 0.0
+    random = np.random.default_rng(0)
+    for number, truth in enumerate(motion):
+        images = {name: _painted(view, truth, len(body.segments), random) for name, view in tracker.views.items()}
+        if number == 0:
+            tracker.learn(images, truth)
+        expected = ExpectedBody(predict(before, poses, _DT_S, _DT_S, settings.motion), _SIGMAS, float(_SIGMAS[0]))
+        started = time.process_time()
+        before, poses = poses, tracker.look(images, expected).world_T_segment
+        spent.append(1e3 * (time.process_time() - started))
+        off = max(off, float(np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1).max()))
+    faces = len(surface.faces)
+    return StationTiming(spent[_FIRST_SLOW:], len(body.segments), faces, STATIONS, off)
+
+
+def _stations() -> dict[str, Station]:
+    K = [_FOCAL_PX, 0.0, 0.5 * _WIDTH, 0.0, _FOCAL_PX, 0.5 * _HEIGHT, 0.0, 0.0, 1.0]
+    stations = {}
+    for number in range(STATIONS):
+        name, angle = f"station {number}", 2.0 * np.pi * (number + 0.3) / STATIONS
+        inward = -np.array([np.cos(angle), np.sin(angle), 0.0])
+        down = np.array([0.0, 0.0, -1.0])
+        world_R_camera = np.column_stack([np.cross(down, inward), down, inward])
+        camera = camera_from_info(name, _WIDTH, _HEIGHT, "plumb_bob", [0.0] * 5, K)
+        stations[name] = Station(name, rigid(world_R_camera, -_AWAY_M * inward), camera)
+    return stations
+
+
+def _poses(body: BodyModel, number: int) -> Array:
+    """(S, 4, 4) the body in its N-pose, going about."""
+    root = rigid(exp_so3(np.array([0.0, 0.0, _TURN_RAD * number])), np.array([_STEP_M * (number - 10), 0.0, 0.0]))
+    return body.forward_kinematics(root, np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+
+
+def _painted(view: StationView, world_T_segment: Array, segments: int, random: np.random.Generator) -> Image:
+    """The body in a station's image: each segment in its own colour, before noise."""
+    labels = view.contour(world_T_segment).labels
+    large = cv2.resize(labels, (_WIDTH, _HEIGHT), interpolation=cv2.INTER_NEAREST)
+    noise = random.integers(0, 256, (_HEIGHT, _WIDTH, 3))
+    colours = np.random.default_rng(1).integers(20, 236, (segments, 3))
+    person = colours[np.minimum(large, segments - 1)] + noise // 16 - 8
+    return np.where((large == NOBODY)[..., None], noise, person).astype(np.uint8)
