@@ -34,7 +34,12 @@ _GENERATORS = np.array(
 
 
 class JointAngles:
-    """Where each joint's angles [rad], and a free joint's place [m], stand in the vector of all (A) of a body."""
+    """Where each joint's angles [rad], and a free joint's place [m], stand in the vector of all (A) of a body.
+
+    Attributes:
+        names: (A) of the angles.
+        joint_rows: (A) of the joint that each angle is of, in ``BodyModel.tree_joints``.
+    """
 
     def __init__(self, body: BodyModel) -> None:
         self.body = body
@@ -50,6 +55,7 @@ class JointAngles:
         self._hinge_columns = np.array([columns[row][0] for row in self._hinges], dtype=int)
         self._hinge_axes = np.array([body.tree_joints[row].axis for row in self._hinges]).reshape(-1, 3)
         self._order = EulerOrder(tuple(body.tree_joints[row].angle_axes for row in self._balls))
+        self.joint_rows = np.repeat(np.arange(len(columns)), [len(of_joint) for of_joint in columns])
 
     def rotations(self, angles: NDArray[np.floating]) -> Array:
         """Joint rotations (..., J, 3, 3), in the order of ``BodyModel.tree_joints``, of angles (..., A) [rad]."""
@@ -96,6 +102,21 @@ def middle_of_limits(body: BodyModel) -> Array:
     low, high = angle_limits(body)
     bounded = np.isfinite(low) & np.isfinite(high)
     return JointAngles(body).rotations(0.5 * np.where(bounded, low, 0.0) + 0.5 * np.where(bounded, high, 0.0))
+
+
+def within_limits(joint_angles: JointAngles, rotations: Array, low: Array, high: Array, rest: Array) -> Array:
+    """Joint rotations (J, 3, 3) with every angle put back into its limits; themselves if none is beyond.
+
+    Args:
+        joint_angles: of the body.
+        rotations: (J, 3, 3).
+        low, high: (A) limits [rad].
+        rest: (A) angles that those of the rotations are nearest to [rad].
+    """
+    angles = joint_angles.angles(rotations, rest)
+    if ((angles >= low) & (angles <= high)).all():
+        return rotations
+    return joint_angles.rotations(np.clip(angles, low, high))
 
 
 class JointAngleTracker:

@@ -10,7 +10,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
+from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits, within_limits
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
 
 _ROOT = 6
@@ -123,7 +123,7 @@ class ArticulatedStep:
         turned, turned_before = rotations[self._rows], rotations_before[self._rows]
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        within = self._within_limits(rotations)[self._rows]
+        within = within_limits(self._joint_angles, rotations, self._low, self._high, self._at_zero)[self._rows]
         of = np.swapaxes([within, turned_before, self._middle], 2, 3)
         beyond, since_before, off_middle = log_so3(turned @ of)
         far = np.linalg.norm(beyond, axis=1)[:, None]
@@ -135,13 +135,6 @@ class ArticulatedStep:
         pull = (world_R_joint @ pull[..., None])[..., 0]
         A[self._blocks] += information
         b[_ROOT:] -= pull.ravel()
-
-    def _within_limits(self, rotations: Array) -> Array:
-        """Joint rotations (J, 3, 3) with every angle put back into its limits."""
-        angles = self._joint_angles.angles(rotations, self._at_zero)
-        if ((angles >= self._low) & (angles <= self._high)).all():
-            return rotations
-        return self._joint_angles.rotations(np.clip(angles, self._low, self._high))
 
     def _world_T_joint(self, poses: Array) -> Array:
         world_T_joint: Array = poses[self._parents] @ self._parent_T_joint

@@ -1,7 +1,6 @@
 """The surface of a body without a scan: tapered capsules along its bones, as thick as people of its size are.
 
-Segments of the default body (DESIGN 3) have the forms of people (``girths``); others are a capsule along each bone,
-those of equipment as thin as tubes.
+Segments of the default body (DESIGN 3) have the forms of people (``girths``); others are a capsule along each bone.
 """
 
 from collections.abc import Callable
@@ -19,39 +18,35 @@ from bodycam_ros.outside.closed_surface import Faces
 from bodycam_ros.outside.limb_mesh import Ball, limb_mesh
 from bodycam_ros.outside.surface import Surface
 
-_TUBE_RADIUS_M = 0.015  # of equipment: bicycles, crutches and bars have tubes of 22 to 35 mm
-
 _X, _Y, _Z = np.eye(3)
 _Mesh = tuple[Array, Faces]
 
 
 def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
-    """Segment -> its surface of capsules; of a coupled body those of the equipment as well.
+    """Segment -> its surface of capsules; a segment without any bone has none, and neither has equipment.
 
-    A segment without any bone has none.
+    Nobody knows how a machine looks whose file has but joints: tubes that are not there would pull at the legs.
     """
     stature = girths.stature_of(body)
     surfaces = {}
     for segment in body.segments:
-        parts = _parts(body, segment, stature)
+        parts = [] if segment in body.equipment_segments else _parts(body, segment, stature)
         if parts:
             surfaces[segment] = Surface(segment, *_joined(parts))
     return surfaces
 
 
 def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
-    if segment in body.equipment_segments:
-        return _along_bones(body, segment, lambda length: _TUBE_RADIUS_M)
     form = _FORMS.get(SegmentName(segment).kind)
     if form is not None and (parts := form(body, segment, stature)):
         return parts
-    return _along_bones(body, segment, lambda length: girths.SLENDERNESS * length)
+    return _along_bones(body, segment)
 
 
-def _along_bones(body: BodyModel, segment: str, radius: Callable[[float], float]) -> list[_Mesh]:
+def _along_bones(body: BodyModel, segment: str) -> list[_Mesh]:
     parts = []
     for end in bone_ends(body, segment):
-        ball = radius(float(np.linalg.norm(end)))
+        ball = girths.SLENDERNESS * float(np.linalg.norm(end))
         parts.append(limb_mesh(np.zeros(3), end, [Ball(0.0, ball), Ball(1.0, ball)], _X))
     return parts
 

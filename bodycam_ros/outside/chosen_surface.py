@@ -17,7 +17,7 @@ def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) ->
     Segments that a folder has no mesh of have no surface: static cameras do not see them.
 
     Args:
-        body: alone, or coupled to its equipment, which then has a surface as well.
+        body: alone, or coupled to its equipment, which has a surface where the folder has meshes of it.
         body_path: the file that the body is from; the folder that it names lies beside it.
         folder: of meshes, as the user asks for.
 

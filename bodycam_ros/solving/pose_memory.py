@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint, hinge_angle
-from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits
+from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits, within_limits
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.settings import setting
 
@@ -123,9 +123,6 @@ class PoseMemory:
         low, high = angle_limits(body)
         self._low, self._high = low, high
         self._rest_angles = np.clip(np.zeros(len(low)), low, high)
-        self._joint_of_angle = np.repeat(
-            np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
-        )
         self._middle_R = middle_of_limits(body)
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_spans(joint, settings.sigma) for joint in body.tree_joints]).reshape(-1, 3)
@@ -183,7 +180,7 @@ class PoseMemory:
         seen = seen | (self._machine & self.machine_is_known)
         kept = np.exp(-dt_s / self._settings.forget_after)
         angles = self._joint_angles.angles(rotations, self._rest_angles)
-        moved = seen[self._joint_of_angle]
+        moved = seen[self._joint_angles.joint_rows]
         self._low = np.where(moved, np.minimum(self._low, angles), self._low)
         self._high = np.where(moved, np.maximum(self._high, angles), self._high)
         x = self.vectors(rotations)
@@ -246,11 +243,7 @@ class PoseMemory:
 
     def within_limits(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joint rotations (J, 3, 3) with every angle put back into its limits, or as far as it has been seen."""
-        angles = self._joint_angles.angles(rotations, self._rest_angles)
-        outside = (angles < self._low) | (angles > self._high)
-        if not outside.any():
-            return rotations
-        return self._joint_angles.rotations(np.clip(angles, self._low, self._high))
+        return within_limits(self._joint_angles, rotations, self._low, self._high, self._rest_angles)
 
     def _gaussian(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean (3J) and covariance (3J, 3J) of what was seen, begun with what is assumed."""

@@ -97,14 +97,9 @@ def test_a_person_with_joints_missing_or_in_one_place_has_a_surface() -> None:
     assert surfaces["thigh_left"].vertices[:, 2].min() < -0.4
 
 
-def test_equipment_has_thin_ones(body: BodyModel) -> None:
+def test_equipment_has_none(body: BodyModel) -> None:
     both = coupled_body(body, held_equipment("bicycle", body))
-    surfaces = capsule_surfaces(both)
-    assert {"frame", "crank"} <= set(surfaces)
-    arm = surfaces["crank"].vertices
-    assert np.ptp(arm[:, 2]) == pytest.approx(0.03, abs=0.001)
-    assert np.ptp(arm[:, 0]) > 0.3
-    np.testing.assert_array_equal(surfaces["torso"].vertices, capsule_surfaces(body)["torso"].vertices)
+    assert capsule_surfaces(both).keys() == capsule_surfaces(body).keys()
 
 
 def test_capsules_are_near_the_scan_of_that_person(shared: Path, body: BodyModel) -> None:
