@@ -16,9 +16,9 @@ from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipm
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
-from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.passes import replay_in_passes
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.terminal import Terminal, widened

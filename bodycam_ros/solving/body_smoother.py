@@ -20,6 +20,7 @@ from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.body_window import BodyWindow, Instant
 from bodycam_ros.solving.bridge import Silence
@@ -124,6 +125,11 @@ class BodySmoother:
         """How often the solver could not solve its window and began anew."""
         return self._window.restarts
 
+    @property
+    def now(self) -> BodyNow | None:
+        """The body at the latest instant; None before the first."""
+        return self._window.now
+
     def _begin_anew(self) -> None:
         """An empty window: at the start, and after a pause that nothing reaches across."""
         self._window.clear()
@@ -173,9 +179,9 @@ class BodySmoother:
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
-        observed = self._of_segments(seen.segment for seen in evidence.values())
+        observed = self.body.named(seen.segment for seen in evidence.values())
         joints_seen = observed[self.body.joint_ends].all(axis=1)
-        known = observed | self._of_segments(turn.segment for _, turn in turns)
+        known = observed | self.body.named(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
         known |= self._looking_on.rows
         turning = known[self.body.joint_ends].all(axis=1)
@@ -225,12 +231,6 @@ class BodySmoother:
         self._bridged_before = self.bridged
         self._begin_anew()
         return states
-
-    def _of_segments(self, names: Iterable[str]) -> NDArray[np.bool_]:
-        """Which segments (S,) are named."""
-        named = np.zeros(len(self.body.segments), bool)
-        named[[self.body.segment_index[name] for name in names]] = True
-        return named
 
     def _predict_turns(
         self, measured: Iterable[TurnSince], seen: set[str], path: Array

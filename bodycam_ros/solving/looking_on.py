@@ -36,8 +36,8 @@ class LookingOn:
         self.rows = np.zeros(len(body.segments), bool)
 
     def begin(self, frame: BodyFrame, worn: Iterable[SegmentPose]) -> list[SegmentPose]:
-        """Where the body was placed by hand in its first images, but for what worn cameras know."""
-        placed = self._onlookers.begin(frame.images) if self._onlookers and frame.images else []
+        """Where the body was placed by hand, at the first instant, but for what worn cameras know."""
+        placed = self._onlookers.begin(frame) if self._onlookers and (frame.images or frame.said) else []
         known = {each.segment for each in worn}
         return [each for each in placed if each.segment not in known]
 
@@ -45,12 +45,13 @@ class LookingOn:
         """Ask them of an instant at which the body should be at poses (S, 4, 4).
 
         Args:
-            frame: their images.
+            frame: what they saw or said.
             path: where the body should be.
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
-        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
+        asked = self._onlookers if frame.images or frame.said else None
+        seen = asked.look(frame, path, dt_s, known) if asked else None
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True

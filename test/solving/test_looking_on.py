@@ -1,6 +1,6 @@
 """Static cameras that say exactly where segments are, beside worn ones and alone, in the solver and by themselves."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,14 +43,12 @@ class ExactOnlookers:
     spun_rad: float = 0.0
     asked: list[tuple[Array, float, set[str]]] = field(default_factory=list)
 
-    def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
-        return self._poses(self.places, true_poses(self.body, frame_of(images)), SURE)
+    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
+        return self._poses(self.places, true_poses(self.body, number_of(frame)), SURE)
 
-    def look(
-        self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
-    ) -> SeenBody:
+    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
         self.asked.append((expected.copy(), dt_s, {each.segment for each in known}))
-        poses = true_poses(self.body, frame_of(images))
+        poses = true_poses(self.body, number_of(frame))
         spun, covariance = poses.copy(), SURE.copy()
         if self.spun_rad:
             spun[:, :3, :3] @= exp_so3(np.array([0.0, 0.0, self.spun_rad]))
@@ -62,8 +60,8 @@ class ExactOnlookers:
         return [SegmentPose(segment, poses[self.body.segment_index[segment]], covariance) for segment in segments]
 
 
-def frame_of(images: Mapping[str, CameraImage]) -> int:
-    return images["door"].stamp_ns // STEP_NS - 1
+def number_of(frame: BodyFrame) -> int:
+    return frame.images["door"].stamp_ns // STEP_NS - 1
 
 
 @pytest.fixture(scope="module")
