@@ -131,7 +131,7 @@ def replay(
             summary.images[item.camera] += 1
             clocks.add(item.camera, item.stamp_ns)
             if isinstance(item, CameraImage):
-                out.write_states(skeleton.add_image(item))
+                out.write_states(skeleton.add_static(item))
             else:
                 rows.add(item.matches)
                 out.write_registration(item)
