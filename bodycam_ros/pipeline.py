@@ -285,7 +285,7 @@ class SkeletonPipeline:
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))
-            while self._untold and self._smoother.lately:
+            while self._untold and len(self._smoother.lately) > 1:
                 self.assembler.join(self._untold.pop(), self._settings.assembler.first_wait)
         return outputs
 
