@@ -94,7 +94,7 @@ def replay(
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
-    seen: deque[tuple[int, SeenBody]] = deque()
+    seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
     onlookers = None
     if outside is not None:
         onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
