@@ -45,11 +45,11 @@ class AssemblerSettings:
         "for any more until it speaks again",
     )
     first_wait: float = setting(
-        5.0,
+        10.0,
         unit="s",
         limits=(0.0, 600.0),
-        reason="live, a static camera that hears where the body is looks for its limbs, once, which takes a second or "
-        "two; so much longer than 'max_wait' its first word is waited for",
+        reason="live, a static camera that hears where the body is looks for its limbs first, which takes a second of "
+        "a core, and more of a busy one; so much longer than 'max_wait' its first word is waited for",
     )
 
 
