@@ -94,7 +94,7 @@ def replay(
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
-    seen: deque[tuple[int, SeenBody]] = deque()
+    seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
     onlookers = None
     if outside is not None:
         onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
@@ -131,7 +131,7 @@ def replay(
             summary.images[item.camera] += 1
             clocks.add(item.camera, item.stamp_ns)
             if isinstance(item, CameraImage):
-                out.write_states(skeleton.add_image(item))
+                out.write_states(skeleton.add_static(item))
             else:
                 rows.add(item.matches)
                 out.write_registration(item)

@@ -126,9 +126,9 @@ class BodySmoother:
         return self._window.restarts
 
     @property
-    def now(self) -> BodyNow | None:
-        """The body at the latest instant; None before the first."""
-        return self._window.now
+    def lately(self) -> list[BodyNow]:
+        """The body at the latest two instants, as far as there are, oldest first."""
+        return self._window.lately
 
     def _begin_anew(self) -> None:
         """An empty window: at the start, and after a pause that nothing reaches across."""
