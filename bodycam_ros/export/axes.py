@@ -16,7 +16,7 @@ FACING_FORWARD = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Turns a body that faces along x to where programs for animation want it in its rest pose: along -y where z is up, so
 along +z where y is."""
 
-OPENSIM_R_OURS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+OPENSIM_R_OURS = UP_AXES["y"]
 """Of the ground and of every segment: OpenSim has x forward, y up and z to the right."""
 
 

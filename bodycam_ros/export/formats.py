@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.export import bvh, robot_files
+from bodycam_ros.export import bvh, c3d, csv, glb, mot, npz, osim, robot_files, trc, tum
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import SampledMotion, sampled
 from bodycam_ros.solved.solved_body import read_solved_body
@@ -51,7 +51,9 @@ def _of_body(make: Callable[[Path], Mapping[str, str]]) -> Callable[[Path, Motio
     return lambda source, options: make(source)
 
 
+_RATE = frozenset({"rate"})
 _FIGURE = frozenset({"rate", "pose", "names"})
+_MODEL = {mot.OSIM_SUFFIX: (osim.MARK.encode(), "OpenSim model")}
 
 FORMATS: Mapping[str, Format] = {
     "urdf": Format(
@@ -67,4 +69,44 @@ FORMATS: Mapping[str, Format] = {
         _of_motion(bvh.bvh, even=True),
         options=_FIGURE | {"up", "scale"},
     ),
+    "trc": Format(
+        "virtual markers, with a model (.osim) beside them, for OpenSim",
+        trc.MARK.encode(),
+        _of_motion(trc.trc, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "mot": Format(
+        "joint angles, with the model (.osim) that they move beside them, for OpenSim",
+        mot.MARK.encode(),
+        _of_motion(mot.mot, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "c3d": Format(
+        "virtual markers, for the programs of motion laboratories",
+        c3d.SOFTWARE.encode(),
+        _of_motion(c3d.c3d, even=True),
+        options=_RATE | {"up"},
+    ),
+    "glb": Format(
+        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web",
+        glb.MARK.encode(),
+        _of_motion(glb.glb, even=False),
+        options=_FIGURE,
+    ),
+    "csv": Format(
+        "places, quaternions and joint angles, a row an instant, for spreadsheets",
+        csv.MARK.encode(),
+        _of_motion(csv.csv, even=False),
+        options=_RATE,
+    ),
+    "tum": Format(
+        "the trajectory of the root, a segment or a camera, for evo",
+        tum.MARK.encode(),
+        _of_motion(tum.tum, even=False),
+        options=_RATE | {"segment"},
+        beside={".tum": (tum.MARK.encode(), "trajectory")},
+    ),
+    "npz": Format("everything as NumPy arrays", npz.MARK, _of_motion(npz.npz, even=False), options=_RATE),
 }

@@ -114,7 +114,7 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
     if rate is None and not even:
         everywhere = np.ones(len(stamps), bool)
         return SampledMotion(
-            solved.path.stem, body, stamps, everywhere, solved.placed, None, motion.world_T_root, joint_poses,
+            _name(solved), body, stamps, everywhere, solved.placed, None, motion.world_T_root, joint_poses,
             motion.joint_angles,
         )  # fmt: skip
     at_ns = _even_stamps(solved, 1e9 / rate if rate else step_ns)
@@ -124,7 +124,7 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
     own = motion.joint_angles[nearest]
     angles = np.stack([joint_angles.angles(*at) for at in zip(poses, own, strict=True)])
     return SampledMotion(
-        name=solved.path.stem,
+        name=_name(solved),
         body=body,
         stamps_ns=at_ns,
         known=between_neighbours(stamps, at_ns, longest_ns) | np.isin(at_ns, stamps),
@@ -179,3 +179,8 @@ def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
         1e-9 * steps[worst],
         1e-9 * (stamps[worst] - stamps[0]),
     )
+
+
+def _name(solved: SolvedBody) -> str:
+    """Of the recording, in one word: it stands in headers that go by lines and columns."""
+    return "_".join(solved.path.resolve().stem.split())

@@ -37,7 +37,7 @@ def draw(armature, path):
     scene.cycles.samples = 16
     scene.render.resolution_x = scene.render.resolution_y = 480
     scene.render.filepath = str(path)
-    bpy.ops.mesh.primitive_plane_add(size=20.0)
+    bpy.ops.mesh.primitive_plane_add(size=30.0, location=(at.x, at.y, 0.0))
     bpy.ops.render.render(write_still=True)
 
 
@@ -46,6 +46,8 @@ def main(file, output, picture=None):
     if file.suffix == ".bvh":
         bpy.ops.import_anim.bvh(filepath=str(file), update_scene_fps=True, update_scene_duration=True)
     else:
+        # Blender puts keys at times times its own rate; whole frames are compared.
+        bpy.context.scene.render.fps = 30
         bpy.ops.import_scene.gltf(filepath=str(file))
     armature = next(thing for thing in bpy.context.scene.objects if thing.type == "ARMATURE")
     action = armature.animation_data.action
