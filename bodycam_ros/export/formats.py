@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.export import bvh, c3d, csv, glb, mot, npz, osim, robot_files, trc, tum
+from bodycam_ros.export import bvh, c3d, csv, glb, mot, npz, osim, ply, robot_files, trc, tum, usd
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import SampledMotion, sampled
 from bodycam_ros.solved.solved_body import read_solved_body
@@ -39,10 +39,19 @@ def _of_motion(
     """What makes the content of the motion in a solved bag; ``even`` where a file says a rate and no times."""
 
     def content(source: Path, options: MotionOptions) -> Content:
-        if not robot_files.is_bag(source):
-            raise RecordingError(f"{source}: holds no motion; give a bag that 'bodycam replay' wrote")
         written = write(sampled(read_solved_body(source), options.rate, even), options)
         return {"": written} if isinstance(written, str | bytes) else written
+
+    return _of_bag(content)
+
+
+def _of_bag(write: Callable[[Path, MotionOptions], Content]) -> Callable[[Path, MotionOptions], Content]:
+    """The same, of bags alone."""
+
+    def content(source: Path, options: MotionOptions) -> Content:
+        if source.is_file() and not robot_files.is_bag(source):
+            raise RecordingError(f"{source}: holds no motion; give a bag that 'bodycam replay' wrote")
+        return write(source, options)
 
     return content
 
@@ -109,4 +118,16 @@ FORMATS: Mapping[str, Format] = {
         beside={".tum": (tum.MARK.encode(), "trajectory")},
     ),
     "npz": Format("everything as NumPy arrays", npz.MARK, _of_motion(npz.npz, even=False), options=_RATE),
+    "ply": Format(
+        "landmarks and the ways of segments as a cloud of points, for MeshLab, CloudCompare",
+        ply.MARK.encode(),
+        _of_bag(ply.ply),
+        options=_RATE,
+    ),
+    "usd": Format(
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya",
+        usd.MARK.encode(),
+        _of_motion(usd.usd, even=True),
+        options=_FIGURE,
+    ),
 }
