@@ -2,8 +2,8 @@
 
 ``stamps_ns`` (T), ``seconds`` (T), ``segments`` (S), ``parents`` (S; -1 of the root), ``world_T_segment`` (T, S, 4, 4)
 [m], ``joints`` (J), ``joint_R`` (T, J, 3, 3), ``angle_names`` (A), ``angles`` (T, A) [rad], [m] of what slides,
-``known`` (T, S) whether a segment's place is: in a gap of a motion with ``--rate`` it is
-interpolated. REP-103's axes; z is up.
+``known`` (T, S) whether a segment's place is: in a gap of a motion with ``--rate`` it is interpolated.
+REP-103's axes; z is up.
 """
 
 import io

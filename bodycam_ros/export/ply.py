@@ -40,16 +40,10 @@ def ply(source: Path, options: MotionOptions) -> dict[str, bytes]:
         clouds.append(_coloured(known, (red, green, blue)))
         says.append(f"comment {len(known)} points of {'_'.join(segment.split())}")
     points = np.concatenate(clouds)
-    properties = [f"property {_TYPES[kind.str]} {name}" for name, (kind, _) in (_POINT.fields or {}).items()]
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        *says,
-        f"element vertex {len(points)}",
-        *properties,
-        "end_header",
-    ]
-    return {"": "\n".join(header).encode() + b"\n" + points.tobytes()}
+    properties = [f"property {_TYPES[_POINT[name].str]} {name}" for name in _POINT.names or ()]
+    says += [f"element vertex {len(points)}", *properties, "end_header"]
+    header = "\n".join(["ply", "format binary_little_endian 1.0", *says])
+    return {"": header.encode() + b"\n" + points.tobytes()}
 
 
 def _landmarks(source: Path) -> Array:
