@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import c3d
 import ezc3d
 import numpy as np
 import pybvh
@@ -120,6 +121,22 @@ def test_c3d_has_the_joints_where_they_were(sample_exported: Exported, up: str) 
     }.items():
         ours = sample_exported.places(segment) @ UP_AXES[up].T
         np.testing.assert_allclose(points[:3, labels.index(label)].T / 1000.0, ours, rtol=0.0, atol=JOINT_M / 50.0)
+
+
+@pytest.mark.filterwarnings("ignore:No analog data")
+def test_another_reader_of_c3d_than_its_writer_sees_the_same(walked: Exported) -> None:
+    file = walked.file("c3d", "--rate", "60")
+    written = ezc3d.c3d(str(file))
+    with file.open("rb") as stream:
+        reader = c3d.Reader(stream)
+        frames = np.array([points[:, :3] for _, points, _ in reader.read_frames()])
+        assert reader.point_rate == 60.0
+    labels = [label.strip() for label in reader.point_labels]
+    assert labels == written["parameters"]["POINT"]["LABELS"]["value"]
+    np.testing.assert_allclose(frames.transpose(2, 1, 0), written["data"]["points"][:3], atol=1e-3)
+    np.testing.assert_allclose(
+        frames[::2, labels.index("ankle_left")] / 1000.0, walked.places("foot_left"), rtol=0.0, atol=JOINT_M / 50.0
+    )
 
 
 def trc_markers(file: Path) -> tuple[list[str], NDArray[np.float64]]:

@@ -1,6 +1,6 @@
 """Run by a Python that has OpenSim: moves a model by a MOT, and finds its angles from a TRC by inverse kinematics.
 
-Usage: read_in_opensim.py FOLDER OUT.json, where FOLDER has motion.osim, motion.mot, motion.trc and motion.c3d.
+Usage: read_in_opensim.py FOLDER OUT.json, where FOLDER has motion.osim, motion.mot and motion.trc.
 """
 
 import json
@@ -69,18 +69,9 @@ def inverse(folder):
     return table(folder / "inverse.mot")
 
 
-def c3d(folder):
-    """Marker -> (T, 3) [mm]."""
-    read = opensim.C3DFileAdapter().read(str(folder / "motion.c3d"))
-    markers = opensim.C3DFileAdapter().getMarkersTable(read)
-    return {name: markers.getDependentColumn(name).to_numpy().tolist() for name in markers.getColumnLabels()}
-
-
 def main(folder, output):
     folder = folder.resolve()
     said = {"moved": moved(folder), "analysed": analysed(folder), "inverse": inverse(folder)}
-    if (folder / "motion.c3d").exists():
-        said["c3d"] = c3d(folder)
     output.write_text(json.dumps(said))
 
 
