@@ -1,0 +1,162 @@
+"""Exports of motion that is incomplete, and orders that cannot be obeyed."""
+
+import re
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pybvh
+import pytest
+from exported import Exported
+from known_walk import Walk, write_solved
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.export.formats import FORMATS
+
+GAP = slice(20, 30)
+MOTION = [name for name, form in FORMATS.items() if "rate" in form.options]
+
+
+@pytest.fixture(scope="module")
+def gappy(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    folder = tmp_path_factory.mktemp("gappy")
+    return Exported.of(write_solved(walk.without(list(range(60)[GAP])), folder / "out"), folder)
+
+
+def test_what_can_be_left_empty_in_a_gap_is(gappy: Exported) -> None:
+    points = ezc3d.c3d(str(gappy.file("c3d")))["data"]["points"]
+    lines = gappy.file("trc").read_text().splitlines()[6:]
+    table = np.genfromtxt(gappy.file("csv", "--rate", "30.00000003"), delimiter=",", names=True)
+    with np.load(gappy.file("npz", "--rate", "30.00000003")) as arrays:
+        known = arrays["known"]
+    way = np.loadtxt(gappy.file("tum", "--rate", "30.00000003"))
+    inside = np.zeros(60, bool)
+    inside[GAP] = True
+    np.testing.assert_array_equal(np.isnan(points[:3]).all(axis=(0, 1)), inside)
+    np.testing.assert_array_equal([line.endswith("\t\t\t") for line in lines], inside)
+    assert len({line.count("\t") for line in lines}) == 1
+    np.testing.assert_array_equal(np.isnan(table["knee_left_deg"]), inside)
+    assert np.isfinite(table["time_s"]).all()
+    np.testing.assert_array_equal(~known, np.repeat(inside[:, None], known.shape[1], axis=1))
+    assert len(way) == 50
+
+
+def test_what_cannot_goes_straight_across(gappy: Exported, walk: Walk) -> None:
+    positions = pybvh.read_bvh_file(gappy.file("bvh")).root_pos
+    assert len(positions) == 60
+    before, after = positions[19], positions[30]
+    share = (np.arange(20, 30) - 19)[:, None] / 11.0
+    np.testing.assert_allclose(positions[GAP], before + share * (after - before), atol=1e-5)
+
+
+def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(ride: Walk, tmp_path: Path) -> None:
+    exported = Exported.of(write_solved(ride, tmp_path / "out"), tmp_path)
+    assert not set(pybvh.read_bvh_file(exported.file("bvh")).joint_names) & {"frame", "crank"}
+    columns = exported.file("csv").read_text().splitlines()[0].split(",")
+    assert {"crank_x_m", "bicycle_at_x_m", "crank_deg", "knee_left_deg"} < set(columns)
+    assert "crank" not in exported.file("mot").read_text()
+
+
+@pytest.mark.parametrize(
+    ("flags", "complaint"),
+    [
+        ("--to bvh --rate 0", "--rate must be above 0 and at most 1000 a second, not 0"),
+        ("--to bvh --rate nan", "--rate must be above 0"),
+        ("--to bvh --rate 1e9", "--rate must be above 0 and at most 1000"),
+        ("--to bvh --scale -1", "--scale must be above 0"),
+        ("--to csv --up y", "--up says nothing to csv; bvh, c3d heed it"),
+        ("--to glb --scale 100", "--scale says nothing to glb; bvh heeds it"),
+        ("--to urdf --rate 30", "--rate says nothing to urdf; bvh, trc"),
+        ("--to tum --segment tail", "--segment tail: the body has no such segment or camera; there are pelvis, torso"),
+    ],
+)
+def test_what_cannot_be_obeyed_is_named(
+    gappy: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str, complaint: str
+) -> None:
+    output = tmp_path / "motion"
+    assert main(["export", str(gappy.out), *flags.split(), "-o", str(output)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("bodycam: error: ") and complaint in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("flags", ["--to fbx", "--to bvh --names maya", "--to bvh --pose Q", "--to bvh --up x"])
+def test_an_unknown_choice_shows_those_that_there_are(
+    gappy: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["export", str(gappy.out), *flags.split(), "-o", str(tmp_path / "motion")])
+    assert re.search(r"invalid choice: .* \(choose from ", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("to", MOTION)
+def test_a_body_file_and_a_bag_that_nobody_solved_are_refused(
+    sample: Path, tiny_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], to: str
+) -> None:
+    output = tmp_path / "motion"
+    for source, complaint in (
+        (sample / "body.yaml", "body.yaml: holds no motion; give a bag that 'bodycam replay' wrote"),
+        (tiny_bag, "/robot_description (std_msgs/msg/String) is missing: there is no such topic; expected a bag that"),
+        (tmp_path / "none", "none"),
+    ):
+        assert main(["export", str(source), "--to", to, "-o", str(output)]) == 1
+        said = capsys.readouterr().err
+        assert complaint in said and said.count("\n") == 1
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["tiny"]
+
+
+@pytest.mark.parametrize("missing", ["/joint_states", "/odometry"])
+def test_a_bag_without_motion_is_refused(
+    walk: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], missing: str
+) -> None:
+    out = write_solved(walk, tmp_path / "out", leave_out=(missing,))
+    assert main(["export", str(out), "--to", "bvh", "-o", str(tmp_path / "a.bvh")]) == 1
+    assert f"out: {missing} (" in capsys.readouterr().err
+    alone = write_solved(walk.without(list(range(1, 60))), tmp_path / "alone")
+    assert main(["export", str(alone), "--to", "bvh", "-o", str(tmp_path / "a.bvh")]) == 1
+    assert "only one instant was solved" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("to", MOTION)
+def test_what_is_there_is_replaced_only_by_its_like_and_by_force(
+    gappy: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str], to: str
+) -> None:
+    output = tmp_path / f"motion.{to}"
+    arguments = ["export", str(gappy.out), "--to", to, "-o", str(output)]
+    assert main(arguments) == 0
+    made = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert main(arguments) == 1
+    assert f"{output}: exists already" in capsys.readouterr().err
+    assert main([*arguments, "--force"]) == 0
+    assert made.keys() == {file.name for file in tmp_path.iterdir()}
+    output.write_text("ten years of work\n")
+    assert main([*arguments, "--force"]) == 1
+    assert f"{output}: is no {to}" in capsys.readouterr().err
+    assert output.read_text() == "ten years of work\n"
+
+
+def test_a_model_of_another_body_is_not_replaced_without_force(
+    gappy: Exported, ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "walk.osim").write_text("mine\n")
+    arguments = ["export", str(gappy.out), "-o"]
+    assert main([*arguments, str(tmp_path / "walk.mot"), "--to", "mot"]) == 1
+    assert main([*arguments, str(tmp_path / "walk.mot"), "--to", "mot", "--force"]) == 1
+    assert "walk.osim: is no OpenSim model" in capsys.readouterr().err
+    (tmp_path / "walk.osim").unlink()
+    for to in ("mot", "trc"):  # the second finds the model of the first, which is its own
+        assert main([*arguments, str(tmp_path / f"walk.{to}"), "--to", to]) == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["walk.mot", "walk.osim", "walk.trc"]
+
+
+def test_a_recording_given_twice_and_a_file_for_a_folder_are_refused(
+    gappy: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("mine\n")
+    source = str(gappy.out)
+    assert main(["export", source, source, "--to", "bvh", "-o", str(tmp_path / "all")]) == 1
+    assert "the same recording is given twice" in capsys.readouterr().err
+    other = str(gappy.out / "out.mcap")
+    assert main(["export", source, other, "--to", "bvh", "-o", str(tmp_path / "file")]) == 1
+    assert "is a file; several recordings are written into a folder" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
