@@ -4,6 +4,8 @@ Several recordings are written into a folder, a file each.
 """
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.cli.shown_progress import shown_progress
@@ -13,6 +15,7 @@ from bodycam_ros.export.formats import FORMATS
 from bodycam_ros.export.options import HIGHEST_RATE, MotionOptions
 from bodycam_ros.export.rest_pose import REST_POSES
 from bodycam_ros.export.writing import export, export_all
+from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 
@@ -68,12 +71,20 @@ def run(arguments: argparse.Namespace) -> int:
     )
     check_output(output, sources, makes_folders=len(sources) > 1)
     if len(sources) == 1:
-        written = export(sources[0], arguments.to, output, arguments.force, options)
+        written = export(sources[0], arguments.to, output, arguments.force, options, _Bars())
     else:
-        with shown_progress() as progress, progress.step("recordings", len(sources)) as advance:
-            written = export_all(sources, arguments.to, output, arguments.force, options, advance)
+        written = export_all(sources, arguments.to, output, arguments.force, options, _Bars())
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0
+
+
+class _Bars:
+    """A bar for each step, and none where there is no step: a body file is written at once."""
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        with shown_progress() as progress, progress.step(name, total) as advance:
+            yield advance
 
 
 def _heeding(option: str) -> str:

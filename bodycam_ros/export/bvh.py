@@ -2,8 +2,8 @@
 
 Each bone has the order of angles whose middle one is about its length, which nobody's joint turns by 90 degrees, and
 the root that whose first is about the vertical, about which people turn for ever; so angles neither jump nor swing near
-the singularity of Euler's angles. Every reader has to go by the channels that a bone says. Lengths are metres unless
-``--scale`` says otherwise, and y is up unless ``--up`` does.
+the singularity of Euler's angles. Every reader has to go by the channels that a bone says. A gap, which BVH cannot
+show, is crossed straight. Lengths are metres unless ``--scale`` says otherwise, and y is up unless ``--up`` does.
 """
 
 import numpy as np

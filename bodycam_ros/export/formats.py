@@ -1,5 +1,6 @@
 """What ``bodycam export`` writes: a new format is a new line of the table."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,10 +9,16 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.export import bvh, c3d, csv, glb, mot, npz, osim, ply, robot_files, trc, tum, usd
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import SampledMotion, sampled
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.solved.solved_body import read_solved_body
+
+logger = logging.getLogger(__name__)
 
 Content = Mapping[str, str | bytes]
 """What is in a file, under "", and in files beside it, under the suffix that they have instead of the file's own."""
+
+Make = Callable[[Path, MotionOptions, Progress], Content]
+"""Makes the content of a solved bag or, of formats that hold no motion, of a body file."""
 
 
 @dataclass(frozen=True)
@@ -21,43 +28,56 @@ class Format:
     Attributes:
         what: for whom it is, and what it holds.
         mark: what every such file has near its beginning.
-        content: makes the content of a solved bag or, of formats that hold no motion, of a body file.
+        content: what makes it.
         options: fields of ``MotionOptions`` that it heeds.
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
     """
 
     what: str
     mark: bytes
-    content: Callable[[Path, MotionOptions], Content]
+    content: Make
     options: frozenset[str] = frozenset()
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
 
 
 def _of_motion(
-    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content], even: bool
-) -> Callable[[Path, MotionOptions], Content]:
-    """What makes the content of the motion in a solved bag; ``even`` where a file says a rate and no times."""
+    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content], even: bool, alone: bool = True
+) -> Make:
+    """What makes the content of the motion in a solved bag.
 
-    def content(source: Path, options: MotionOptions) -> Content:
-        written = write(sampled(read_solved_body(source), options.rate, even), options)
+    Args:
+        write: makes it.
+        even: the file says a rate and no times.
+        alone: it has the body without the equipment beside it.
+    """
+
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
+        motion = sampled(read_solved_body(source, progress), options.rate, even)
+        if alone and motion.body.equipment_segments:
+            logger.warning(
+                "%s: %s, which are no part of the body, are left out; csv, npz, tum and ply have them",
+                source,
+                ", ".join(sorted(motion.body.equipment_segments)),
+            )
+        written = write(motion, options)
         return {"": written} if isinstance(written, str | bytes) else written
 
     return _of_bag(content)
 
 
-def _of_bag(write: Callable[[Path, MotionOptions], Content]) -> Callable[[Path, MotionOptions], Content]:
+def _of_bag(make: Make) -> Make:
     """The same, of bags alone."""
 
-    def content(source: Path, options: MotionOptions) -> Content:
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
         if source.is_file() and not robot_files.is_bag(source):
             raise RecordingError(f"{source}: holds no motion; give a bag that 'bodycam replay' wrote")
-        return write(source, options)
+        return make(source, options, progress)
 
     return content
 
 
-def _of_body(make: Callable[[Path], Mapping[str, str]]) -> Callable[[Path, MotionOptions], Content]:
-    return lambda source, options: make(source)
+def _of_body(make: Callable[[Path], Mapping[str, str]]) -> Make:
+    return lambda source, options, progress: make(source)
 
 
 _RATE = frozenset({"rate"})
@@ -107,17 +127,17 @@ FORMATS: Mapping[str, Format] = {
     "csv": Format(
         "places, quaternions and joint angles, a row an instant, for spreadsheets",
         csv.MARK.encode(),
-        _of_motion(csv.csv, even=False),
+        _of_motion(csv.csv, even=False, alone=False),
         options=_RATE,
     ),
     "tum": Format(
         "the trajectory of the root, a segment or a camera, for evo",
         tum.MARK.encode(),
-        _of_motion(tum.tum, even=False),
+        _of_motion(tum.tum, even=False, alone=False),
         options=_RATE | {"segment"},
         beside={".tum": (tum.MARK.encode(), "trajectory")},
     ),
-    "npz": Format("everything as NumPy arrays", npz.MARK, _of_motion(npz.npz, even=False), options=_RATE),
+    "npz": Format("everything as NumPy arrays", npz.MARK, _of_motion(npz.npz, even=False, alone=False), options=_RATE),
     "ply": Format(
         "landmarks and the ways of segments as a cloud of points, for MeshLab, CloudCompare",
         ply.MARK.encode(),

@@ -5,11 +5,13 @@ half-way along it, in front and at the outer side, so that three tell how it is 
 have one at their tip.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from bodycam_ros.calibration.anatomy import RIGHT, SegmentName
+from bodycam_ros.errors import BodyError
 from bodycam_ros.export.sampled_motion import SampledMotion
 from bodycam_ros.export.tips import bone_tip
 from bodycam_ros.geometry import Array, transform_points
@@ -33,7 +35,11 @@ class Marker:
 
 
 def markers_on(motion: SampledMotion) -> list[Marker]:
-    """The markers of a body, without equipment."""
+    """The markers of a body, without equipment.
+
+    Raises:
+        BodyError: two would have the same name.
+    """
     body, found = motion.body, []
     for segment in motion.people:
         joint = body.joint_to_parent(segment)
@@ -47,6 +53,8 @@ def markers_on(motion: SampledMotion) -> list[Marker]:
         found.append(Marker(f"{segment}_side", segment, end / 2.0 + _ASIDE_M * side))
         if not children:
             found.append(Marker(f"{segment}_tip", segment, end))
+    if twice := sorted(name for name, count in Counter(marker.name for marker in found).items() if count > 1):
+        raise BodyError(f"two markers would be named {', '.join(twice)}; rename the joint or segment")
     return found
 
 

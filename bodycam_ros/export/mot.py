@@ -1,6 +1,7 @@
 """MOT: joint angles over time as OpenSim has motions, with the model that they move beside it.
 
-Angles are in degrees, places in metres; ``osim`` says which are which. Time begins at the first instant.
+Angles are in degrees, places in metres; ``osim`` says which are which. Time begins at the first instant. A gap is
+crossed straight.
 """
 
 import numpy as np

@@ -7,6 +7,7 @@ water does.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,6 +16,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf import xml_numbers
+from bodycam_ros.errors import BodyError
 from bodycam_ros.export.axes import OPENSIM_R_OURS, turned
 from bodycam_ros.export.markers import Marker
 from bodycam_ros.export.masses import Mass, masses
@@ -35,7 +37,12 @@ _Axis = tuple[str, Array]
 
 
 def osim(body: BodyModel, people: tuple[str, ...], markers: list[Marker]) -> str:
-    """The segments ``people`` of a body, each after the one that it hangs on, as an OpenSim model."""
+    """The segments ``people`` of a body, each after the one that it hangs on, as an OpenSim model.
+
+    Raises:
+        BodyError: a name that OpenSim would not find again.
+    """
+    _check_names([*people, *(joint.name for joint in body.tree_joints if joint.child in people)])
     document = ET.Element("OpenSimDocument", Version=_VERSION)
     model = ET.SubElement(document, "Model", name=body.name)
     _add(model, "gravity", "0 -9.80665 0")
@@ -57,6 +64,12 @@ def osim(body: BodyModel, people: tuple[str, ...], markers: list[Marker]) -> str
         _add(element, "fixed", "true")
     ET.indent(document)
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, encoding="unicode") + "\n"
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Paths go by slashes, columns and lists by spaces."""
+    if wrong := [name for name in names if "/" in name or name.split() != [name]]:
+        raise BodyError(f"names in OpenSim have no spaces or slashes, but {', '.join(wrong)} has; rename it")
 
 
 def _add_body(bodies: ET.Element, body: BodyModel, segment: str, mass: Mass) -> None:

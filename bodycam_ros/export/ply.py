@@ -12,6 +12,7 @@ from matplotlib import colormaps
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import sampled
 from bodycam_ros.geometry import Array
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.solved_body import read_solved_body
 from bodycam_ros.solved.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, read_landmarks
@@ -23,14 +24,14 @@ _POINT = np.dtype([(axis, "<f4") for axis in "xyz"] + [(colour, "u1") for colour
 _TYPES = {"<f4": "float", "|u1": "uchar"}
 
 
-def ply(source: Path, options: MotionOptions) -> dict[str, bytes]:
+def ply(source: Path, options: MotionOptions, progress: Progress) -> dict[str, bytes]:
     """What is in a solved bag as a cloud of points.
 
     Raises:
         RecordingError: the bag cannot be read, or nobody solved it.
     """
-    motion = sampled(read_solved_body(source), options.rate, even=False)
-    landmarks = _landmarks(source)
+    motion = sampled(read_solved_body(source, progress), options.rate, even=False)
+    landmarks = _landmarks(source, progress)
     clouds = [_coloured(landmarks, _GREY)]
     palette = colormaps["tab20"]
     says = [f"{MARK}{len(landmarks)} landmarks, then the ways of segments"]
@@ -46,13 +47,16 @@ def ply(source: Path, options: MotionOptions) -> dict[str, bytes]:
     return {"": header.encode() + b"\n" + points.tobytes()}
 
 
-def _landmarks(source: Path) -> Array:
+def _landmarks(source: Path, progress: Progress) -> Array:
     """(N, 3) of all cameras, each once [m]; none of a bag without registrations, as of static cameras alone."""
     with BagFile(source) as bag:
-        cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE).values()
+        cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE)
+        images = sum(map(bag.message_count, cameras))
     places: dict[int, tuple[float, ...]] = {}
-    for matches in read_landmarks(source, cameras):
-        places.update(zip(matches.landmark_ids.tolist(), map(tuple, matches.points_world.tolist()), strict=True))
+    with progress.step(f"landmarks of {source.name}", images) as advance:
+        for matches in read_landmarks(source, cameras.values()):
+            advance()
+            places.update(zip(matches.landmark_ids.tolist(), map(tuple, matches.points_world.tolist()), strict=True))
     return np.array(list(places.values()), dtype=np.float64).reshape(-1, 3)
 
 

@@ -24,7 +24,7 @@ def tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     body, wanted = motion.body, options.segment or motion.body.root
     if wanted == ALL:
         others = [segment for segment in body.segments if segment != body.root]
-        return {"": _lines(motion, body.root), **{f".{s}.tum": _lines(motion, s) for s in others}}
+        return {"": _lines(motion, body.root), **{f".{_in_a_path(s)}.tum": _lines(motion, s) for s in others}}
     if wanted in body.segments:
         return {"": _lines(motion, wanted)}
     if wanted in body.mounts:
@@ -34,6 +34,10 @@ def tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
         f"--segment {wanted}: the body has no such segment or camera; there are "
         f"{', '.join((*body.segments, *body.mounts))}, and {ALL}"
     )
+
+
+def _in_a_path(segment: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in segment)
 
 
 def _lines(motion: SampledMotion, segment: str, segment_T_camera: Array | None = None) -> str:

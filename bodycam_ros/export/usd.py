@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.errors import BodyError
 from bodycam_ros.export.figure import Figure
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import SampledMotion
@@ -29,6 +30,8 @@ def usd(motion: SampledMotion, options: MotionOptions) -> str:
         BodyError: two bones would have the same name.
     """
     figure = Figure.of(motion, options, _UP)
+    if len(set(_paths(figure))) < len(figure.names):
+        raise BodyError(f"{motion.name}: two bones would have the same name, which in USD has letters and digits alone")
     skin = skin_of(figure, motion.body)
     assert motion.rate is not None  # of a format that is even
     last = len(motion.stamps_ns) - 1

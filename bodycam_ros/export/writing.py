@@ -1,6 +1,6 @@
 """Writes what is exported: every file whole or none, and never over what no such command wrote."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,12 +8,13 @@ from bodycam_ros.errors import OutputError, SettingsError
 from bodycam_ros.export.formats import FORMATS, Format
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.robot_files import remove_stale, stale_loops
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.whole_file import whole_file, whole_files
 
 
 def export(
-    source: Path, format_name: str, output: Path, force: bool, options: MotionOptions | None = None
+    source: Path, format_name: str, output: Path, force: bool, options: MotionOptions, progress: Progress
 ) -> list[Path]:
     """Write a solved bag or a body file in a format, whole or not at all.
 
@@ -23,6 +24,7 @@ def export(
         output: file to write.
         force: replace earlier files of the same kind.
         options: how motion is written.
+        progress: is told what is read.
 
     Returns:
         The files that were written.
@@ -31,10 +33,10 @@ def export(
         BodycamError: the source cannot be read or lacks what the format needs, the format does not heed an option, or
             the output cannot be written.
     """
-    chosen, options = FORMATS[format_name], options or MotionOptions()
+    chosen = FORMATS[format_name]
     _check_options(format_name, options)
     check_file(output, force, chosen.mark, format_name)
-    contents = _contents(source, output, chosen, options)
+    contents = _contents(source, output, chosen, options, progress)
     stale = stale_loops(output, contents) if force and format_name == "urdf" else None
     with ExitStack() as stack:
         for path, content in contents.items():
@@ -54,7 +56,7 @@ def export_all(
     folder: Path,
     force: bool,
     options: MotionOptions,
-    advance: Callable[[], object],
+    progress: Progress,
 ) -> list[Path]:
     """Write several solved bags or body files into a folder, a file each that is named after its source; all or none.
 
@@ -64,7 +66,7 @@ def export_all(
         folder: is made if it is not there; other files in it stay.
         force: replace earlier files of the same kind.
         options: how motion is written.
-        advance: called after each source.
+        progress: is told what is read.
 
     Returns:
         The files that were written.
@@ -81,10 +83,9 @@ def export_all(
         check_file(output, force, chosen.mark, format_name)
     contents: dict[Path, bytes] = {}
     for output, source in outputs.items():
-        for path, content in _contents(source, output, chosen, options).items():
+        for path, content in _contents(source, output, chosen, options, progress).items():
             if path in outputs or _check_beside(path, content, force, chosen):
                 contents[path] = content
-        advance()
     with whole_files(folder) as unfinished:
         for path, content in contents.items():
             (unfinished / path.name).write_bytes(content)
@@ -102,8 +103,10 @@ def _check_options(format_name: str, options: MotionOptions) -> None:
         )
 
 
-def _contents(source: Path, output: Path, chosen: Format, options: MotionOptions) -> dict[Path, bytes]:
-    made = chosen.content(source, options)
+def _contents(
+    source: Path, output: Path, chosen: Format, options: MotionOptions, progress: Progress
+) -> dict[Path, bytes]:
+    made = chosen.content(source, options, progress)
     return {
         output.with_suffix(suffix) if suffix else output: content.encode() if isinstance(content, str) else content
         for suffix, content in made.items()

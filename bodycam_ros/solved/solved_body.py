@@ -10,6 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
@@ -34,11 +35,12 @@ class SolvedBody:
     placed: NDArray[np.bool_]
 
 
-def read_solved_body(path: Path) -> SolvedBody:
+def read_solved_body(path: Path, progress: Progress) -> SolvedBody:
     """Read what was solved, without what cameras saw.
 
     Args:
         path: ros2 bag folder or file.
+        progress: is told of the messages.
 
     Raises:
         RecordingError: not a bag, a topic is missing or empty, or the topics do not fit each other.
@@ -53,12 +55,15 @@ def read_solved_body(path: Path) -> SolvedBody:
         names = tuple(name for joint in body.tree_joints for name in joint.angle_names)
         moved, coupled = MotionJoiner(path, names, ROBOT), EquipmentLog()
         equipment = [EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment]):
-            if topic in MOTION_TOPICS:
-                moved.add(topic, message)
-                continue
-            with contradictions_named(path, topic):
-                coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
+        topics = [*MOTION_TOPICS, *equipment]
+        with progress.step(f"motion of {path.name}", sum(map(bag.message_count, topics))) as advance:
+            for topic, _, message in bag.messages(topics):
+                advance()
+                if topic in MOTION_TOPICS:
+                    moved.add(topic, message)
+                    continue
+                with contradictions_named(path, topic):
+                    coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
     motion, record = moved.joined(), coupled.record()
     placed = np.ones(len(motion.stamps_ns), bool)
     if record is not None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import c3d
 import ezc3d
 import numpy as np
+import pinocchio
 import pybvh
 import pygltflib
 import pytest
@@ -230,6 +231,23 @@ def test_csv_tum_and_npz_say_what_out_says(sample_exported: Exported) -> None:
         for column, segment in enumerate(arrays["segments"].tolist()):
             np.testing.assert_allclose(arrays["world_T_segment"][:, column], solved.world_T_link[segment], atol=1e-9)
         assert arrays["known"].all() and arrays["parents"][0] == -1
+
+
+def test_pinocchio_moves_the_exported_urdf_to_where_the_exported_angles_have_it(sample_exported: Exported) -> None:
+    model = pinocchio.buildModelFromUrdf(
+        str(sample_exported.file("urdf", name="body")), pinocchio.JointModelFreeFlyer()
+    )
+    data = model.createData()
+    with np.load(sample_exported.file("npz", name="angles")) as arrays:
+        root, angles = arrays["world_T_segment"][:, 0], arrays["angles"]
+        column = {name: row for row, name in enumerate(arrays["angle_names"].tolist())}
+    ours = [column[name] for name in list(model.names)[2:]]
+    for instant in (0, 30, 59):
+        place = np.concatenate([root[instant, :3, 3], Rotation.from_matrix(root[instant, :3, :3]).as_quat()])
+        pinocchio.framesForwardKinematics(model, data, np.concatenate([place, angles[instant, ours]]))
+        for segment in sample_exported.solved.urdf.body_segments:
+            found = data.oMf[model.getFrameId(segment)].translation
+            np.testing.assert_allclose(found, sample_exported.places(segment)[instant], rtol=0.0, atol=JOINT_M / 50.0)
 
 
 def test_tum_of_all_segments_is_a_file_each(walked: Exported) -> None:

@@ -11,7 +11,11 @@ from exported import Exported
 from known_walk import Walk, write_solved
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.export.formats import FORMATS
+from bodycam_ros.messages.equipment import equipment_message
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.recording.typestore import recorded_messages
 
 GAP = slice(20, 30)
 MOTION = [name for name, form in FORMATS.items() if "rate" in form.options]
@@ -49,9 +53,28 @@ def test_what_cannot_goes_straight_across(gappy: Exported, walk: Walk) -> None:
     np.testing.assert_allclose(positions[GAP], before + share * (after - before), atol=1e-5)
 
 
-def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(ride: Walk, tmp_path: Path) -> None:
-    exported = Exported.of(write_solved(ride, tmp_path / "out"), tmp_path)
+def unplaced(row: int, stamp_ns: int) -> tuple[str, int, Message]:
+    """What the solver says of a bicycle that it finds at the tenth instant."""
+    nothing = np.zeros(0)
+    report = EquipmentReport("bicycle", row >= 10, (), np.zeros(0, bool), nothing, (), nothing, nothing, nothing)
+    return "/equipment", stamp_ns, equipment_message(recorded_messages(), stamp_ns, report)
+
+
+def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(
+    ride: Walk, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    more = [unplaced(row, stamp_ns) for row, stamp_ns in enumerate(ride.stamps_ns.tolist())]
+    exported = Exported.of(write_solved(ride, tmp_path / "out", more=more), tmp_path)
+    table = np.genfromtxt(exported.file("csv", name="table"), delimiter=",", names=True)
+    for column, is_known in {
+        "crank_x_m": slice(10, None),
+        "crank_deg": slice(10, None),
+        "knee_left_deg": slice(None),
+    }.items():
+        np.testing.assert_array_equal(np.flatnonzero(np.isfinite(table[column])), np.arange(60)[is_known])
+    assert len(np.loadtxt(exported.file("tum", "--segment", "crank"))) == 50
     assert not set(pybvh.read_bvh_file(exported.file("bvh")).joint_names) & {"frame", "crank"}
+    assert "out: crank, frame, which are no part of the body, are left out; csv, npz, tum and ply" in caplog.text
     columns = exported.file("csv").read_text().splitlines()[0].split(",")
     assert {"crank_x_m", "bicycle_at_x_m", "crank_deg", "knee_left_deg"} < set(columns)
     assert "crank" not in exported.file("mot").read_text()
@@ -76,7 +99,7 @@ def test_what_cannot_be_obeyed_is_named(
     output = tmp_path / "motion"
     assert main(["export", str(gappy.out), *flags.split(), "-o", str(output)]) == 1
     said = capsys.readouterr().err
-    assert said.startswith("bodycam: error: ") and complaint in said
+    assert f"bodycam: error: {complaint}" in said
     assert not list(tmp_path.iterdir())
 
 

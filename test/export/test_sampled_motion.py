@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from known_walk import FRAME_NS, Walk, write_solved
 from scipy.spatial.transform import Rotation, Slerp
+from unshown_progress import Unshown
 
 from bodycam_ros.export.sampled_motion import SampledMotion, sampled
 from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
@@ -15,13 +16,15 @@ RATE = 97.0
 
 @pytest.fixture(scope="module")
 def solved(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> SolvedBody:
-    return read_solved_body(write_solved(walk, tmp_path_factory.mktemp("sampled") / "out"))
+    return read_solved_body(write_solved(walk, tmp_path_factory.mktemp("sampled") / "out"), Unshown())
 
 
 @pytest.fixture(scope="module")
 def gappy(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> SolvedBody:
     """Instants 20 to 29 were not solved."""
-    return read_solved_body(write_solved(walk.without(list(range(20, 30))), tmp_path_factory.mktemp("gappy") / "out"))
+    return read_solved_body(
+        write_solved(walk.without(list(range(20, 30))), tmp_path_factory.mktemp("gappy") / "out"), Unshown()
+    )
 
 
 def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None:
