@@ -128,7 +128,7 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
         body=body,
         stamps_ns=at_ns,
         known=between_neighbours(stamps, at_ns, longest_ns) | np.isin(at_ns, stamps),
-        placed=solved.placed[nearest],
+        placed=_on_both_sides(solved.placed, stamps, at_ns),
         rate=rate or 1e9 / step_ns,
         world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
         joint_poses=poses,
@@ -155,6 +155,13 @@ def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
     nearest = stamps[_nearest(stamps, at_ns)]
     even: NDArray[np.int64] = np.where(np.abs(nearest - at_ns) <= _SAME_NS, nearest, at_ns)
     return even
+
+
+def _on_both_sides(placed: NDArray[np.bool_], stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(T,) whether so said of both solved instants around each; of a solved one itself."""
+    before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
+    both: NDArray[np.bool_] = placed[before] & placed[after]
+    return both
 
 
 def _nearest(stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
