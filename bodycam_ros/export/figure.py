@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bodycam_ros.errors import BodyError
 from bodycam_ros.export.axes import FACING_FORWARD, UP_AXES, turned
 from bodycam_ros.export.bone_names import bone_names
 from bodycam_ros.export.options import MotionOptions
@@ -16,6 +17,8 @@ from bodycam_ros.export.rest_pose import rest_pose
 from bodycam_ros.export.sampled_motion import SampledMotion
 from bodycam_ros.export.tips import bone_tip
 from bodycam_ros.geometry import Array, rigid
+
+_MOST_LEVELS = 200  # of bones on each other: programs go down them by recursion
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class Figure:
         """The figure of a motion, in axes of which one is up unless the options say otherwise.
 
         Raises:
-            BodyError: two bones would have the same name.
+            BodyError: two bones would have the same name, or a chain of them is too long.
         """
         body, segments = motion.body, motion.people
         program_R_world, scale = UP_AXES[options.up or up], options.scale or 1.0
@@ -55,6 +58,7 @@ class Figure:
         moved = motion.world_T_segment[:, rows]
         since_rest = moved[..., :3, :3] @ np.swapaxes(world_T_rest[:, :3, :3], -1, -2)
         rest = rigid(program_R_world @ world_T_rest[:, :3, :3], scale * world_T_rest[:, :3, 3] @ program_R_world.T)
+        _check_levels(segments, parents)
         leaves = {row: bone_tip(body, s) for row, s in enumerate(segments) if row not in parents}
         return cls(
             segments=segments,
@@ -86,3 +90,11 @@ class Figure:
         """(3,) ends of a bone from its start, in the rest pose: its children's starts, or its tip."""
         children = [child for child, parent in enumerate(self.parents) if parent == row]
         return [self.offsets[child] for child in children] or [self.tips[row]]
+
+
+def _check_levels(segments: tuple[str, ...], parents: tuple[int, ...]) -> None:
+    levels: list[int] = []
+    for segment, parent in zip(segments, parents, strict=True):
+        levels.append(1 if parent < 0 else levels[parent] + 1)
+        if levels[-1] > _MOST_LEVELS:
+            raise BodyError(f"segment {segment}: a chain of more than {_MOST_LEVELS} segments is not written as bones")

@@ -18,7 +18,7 @@ from bodycam_ros.export.sampled_motion import SampledMotion
 from bodycam_ros.export.skin import Skin, skin_of
 from bodycam_ros.geometry import quaternion_xyzw
 
-MARK = "glTF"
+MARK = '"generator":"bodycam_ros"'
 
 _UP = "y"
 _FLOAT, _UNSIGNED_BYTE, _UNSIGNED_INT = 5126, 5121, 5125  # componentType
@@ -45,7 +45,7 @@ def glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     buffer = _Buffer()
     nodes = _nodes(figure, standing)
     document: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "bodycam_ros"},
+        "asset": {"generator": "bodycam_ros", "version": "2.0"},
         "scene": 0,
         "scenes": [{"name": motion.name, "nodes": [len(nodes)]}],
         "nodes": nodes,
@@ -158,4 +158,4 @@ def _container(document: dict[str, Any], binary: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     binary += bytes(-len(binary) % 4)
     chunks = struct.pack("<II", len(text), _JSON) + text + struct.pack("<II", len(binary), _BINARY) + binary
-    return struct.pack("<4sII", MARK.encode(), 2, 12 + len(chunks)) + chunks
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -4,10 +4,10 @@ What SLAM systems write and MeshLab, CloudCompare, Open3D and Blender read. Metr
 seen last. In a gap a way has no points.
 """
 
+from colorsys import hsv_to_rgb
 from pathlib import Path
 
 import numpy as np
-from matplotlib import colormaps
 
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import sampled
@@ -33,11 +33,10 @@ def ply(source: Path, options: MotionOptions, progress: Progress) -> dict[str, b
     motion = sampled(read_solved_body(source, progress), options.rate, even=False)
     landmarks = _landmarks(source, progress)
     clouds = [_coloured(landmarks, _GREY)]
-    palette = colormaps["tab20"]
     says = [f"{MARK}{len(landmarks)} landmarks, then the ways of segments"]
     for row, segment in enumerate(motion.body.segments):
         known = motion.poses_of(segment)[motion.knows(segment), :3, 3]
-        red, green, blue = (round(255 * float(part)) for part in palette(row % palette.N)[:3])
+        red, green, blue = (round(255 * part) for part in hsv_to_rgb(row / len(motion.body.segments), 0.9, 0.9))
         clouds.append(_coloured(known, (red, green, blue)))
         says.append(f"comment {len(known)} points of {'_'.join(segment.split())}")
     points = np.concatenate(clouds)

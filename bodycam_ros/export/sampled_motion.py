@@ -18,7 +18,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.solved.solved_body import SolvedBody
+from bodycam_ros.solved.solved_body import SolvedBody, plain_name
 from bodycam_ros.solved.solved_recording import GAP_FRAMES
 from bodycam_ros.solved.trajectory import between_neighbours, interpolated
 
@@ -190,4 +190,4 @@ def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
 
 def _name(solved: SolvedBody) -> str:
     """Of the recording, in one word: it stands in headers that go by lines and columns."""
-    return "_".join(solved.path.resolve().stem.split())
+    return "_".join(plain_name(solved.path).split())

@@ -1,6 +1,6 @@
 """Writes what is exported: every file whole or none, and never over what no such command wrote."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.robot_files import remove_stale, stale_loops
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.solved.solved_body import plain_name
 from bodycam_ros.whole_file import whole_file, whole_files
 
 
@@ -37,7 +38,7 @@ def export(
     _check_options(format_name, options)
     check_file(output, force, chosen.mark, format_name)
     contents = _contents(source, output, chosen, options, progress)
-    stale = stale_loops(output, contents) if force and format_name == "urdf" else None
+    stale = _stale([output], contents, format_name, force)
     with ExitStack() as stack:
         for path, content in contents.items():
             if path != output:
@@ -45,8 +46,8 @@ def export(
                 if not _check_beside(path, content, force, chosen):
                     continue
             stack.enter_context(whole_file(path)).write_bytes(content)
-    if stale is not None:
-        remove_stale(stale)
+    for path in stale:
+        remove_stale(path)
     return list(contents)
 
 
@@ -82,14 +83,19 @@ def export_all(
     for output in outputs:
         check_file(output, force, chosen.mark, format_name)
     contents: dict[Path, bytes] = {}
+    made: list[Path] = []
     for output, source in outputs.items():
         for path, content in _contents(source, output, chosen, options, progress).items():
+            made.append(path)
             if path in outputs or _check_beside(path, content, force, chosen):
                 contents[path] = content
+    stale = _stale(outputs, made, format_name, force)
     with whole_files(folder) as unfinished:
         for path, content in contents.items():
             (unfinished / path.name).write_bytes(content)
-    return list(contents)
+    for path in stale:
+        remove_stale(path)
+    return made
 
 
 def _check_options(format_name: str, options: MotionOptions) -> None:
@@ -113,6 +119,13 @@ def _contents(
     }
 
 
+def _stale(outputs: Iterable[Path], made: Collection[Path], format_name: str, force: bool) -> list[Path]:
+    """Loops of URDFs that are replaced by some without."""
+    if not force or format_name != "urdf":
+        return []
+    return [path for output in outputs if (path := stale_loops(output, made)) is not None]
+
+
 def _check_beside(path: Path, content: bytes, force: bool, chosen: Format) -> bool:
     """Whether a file beside the main one is to be written: one that is there already, and the same, is left."""
     if path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content:
@@ -124,7 +137,7 @@ def _check_beside(path: Path, content: bytes, force: bool, chosen: Format) -> bo
 
 def _named_apart(sources: Sequence[Path]) -> Mapping[str, Path]:
     """Name -> source; as many of its folders go into the name as tell all apart."""
-    places = [source.resolve().with_suffix("") for source in sources]
+    places = [source.resolve().with_name(plain_name(source)) for source in sources]
     for length in range(1, 1 + max(len(place.parts) for place in places)):
         names = ["_".join(place.parts[1:][-length:]) for place in places]
         if len(set(names)) == len(names):

@@ -71,6 +71,12 @@ def read_solved_body(path: Path, progress: Progress) -> SolvedBody:
     return SolvedBody(path, body, motion, placed)
 
 
+def plain_name(path: Path) -> str:
+    """Name of a bag: of its folder, or of its file without what says that it is one."""
+    place = path.resolve()
+    return place.stem if place.is_file() else place.name
+
+
 def _check_topic(bag: BagFile, topic: str, wanted: str) -> None:
     kind = bag.topics.get(topic)
     if kind == wanted and bag.message_count(topic):
