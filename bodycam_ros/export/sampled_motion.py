@@ -25,7 +25,7 @@ from bodycam_ros.solved.trajectory import between_neighbours, interpolated
 logger = logging.getLogger(__name__)
 
 _SAME_NS = 1_000  # instants this near are one: stamps are rounded
-_MOST_INSTANTS = 10_000_000
+_MOST_INSTANTS = 500_000  # four hours at 30 a second: two gigabytes while it is written
 
 
 @dataclass(frozen=True, eq=False)
