@@ -1,7 +1,7 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
-#   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.3 GB to install
+#   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage

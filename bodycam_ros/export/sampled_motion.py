@@ -177,8 +177,8 @@ def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
         return
     worst = gaps[np.argmax(steps[gaps])]
     logger.warning(
-        "%s: %d gap%s without solved instants, %.2f s together, the longest of %.2f s at %.2f s; formats that "
-        "can leave them empty, others go straight across",
+        "%s: %d gap%s without solved instants, %.2f s together, the longest of %.2f s at %.2f s: left empty by formats "
+        "that can say so, crossed straight by others",
         solved.path,
         len(gaps),
         "" if len(gaps) == 1 else "s",

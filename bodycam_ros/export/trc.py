@@ -1,6 +1,7 @@
 """TRC: virtual markers over time, in millimetres with y up, as OpenSim wants them, with a model that carries them.
 
-Where nobody solved, in a gap, the places of the markers are left empty, and readers take them for hidden.
+A gap is crossed straight, as in MOT: OpenSim's inverse kinematics gives up at an instant without any marker. C3D leaves
+it empty.
 """
 
 from bodycam_ros.export.axes import OPENSIM_R_OURS
@@ -29,9 +30,8 @@ def trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
         "\t".join(["", "", *(f"X{row}\tY{row}\tZ{row}" for row in range(1, count + 1))]),
         "",
     ]
-    hidden = "\t" * (3 * count - 1)
-    rows = zip(motion.seconds.tolist(), places.reshape(frames, -1).tolist(), motion.known.tolist(), strict=True)
-    for number, (second, row, known) in enumerate(rows, start=1):
-        shown = "\t".join(map("{:.5f}".format, row)) if known else hidden
+    rows = zip(motion.seconds.tolist(), places.reshape(frames, -1).tolist(), strict=True)
+    for number, (second, row) in enumerate(rows, start=1):
+        shown = "\t".join(map("{:.5f}".format, row))
         lines.append(f"{number}\t{second:.9f}\t{shown}")
     return {"": "\n".join(lines) + "\n", OSIM_SUFFIX: osim(motion.body, motion.people, markers)}

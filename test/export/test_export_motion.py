@@ -141,10 +141,8 @@ def test_another_reader_of_c3d_than_its_writer_sees_the_same(walked: Exported) -
 
 
 def trc_markers(file: Path) -> tuple[list[str], NDArray[np.float64]]:
-    """Names and (T, 2 + 3 M) numbers; what is empty is not a number."""
-    lines = file.read_text().splitlines()
-    rows = [[float(cell) if cell else np.nan for cell in line.split("\t")] for line in lines[6:]]
-    return lines[3].split("\t")[2::3], np.array(rows)
+    """Names and (T, 2 + 3 M) numbers."""
+    return file.read_text().splitlines()[3].split("\t")[2::3], np.loadtxt(file, skiprows=6)
 
 
 def test_trc_has_the_joints_where_they_were(sample_exported: Exported) -> None:

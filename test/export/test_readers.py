@@ -4,14 +4,15 @@
 """
 
 import json
-import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from exported import JOINT_M, Exported
+from known_walk import Walk, write_solved
 
 from bodycam_ros.export.axes import OPENSIM_R_OURS
 
@@ -50,13 +51,25 @@ def test_in_blender_the_body_is_upright_and_walks_where_it_walked(exported: Expo
     assert (said["vertices"] > 1000) == (to == "glb")
 
 
-def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: Exported) -> None:
+def for_opensim(exported: Exported) -> Path:
     folder = exported.folder / "opensim"
     folder.mkdir()
+    inside = replace(exported, folder=folder)
     for to in ("mot", "trc"):
-        shutil.move(exported.file(to, name="opensim_motion"), folder / f"motion.{to}")
-    shutil.move(exported.folder / "opensim_motion.osim", folder / "motion.osim")
-    said = read("others", "read_in_opensim.py", folder)
+        inside.file(to)
+    return folder
+
+
+def test_opensim_finds_the_angles_across_a_gap(walk: Walk, tmp_path: Path) -> None:
+    out = write_solved(walk.without(list(range(20, 30))), tmp_path / "out")
+    said = read("others", "read_in_opensim.py", for_opensim(Exported.of(out, tmp_path)))
+    for name, values in said["analysed"]["columns"].items():
+        assert len(values) == 60
+        np.testing.assert_allclose(said["inverse"]["columns"][name], values, rtol=0.0, atol=EXACT_DEG, err_msg=name)
+
+
+def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: Exported) -> None:
+    said = read("others", "read_in_opensim.py", for_opensim(exported))
     for segment in exported.solved.urdf.body_segments:
         ours = exported.places(segment) @ OPENSIM_R_OURS.T
         np.testing.assert_allclose(said["moved"]["bodies"][segment], ours, rtol=0.0, atol=JOINT_M)
