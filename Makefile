@@ -1,6 +1,7 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
+#   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
 #   make bench   milliseconds per frame of every stage
@@ -12,12 +13,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := out/demo
+READERS := .venv-readers
 
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test faults lint bench latency endure clean
+.PHONY: demo test readers faults lint bench latency endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -29,6 +31,9 @@ demo: $(VENV)/runtime.stamp
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
+
+readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
+	$(BIN)/python -m pytest test/export/test_readers.py
 
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults
@@ -49,7 +54,7 @@ endure: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10
 
 clean:
-	rm -rf $(VENV) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:
@@ -76,4 +81,17 @@ $(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/m
 	$(PIP_INSTALL) -r requirements-ros.txt
 	VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs
+	@touch $@
+
+# Not a part of .venv: Blender's numpy is another, and both are larger than all the rest.
+$(READERS)/blender.stamp: $(VENV)/python.stamp requirements-blender.txt
+	rm -rf $(READERS)/blender
+	$(BIN)/python -m venv $(READERS)/blender
+	$(READERS)/blender/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-blender.txt
+	@touch $@
+
+$(READERS)/others.stamp: $(VENV)/python.stamp requirements-readers.txt constraints.txt
+	rm -rf $(READERS)/others
+	$(BIN)/python -m venv $(READERS)/others
+	$(READERS)/others/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-readers.txt
 	@touch $@

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parent.parent
-NOT_CLONED = (".git", ".venv", ".*_cache", "__pycache__", "*.egg-info", "build", "install", "log", "out", "bags")
+NOT_CLONED = (".git", ".venv*", ".*_cache", "__pycache__", "*.egg-info", "build", "install", "log", "out", "bags")
 _BUILD_S, _SOON_S = 300.0, 60.0
 
 LOOK = """
