@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("evaluate", help="measure and picture a solved recording", description=__doc__)
+    parser = subparsers.add_parser("evaluate", description=__doc__)
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
     parser.add_argument(
         "--truth", type=Path, metavar="DIR", help="folder of a recording with ground truth, or its folder truth"
