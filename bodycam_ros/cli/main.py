@@ -21,6 +21,7 @@ COMMANDS = {
     "map extend": "let a map grow by a recording",
     "ingest": "make a bag of videos from ordinary cameras",
     "stations": "find where static cameras stand",
+    "doctor": "is a recording good enough? before the long run, and before going home",
     "body": "estimate skeleton and camera mounts from a range of motion",
     "body check": "count what a body can do with its equipment, name what contradicts",
     "replay": "solve a recorded bag offline",

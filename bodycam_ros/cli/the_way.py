@@ -9,13 +9,15 @@ bodycam: motion capture from body-mounted cameras. The way through:
      range of motion, then what you are after. Videos of ordinary cameras become a
      bag; cameras that write ros2 bags need no such step:
        bodycam ingest FILES_OR_FOLDER -o BAG
-  3. Make the body, skeleton and camera mounts, of the range of motion:
+  3. Before you take the cameras off: is it good enough? Takes seconds:
+       bodycam doctor BAG --map MAP --rig RIG.yaml
+  4. Make the body, skeleton and camera mounts, of the range of motion:
        bodycam body ROM_BAG --map MAP --rig RIG.yaml -o BODY.yaml
-  4. Solve what you recorded:
+  5. Solve what you recorded:
        bodycam replay BAG --map MAP --body BODY.yaml -o OUT
-  5. How good is it?  summary.png in DIR is the picture to look at first:
+  6. How good is it?  summary.png in DIR is the picture to look at first:
        bodycam evaluate OUT --recording BAG -o DIR
-  6. Look at it in a browser, take it to other programs:
+  7. Look at it in a browser, take it to other programs:
        bodycam view OUT --map MAP --body BODY.yaml --recording BAG
        bodycam export OUT --to FORMAT -o FILE
 
