@@ -16,6 +16,7 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
 COMMANDS = {
+    "run": "all steps for a folder of recordings, in one go",
     "map": "build a reference map from photographs or a video",
     "map check": "say and draw what a reference map covers",
     "map extend": "let a map grow by a recording",

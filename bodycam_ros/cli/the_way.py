@@ -21,5 +21,7 @@ bodycam: motion capture from body-mounted cameras. The way through:
        bodycam view OUT --map MAP --body BODY.yaml --recording BAG
        bodycam export OUT --to FORMAT -o FILE
 
-'bodycam --help' lists all commands, 'bodycam COMMAND --help' explains one.
+'bodycam run DIR' takes steps 1, 2 and 4 to 6 in one go, for a folder laid out as
+its --help says. 'bodycam --help' lists all commands, 'bodycam COMMAND --help'
+explains one.
 """
