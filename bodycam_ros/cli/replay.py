@@ -172,7 +172,8 @@ def _table(summary: "ReplaySummary") -> Table:
         "skipped",
         "lost",
         "read-out [ms]",
-        caption="lost: the recording should hold them; read-out: of the rows, 0 where all are exposed together",
+        caption="registered: knew where the camera was in the map; lost: the recording should hold them; read-out: of "
+        "the rows, 0 where all are exposed together",
     )
     styles = camera_styles(summary.verdict)
     for camera, images in sorted((summary.images + summary.lost).items()):
