@@ -60,6 +60,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="passes over the recording: all but the last register its cameras and let the map grow by what they saw, "
         "forwards and backwards in turn (default: 1; 3 where the map shows a part of the place)",
     )
+    parser.add_argument(
+        "--slim",
+        action="store_true",
+        help="leave tracks and landmarks out of OUT, three quarters of it; nobody can see afterwards how well they fit",
+    )
     parser.add_argument("--force", action="store_true", help="replace OUT if it is there already")
     parser.set_defaults(run=run)
 
@@ -105,6 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
             on_progress=on_progress,
             equipment=equipment,
             outside=outside,
+            slim=arguments.slim,
         )
     _report(summary, rounds, arguments.output)
     return exit_code(summary.verdict)
