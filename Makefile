@@ -24,9 +24,13 @@ export PYTHONNOUSERSITE := 1
 
 demo: $(VENV)/runtime.stamp
 	mkdir -p $(dir $(DEMO))
+	@echo "1. a body of a range of motion: pelvis, left leg and right thigh, by the 4 cameras that bags/rom carries"
 	$(BIN)/bodycam body bags/rom/bag --map bags/map --rig bags/rom/rig.yaml -o $(dir $(DEMO))legs.yaml --force
+	@echo "2. a walk with 16 cameras, solved with bags/body.yaml: that body has all the segments that they are on"
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
+	@echo "3. how good is it?"
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
+	@echo "look at $(DEMO)_report/summary.png first, then at $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp

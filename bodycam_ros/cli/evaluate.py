@@ -9,7 +9,7 @@ from rich.table import Table
 
 from bodycam_ros.cli.equipment_tables import equipment_tables
 from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
-from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.cli.shown_progress import shown_progress, waiting
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal, widened
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("evaluate", help="measure and picture a solved recording", description=__doc__)
+    parser = subparsers.add_parser("evaluate", description=__doc__)
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
     parser.add_argument(
         "--truth", type=Path, metavar="DIR", help="folder of a recording with ground truth, or its folder truth"
@@ -50,10 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
     inputs = (arguments.solved, arguments.truth, arguments.recording)
     check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.map))
     _check_earlier(arguments.output)
-    evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
-    overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
+    with waiting("reading and measuring"):
+        evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording)
+    with waiting("looking at images"):
+        overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     if outside is None:
-        write_report(evaluation, arguments.output, overlay)
+        with waiting("drawing"):
+            write_report(evaluation, arguments.output, overlay)
     else:
         with shown_progress() as progress:
             more = outside_pictures(evaluation, arguments.recording, outside, arguments.video, progress)

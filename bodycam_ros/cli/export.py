@@ -24,7 +24,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser(
         "export",
-        help="write solved recordings or bodies for other programs",
         description=__doc__,
         epilog="formats: " + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items()),
     )

@@ -8,7 +8,7 @@ PORT = 8080
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("view", help="look at a body in a browser, and correct it", description=__doc__)
+    parser = subparsers.add_parser("view", description=__doc__)
     parser.add_argument(
         "solved",
         type=Path,

@@ -63,6 +63,7 @@ def replay(
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
     outside: OutsideInput | None = None,
+    slim: bool = False,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -79,6 +80,7 @@ def replay(
         equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
         outside: what is known of static cameras, if there are any.
+        slim: write no tracks, and of landmarks the poses by them alone.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -117,7 +119,7 @@ def replay(
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(
-            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints()
+            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints(), slim=slim
         )
         clocks = CameraClocks([*cameras, *stations])
         start_ns = None
