@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.blur import blur_classes
 from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
@@ -58,6 +59,8 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             foot: {"solved": _sliding(of.solved), "true": _sliding(of.true), "beyond": _sliding(of.beyond)}
             for foot, of in evaluation.true_sliding.items()
         }
+    if evaluation.agreement is not None:
+        figures["agreement"] = agreement_figures(evaluation.agreement)
     known: dict[str, Any] = _without_nan(figures)
     return known
 
