@@ -14,7 +14,7 @@ from bodycam_ros.evaluate import measures
 from bodycam_ros.evaluate.agreement.agreement import NONE, SIMILARITY, Agreement, AngleAgreement, PointAgreement
 from bodycam_ros.evaluate.agreement.alignment import Alignment, Tracked, aligned, clock_of, too_little
 from bodycam_ros.evaluate.agreement.anatomical_angles import angles_of_points, kind_and_side, planes_of
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, log_so3, nearest_rotation
 from bodycam_ros.other_systems.captured_motion import CapturedMotion
 from bodycam_ros.other_systems.clock_search import Clock, unit_found
 from bodycam_ros.other_systems.known_names import Place
@@ -105,11 +105,9 @@ def joints_of(solved: SolvedRecording) -> dict[str, str]:
 def _clock(solved: SolvedRecording, captured: CapturedMotion, tracked: Tracked, options: AgreementOptions) -> Clock:
     if options.shares_clock:
         return Clock(1e-9 * float(captured.stamps_ns[0] - solved.start_ns))
-    at = tracked.known_at
-    points = dict(zip(tracked.places, np.moveaxis(tracked.ours(at), 1, 0), strict=True))
     if len(solved.stamps_ns) < 2:
         raise RecordingError(f"{solved.path}: has one instant, by which no clock can be found")
-    return clock_of(tracked, captured, CapturedMotion(solved.path, "ours", solved.stamps_ns, points))
+    return clock_of(tracked, captured)
 
 
 def _points(tracked: Tracked, theirs: Array, world: Alignment, world_T_root: Array) -> tuple[PointAgreement, ...]:
@@ -179,12 +177,28 @@ def _of_rotations(segment: str, ours: Array, theirs: Array) -> AngleAgreement:
     """Rotations (T, 3, 3) of a segment in its parent; how systems lay axes into bones is fitted."""
     known = np.isfinite(theirs).all(axis=(1, 2))
     planes, turned = (np.full((2, len(ours), *shape), np.nan) for shape in ((3,), ()))
-    A, B = measures.fit_constant_frames(ours[known], theirs[known])
-    for row, rotations in enumerate((ours[known], A @ theirs[known] @ B)):
+    for row, rotations in enumerate((ours[known], in_our_axes(ours[known], theirs[known]))):
         planes[row, known] = planes_of(segment, rotations)
         turned[row, known] = measures.turned(rotations)
     planes[1] = _of_the_same_turn(planes[0], planes[1])
     return AngleAgreement(segment, planes[0], planes[1], turned[0], turned[1], from_points=False)
+
+
+def in_our_axes(ours: Array, theirs: Array) -> Array:
+    """Their rotations (T, 3, 3) with constant frames that bring them closest to ours.
+
+    Axes of bones may differ by right angles, from where the alternating fit does not always get home. Rotation vectors
+    since the first instant differ by the child's frame alone, so it is tried from there, too.
+    """
+    since = [log_so3(np.swapaxes(R[:1], 1, 2) @ R) for R in (ours, theirs)]
+    child = nearest_rotation(since[1].T @ since[0])
+    tried = []
+    for start in (np.eye(3), child):
+        parent = nearest_rotation(np.mean(ours @ np.swapaxes(theirs @ start, 1, 2), axis=0))
+        begun = parent @ theirs @ start
+        A, B = measures.fit_constant_frames(ours, begun)
+        tried.append((float(measures.rotation_errors(ours, begun, A, B).mean()), A @ begun @ B))
+    return min(tried, key=lambda of: of[0])[1]
 
 
 def _of_the_same_turn(ours: Array, theirs: Array) -> Array:

@@ -15,9 +15,12 @@ from bodycam_ros.other_systems.known_names import Place
 _ENOUGH = 3
 """So many centres of joints that are known say where the other's world is; with fewer, markers help."""
 
-_STEPS = 60  # of the alternating fit of worlds and of places on the body
-_CONVERGED_M = 1e-5
+_STEPS = 300  # at most, of the alternating fit of worlds and of places on the body
+_CONVERGED_M = 1e-6
+_ROUNDS = 3  # of fitting the clock and the places of markers in turn
+_SCAN_S, _SCAN_STEP_S, _SCAN_STEPS, _FEW_INSTANTS = 0.4, 0.02, 15, 120
 _MOST_PAIRS = 30
+_STILL_M = 1e-3  # a distance that changes less tells no time
 _MOST_INSTANTS = 1500
 """That the clock is fitted by, spread over the recording."""
 
@@ -83,7 +86,9 @@ class Tracked:
         return replace(self, places=places)
 
 
-def aligned(tracked: Tracked, theirs: Array, align: str, with_scale: bool | None = None) -> Alignment:
+def aligned(
+    tracked: Tracked, theirs: Array, align: str, with_scale: bool | None = None, steps: int = _STEPS
+) -> Alignment:
     """Bring our world to theirs, and find where on the body the points are that nobody measured.
 
     Args:
@@ -91,6 +96,7 @@ def aligned(tracked: Tracked, theirs: Array, align: str, with_scale: bool | None
         theirs: (T, N, 3) [m] of the points; NaN where they are not known.
         align: one of ``ALIGNMENTS``.
         with_scale: find the scale; by default if it is a similarity.
+        steps: at most, of fitting in turn.
 
     Raises:
         ValueError: the points share too little to be aligned.
@@ -103,7 +109,7 @@ def aligned(tracked: Tracked, theirs: Array, align: str, with_scale: bool | None
     anchored = trusted if trusted.sum() >= _ENOUGH else np.ones(len(places), bool)
     at = tracked.known_at
     scale, R, t = 1.0, np.eye(3), np.zeros(3)
-    for _ in range(_STEPS):
+    for _ in range(steps):
         before = at
         if align != NONE:
             scale, R, t = _umeyama(tracked.ours(at)[:, anchored], theirs[:, anchored], with_scale)
@@ -129,48 +135,80 @@ def _places_fitted(tracked: Tracked, theirs_in_ours: Array, at: Mapping[str, Arr
     return found
 
 
-def clock_of(tracked: Tracked, captured: CapturedMotion, ours: CapturedMotion) -> Clock:
+def clock_of(tracked: Tracked, captured: CapturedMotion) -> Clock:
     """Find when the other's recording began and how fast its clock goes.
 
-    Space is aligned with a scale meanwhile, however it will be aligned: else a wrong scale would bend time.
+    Space is aligned with a scale meanwhile, however it will be aligned: else a wrong scale would bend time. Markers
+    move only about as their segments do, so where there are no more than these, times around are tried.
 
     Args:
         tracked: our links.
         captured: the other's motion.
-        ours: ours as such a motion, with the same names, by times since the start of our recording.
 
     Raises:
         RecordingError: at no offset the two show the same motion.
     """
-    span = (float(tracked.seconds[0]), float(tracked.seconds[-1]))
-    pairs = _pairs(ours, list(tracked.places))
-    first_s = ours.seconds(ours.stamps_ns)[0] - tracked.seconds[0]
-    found = found_clock(
-        lambda seconds: _signals(ours, pairs)(seconds + first_s), span, _signals(captured, pairs), captured.duration_s
-    )
-    if found is None:
-        raise RecordingError(
-            f"{captured.path}: at no offset in time it shows the motion of this recording (of points "
-            f"{', '.join(tracked.places)}); is it another recording, or are names mistaken? --names MAP.yaml says "
-            "which point is which, --clock shared that stamps are of one clock"
-        )
-    some = tracked.every(-(-len(tracked.seconds) // _MOST_INSTANTS))
     exact = {name: place for name, place in tracked.places.items() if not place.is_fitted}
-    some = some.only(exact if len(exact) >= _ENOUGH else tracked.places)
+    used = tracked.only(exact if len(exact) >= _ENOUGH else tracked.places)
+    some = used.every(-(-len(tracked.seconds) // _MOST_INSTANTS))
+    has_centres = len(exact) >= _ENOUGH
+    clock = _searched(used, captured, with_distances=has_centres)
     try:
-        at = aligned(some, some.theirs(captured, found), SIMILARITY).at
+        if not has_centres:
+            clock = _scanned(used.every(-(-len(tracked.seconds) // _FEW_INSTANTS)), captured, clock)
+        for _ in range(1 if has_centres else _ROUNDS):
+            clock = _fitted(some, captured, clock)
     except ValueError as error:
         raise too_little(captured, some) from error
-    fixed = some.only({name: Place(place.link, at[name]) for name, place in some.places.items()})
-    here = fixed.ours(at)
+    return clock
+
+
+def _scanned(few: Tracked, captured: CapturedMotion, around: Clock) -> Clock:
+    """The clock near one that was found by which points can be held best, wherever on their segments they are."""
+    tried = []
+    for shift in np.arange(-_SCAN_S, _SCAN_S + _SCAN_STEP_S, _SCAN_STEP_S).tolist():
+        clock = replace(around, start_s=around.start_s + shift)
+        theirs = few.theirs(captured, clock)
+        if np.isfinite(theirs).any():
+            world = aligned(few, theirs, SIMILARITY, steps=_SCAN_STEPS)
+            off = world.scale * few.ours(world.at) @ world.R.T + world.t - theirs
+            tried.append((float(np.nanmean(np.linalg.norm(off, axis=2))) / world.scale, clock))
+    return min(tried, key=lambda of: of[0])[1]
+
+
+def _fitted(some: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
+    """Offset and rate, with points held where the clock so far has them."""
+    here = some.ours(aligned(some, some.theirs(captured, clock), SIMILARITY).at)
 
     def residuals(clock: Clock) -> Array:
-        theirs = fixed.theirs(captured, clock)
+        theirs = some.theirs(captured, clock)
         known = np.isfinite(theirs).all(axis=2, keepdims=True)
         scale, R, t = _umeyama(here, theirs, with_scale=True)
         return np.where(known, scale * here @ R.T + t - np.where(known, theirs, 0.0), 0.0)
 
-    return fitted_clock(found, residuals)
+    return fitted_clock(clock, residuals)
+
+
+def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> Clock:
+    """The clock by which points move most alike, markers as their segments' origins do."""
+    stamps_ns = np.rint(1e9 * used.seconds).astype(np.int64)
+    points = dict(zip(used.places, np.moveaxis(used.ours(used.known_at), 1, 0), strict=True))
+    ours = CapturedMotion(captured.path, "ours", stamps_ns, points)
+    pairs = _pairs(ours) if with_distances else []
+    first_s, last_s = float(used.seconds[0]), float(used.seconds[-1])
+    found = found_clock(
+        lambda seconds: _signals(ours, pairs)(seconds - first_s),
+        (first_s, last_s),
+        _signals(replace(captured, points={name: captured.points[name] for name in points}), pairs),
+        captured.duration_s,
+    )
+    if found is None:
+        raise RecordingError(
+            f"{captured.path}: at no offset in time it shows the motion of this recording (of points "
+            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --names MAP.yaml says "
+            "which point is which, --clock shared that stamps are of one clock"
+        )
+    return found
 
 
 def too_little(captured: CapturedMotion, tracked: Tracked) -> RecordingError:
@@ -181,29 +219,27 @@ def too_little(captured: CapturedMotion, tracked: Tracked) -> RecordingError:
     )
 
 
-def _pairs(ours: CapturedMotion, names: list[str]) -> list[tuple[str, str]]:
+def _pairs(ours: CapturedMotion) -> list[tuple[str, str]]:
     """Pairs of points whose distance changes most."""
+    names = list(ours.points)
     changes = {
-        (a, b): float(np.nanstd(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
+        (a, b): float(np.std(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
         for i, a in enumerate(names)
         for b in names[i + 1 :]
     }
-    return sorted((pair for pair in changes if changes[pair] > 1e-3), key=lambda pair: -changes[pair])[:_MOST_PAIRS]
+    return sorted((pair for pair in changes if changes[pair] > _STILL_M), key=lambda pair: -changes[pair])[:_MOST_PAIRS]
 
 
 def _signals(motion: CapturedMotion, pairs: list[tuple[str, str]]) -> Signals:
     """What no frame of reference changes, by times since the motion's first frame."""
-    names = sorted({name for pair in pairs for name in pair}) or [*motion.points]
 
     def signals(seconds: Array) -> Array:
-        here = {name: motion.points_at(name, seconds) for name in names}
+        here, before, after = (
+            {name: motion.points_at(name, seconds + shift) for name in motion.points}
+            for shift in (0.0, -_SPEED_S / 2.0, _SPEED_S / 2.0)
+        )
         distances = [np.linalg.norm(here[a] - here[b], axis=1) for a, b in pairs]
-        speeds = [
-            np.linalg.norm(
-                motion.points_at(name, seconds + _SPEED_S / 2) - motion.points_at(name, seconds - _SPEED_S / 2), axis=1
-            )
-            for name in names
-        ]
+        speeds = [np.linalg.norm(after[name] - before[name], axis=1) for name in motion.points]
         return np.array([*distances, *speeds])
 
     return signals
