@@ -22,6 +22,7 @@ from bodycam_ros.cli.evaluation_tables import (
     station_table,
     truth_table,
 )
+from bodycam_ros.cli.gait_table import gait_table
 from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
@@ -94,13 +95,13 @@ def _check_earlier(folder: Path) -> None:
     Raises:
         OutputError: there are such.
     """
-    from bodycam_ros.evaluate.report_folder import FEET, FIGURES, OUTSIDE, OVERLAY, PICTURE, VIDEO
+    from bodycam_ros.evaluate.report_folder import FIGURES, WRITTEN
     from bodycam_ros.output_place import check_file
 
     check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
     if not (folder / FIGURES).exists():
-        for name in (PICTURE, OVERLAY, OUTSIDE, FEET, VIDEO):
-            check_file(folder / name, force=False, mark=b"", what="picture")
+        for name in WRITTEN:
+            check_file(folder / name, force=False, mark=b"", what="part of a report")
 
 
 def _report(evaluation: "Evaluation", folder: Path) -> None:
@@ -125,6 +126,8 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
         console.print(truth_table(figures["truth"]))
     if "agreement" in figures and "truth" not in figures:
         console.print(agreement_table(figures["agreement"]))
+    if evaluation.gait is not None:
+        console.print(gait_table(evaluation.gait, evaluation.true_gait))
     for line in (*_remarks(figures), *agreement_remarks(evaluation), f"written to {folder}"):
         console.print(line, soft_wrap=True)
 

@@ -17,6 +17,8 @@ from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.evaluate.walking.gait import Gait
+from bodycam_ros.evaluate.walking.gait_of import solved_gait, true_gait
 from bodycam_ros.geometry import Array
 from bodycam_ros.other_systems.read_captured import is_captured, read_captured
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
@@ -44,6 +46,8 @@ class Evaluation:
         comparison: with the truth, if that was given.
         true_sliding: foot -> how it slides while the true foot stands; empty without truth.
         agreement: with the truth, or with what another system captured, if that was given.
+        gait: how the body walks; None where it does not.
+        true_gait: the same of the truth.
     """
 
     solved: SolvedRecording
@@ -61,6 +65,8 @@ class Evaluation:
     comparison: Comparison | None
     true_sliding: Mapping[str, SlidingAgainstTruth]
     agreement: Agreement | None = None
+    gait: Gait | None = None
+    true_gait: Gait | None = None
 
 
 def evaluate(
@@ -114,4 +120,6 @@ def evaluate(
         comparison=comparison,
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
         agreement=agreement,
+        gait=solved_gait(solved),
+        true_gait=None if comparison is None else true_gait(solved, comparison),
     )

@@ -9,13 +9,16 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page.write_page import html, markdown
-from bodycam_ros.evaluate.report_page import HTML, MARKDOWN, report_page, report_pictures
+from bodycam_ros.evaluate.report_page import HTML, MARKDOWN, PAGE_FILES, report_page, report_pictures
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.whole_file import whole_files
 
 FIGURES, PICTURE, OVERLAY = "summary.json", "summary.png", "overlay.png"
 OUTSIDE, FEET, VIDEO = "outside.png", "feet.png", "outside.mp4"
+WRITTEN = (PICTURE, OVERLAY, OUTSIDE, FEET, VIDEO, *PAGE_FILES)
+"""Names of what may be written beside the figures."""
+
 _CAPTIONS = {
     PICTURE: "The recording at a glance.",
     OVERLAY: "What worn cameras saw, with limbs and landmarks where the body puts them.",

@@ -10,8 +10,12 @@ from bodycam_ros.evaluate.agreement.joints_picture import draw_joints
 from bodycam_ros.evaluate.agreement.ways_picture import cameras_shown, draw_ways
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.page.page import Block, Page, Picture, Text
+from bodycam_ros.evaluate.walking.gait_picture import draw_gait
+from bodycam_ros.evaluate.walking.gait_section import GAIT, gait_section
 
 MARKDOWN, HTML = "report.md", "report.html"
+PAGE_FILES = (MARKDOWN, HTML, WAYS, JOINTS, BLAND_ALTMAN, GAIT)
+"""Names of the page and of the pictures that are of it alone."""
 
 
 def report_pictures(evaluation: Evaluation) -> Mapping[str, Callable[[Path], None]]:
@@ -22,6 +26,8 @@ def report_pictures(evaluation: Evaluation) -> Mapping[str, Callable[[Path], Non
         found[JOINTS] = partial(draw_joints, evaluation.solved, agreement)
         if agreement.angles:
             found[BLAND_ALTMAN] = partial(draw_bland_altman, agreement)
+    if evaluation.gait is not None:
+        found[GAIT] = partial(draw_gait, evaluation.gait, evaluation.true_gait)
     return found
 
 
@@ -39,5 +45,7 @@ def report_page(evaluation: Evaluation, pictures: Mapping[str, str]) -> Page:
     ]
     if evaluation.agreement is not None:
         blocks += agreement_section(evaluation.agreement, bool(cameras_shown(solved, evaluation.agreement)))
+    if evaluation.gait is not None:
+        blocks += gait_section(evaluation.gait, evaluation.true_gait)
     blocks += [Picture(file, caption) for file, caption in pictures.items()]
     return Page(solved.path.resolve().name, tuple(blocks))

@@ -16,6 +16,7 @@ from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.sliding import Sliding
+from bodycam_ros.evaluate.walking.gait_figures import gait_figures
 from bodycam_ros.solved.station_record import StationRecord
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.verdict.verdict import Verdict
@@ -61,6 +62,9 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         }
     if evaluation.agreement is not None:
         figures["agreement"] = agreement_figures(evaluation.agreement)
+    for name, gait in (("gait", evaluation.gait), ("true_gait", evaluation.true_gait)):
+        if gait is not None:
+            figures[name] = gait_figures(gait)
     known: dict[str, Any] = _without_nan(figures)
     return known
 

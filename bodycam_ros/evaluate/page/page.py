@@ -60,4 +60,4 @@ def number(value: float | None, decimals: int = 2, signed: bool = False) -> str:
     if value is None or value != value:
         return ""
     text = f"{value:{'+' if signed else ''}.{decimals}f}"
-    return text if float(text) else text.replace("-", "")
+    return text if float(text) else text.lstrip("+-")
