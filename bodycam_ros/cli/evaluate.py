@@ -17,6 +17,7 @@ from bodycam_ros.cli.evaluation_tables import (
     body_table,
     camera_table,
     clock_table,
+    constraint_table,
     joint_table,
     sliding_table,
     station_table,
@@ -50,6 +51,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="BAG",
         help="bag that OUT was solved from: adds reprojection errors and overlay.png",
     )
+    parser.add_argument(
+        "--compare",
+        type=Path,
+        metavar="OUT2",
+        help="the same recording solved without the equipment: distances from what holds, and with --stations "
+        "close-ups, with the constraints and without",
+    )
     add_outside_flags(parser)
     parser.add_argument(
         "-o",
@@ -65,6 +73,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
+    from bodycam_ros.evaluate.constraint.close_ups import close_ups
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
@@ -73,17 +82,24 @@ def run(arguments: argparse.Namespace) -> int:
     outside = outside_files(arguments)
     check_agreement_flags(arguments)
     check_report_folder(arguments.output)
-    inputs = (arguments.solved, arguments.truth, arguments.recording)
+    inputs = (arguments.solved, arguments.truth, arguments.recording, arguments.compare)
     check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.map, arguments.names))
     _check_earlier(arguments.output)
-    evaluation = evaluate(arguments.solved, arguments.truth, arguments.recording, agreement_options(arguments))
+    evaluation = evaluate(
+        arguments.solved, arguments.truth, arguments.recording, agreement_options(arguments), arguments.compare
+    )
     overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
     if outside is None:
         write_report(evaluation, arguments.output, overlay)
     else:
         with shown_progress() as progress:
             more = outside_pictures(evaluation, arguments.recording, outside, arguments.video, progress)
-            write_report(evaluation, arguments.output, overlay, more)
+            shown = (
+                ()
+                if evaluation.constraints is None
+                else close_ups(evaluation.constraints, arguments.recording, outside)
+            )
+            write_report(evaluation, arguments.output, overlay, more, shown)
     _report(evaluation, arguments.output)
     print_verdict(Terminal(), evaluation.verdict)
     return exit_code(evaluation.verdict)
@@ -126,6 +142,8 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
         console.print(truth_table(figures["truth"]))
     if "agreement" in figures and "truth" not in figures:
         console.print(agreement_table(figures["agreement"]))
+    if "constraints" in figures:
+        console.print(constraint_table(figures["constraints"]))
     if evaluation.gait is not None:
         console.print(gait_table(evaluation.gait, evaluation.true_gait))
     for line in (*_remarks(figures), *agreement_remarks(evaluation), f"written to {folder}"):

@@ -116,6 +116,18 @@ def sliding_table(figures: Mapping[str, Any]) -> Table:
     return table
 
 
+def constraint_table(constraints: Mapping[str, Any]) -> Table:
+    """What is held, with the equipment and without."""
+    table = Table(title="with and without equipment", caption="distance from where the equipment holds a point")
+    table.add_column("")
+    for column in ("with: mean", "max", "without: mean", "max"):
+        table.add_column(column, justify="right")
+    for name, both in constraints["measures"].items():
+        cells = (_number(both[which][of], 2) for which in ("with", "without") for of in ("mean", "max"))
+        table.add_row(name, *cells)
+    return table
+
+
 def joint_table(truth: Mapping[str, Any]) -> Table:
     """Errors per joint."""
     table = Table(title="joints against the truth, mean")

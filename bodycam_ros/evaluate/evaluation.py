@@ -13,6 +13,7 @@ from bodycam_ros.evaluate.agreement.agreement import Agreement
 from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
 from bodycam_ros.evaluate.brightness import Brightness, brightness
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.constraint.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
@@ -48,6 +49,7 @@ class Evaluation:
         agreement: with the truth, or with what another system captured, if that was given.
         gait: how the body walks; None where it does not.
         true_gait: the same of the truth.
+        constraints: beside the same recording solved without equipment, if that was given.
     """
 
     solved: SolvedRecording
@@ -67,6 +69,7 @@ class Evaluation:
     agreement: Agreement | None = None
     gait: Gait | None = None
     true_gait: Gait | None = None
+    constraints: WithAndWithout | None = None
 
 
 def evaluate(
@@ -74,6 +77,7 @@ def evaluate(
     truth_path: Path | None = None,
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
+    without_path: Path | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -83,6 +87,7 @@ def evaluate(
         recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses,
             and which shows how bright it was.
         options: how that is compared; by default by a similarity, and by the same clock if it is a recording's truth.
+        without_path: bag of the same recording solved without the equipment.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -103,6 +108,9 @@ def evaluate(
         agreement = agree(solved, captured, options or AgreementOptions())
     elif truth is not None:
         comparison, agreement = compare_with_truth(solved, truth, options or AgreementOptions(shares_clock=True))
+    constraints = None
+    if without_path is not None:
+        constraints = with_and_without(solved, read_solved(without_path), truth, comparison)
     position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
@@ -121,5 +129,6 @@ def evaluate(
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
         agreement=agreement,
         gait=solved_gait(solved),
+        constraints=constraints,
         true_gait=None if comparison is None else true_gait(solved, comparison),
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.constraint.close_ups import CloseUp
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page.write_page import html, markdown
@@ -44,6 +45,7 @@ def write_report(
     folder: Path,
     overlay: Sequence[OverlayView] = (),
     more: Mapping[str, Callable[[Path], None]] = MappingProxyType({}),
+    close_ups: Sequence[CloseUp] = (),
 ) -> None:
     """Write figures, pictures and the page with them, as Markdown and as HTML; earlier ones are replaced.
 
@@ -52,6 +54,7 @@ def write_report(
         folder: to write to.
         overlay: views of worn cameras.
         more: name of another file -> writes it to a path.
+        close_ups: what static cameras saw with equipment and without.
 
     Raises:
         RecordingError: the place cannot become a report folder.
@@ -65,7 +68,7 @@ def write_report(
             draw_overlays(overlay, unfinished / OVERLAY)
         for name, draw in more.items():
             draw(unfinished / name)
-        for name, draw in report_pictures(evaluation).items():
+        for name, draw in report_pictures(evaluation, close_ups).items():
             draw(unfinished / name)
         captions = {name: caption for name, caption in _CAPTIONS.items() if (unfinished / name).exists()}
         page = report_page(evaluation, captions)

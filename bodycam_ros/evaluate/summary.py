@@ -11,6 +11,7 @@ from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.blur import blur_classes
 from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.constraint.constraint_section import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
@@ -62,6 +63,8 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         }
     if evaluation.agreement is not None:
         figures["agreement"] = agreement_figures(evaluation.agreement)
+    if evaluation.constraints is not None:
+        figures["constraints"] = constraint_figures(evaluation.constraints)
     for name, gait in (("gait", evaluation.gait), ("true_gait", evaluation.true_gait)):
         if gait is not None:
             figures[name] = gait_figures(gait)
