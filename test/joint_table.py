@@ -127,7 +127,7 @@ def _row(joint: Joint, angle: str, axis: str, both: list[tuple[str, ...]]) -> st
     parent, child = (SegmentName(segment).kind for segment in (joint.parent, joint.child))
     turn = ("first", "second", "third")[joint.angle_axes.index(axis)]
     columns = (_left_and_right(column) for column in zip(*both, strict=True))
-    return f"| `{angle.replace(LEFT, '_S')}` | {parent} → {child} | {axis}, {turn} | {' | '.join(columns)} |"
+    return f"| `{angle.replace(LEFT, '_S')}` | {parent} → {child} | {axis},\u00a0{turn} | {' | '.join(columns)} |"
 
 
 def _left_and_right(said: tuple[str, ...]) -> str:
@@ -149,7 +149,7 @@ def _said(body: BodyModel, angle: str, joint: Joint, axis: str) -> tuple[str, st
     limits = "–"
     if joint.limits:
         low, high = np.degrees(joint.limits[joint.angle_axes.index(axis)])
-        limits = f"{low:.0f}° to {high:.0f}°"
+        limits = f"{low:.0f}°\u00a0to\u00a0{high:.0f}°".replace("-", "−")
     return motion, term, limits, _rep155(name, axis), _opensim(name, axis, term)
 
 

@@ -15,6 +15,7 @@ from strap_on_picture import strap_on_png
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.recording.bag_file import BagFile
 
 REPOSITORY = Path(__file__).parents[2]
 JOINTS, PICTURE = REPOSITORY / "docs/joints.md", REPOSITORY / "docs/strap_on.png"
@@ -45,6 +46,14 @@ def test_the_picture_of_cameras_is_what_is_drawn() -> None:
     kept, now = cv2.imread(str(PICTURE)), cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR)
     assert kept.shape == now.shape
     assert np.mean(cv2.absdiff(kept, now)) < 1.0  # fonts and their rendering differ a little between machines
+
+
+def test_the_topics_in_the_page_are_those_of_a_solved_bag(sample_out: Path) -> None:
+    rows = re.findall(
+        r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", (REPOSITORY / "docs/roboticists.md").read_text(), re.MULTILINE
+    )
+    with BagFile(sample_out) as bag:
+        assert {topic: bag.topics.get(topic.replace("CAMERA", "head")) for topic, _ in rows} == dict(rows)
 
 
 def test_the_rig_in_the_page_is_the_one_in_the_picture() -> None:
