@@ -19,6 +19,7 @@ from bodycam_ros.recording.bag_file import BagFile
 
 REPOSITORY = Path(__file__).parents[2]
 JOINTS, PICTURE = REPOSITORY / "docs/joints.md", REPOSITORY / "docs/strap_on.png"
+OF_255, A_MARK_PX = 64, 60  # the edges of letters differ by less; a camera that sits elsewhere changes more pixels
 WRITE = bool(os.environ.get("BODYCAM_DOCS"))
 
 
@@ -45,7 +46,8 @@ def test_the_picture_of_cameras_is_what_is_drawn() -> None:
         PICTURE.write_bytes(drawn)
     kept, now = cv2.imread(str(PICTURE)), cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR)
     assert kept.shape == now.shape
-    assert np.mean(cv2.absdiff(kept, now)) < 1.0  # fonts and their rendering differ a little between machines
+    strong = cv2.absdiff(kept, now).max(axis=2) > OF_255
+    assert np.count_nonzero(strong) < A_MARK_PX
 
 
 def test_the_topics_in_the_page_are_those_of_a_solved_bag(sample_out: Path) -> None:
