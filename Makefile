@@ -4,6 +4,7 @@
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
+#   make docs    the pages of docs/ as a site: out/site/index.html
 #   make bench   milliseconds per frame of every stage
 #   make latency how long a joint state takes from its images in the live graph; bench ends with it
 #   make endure  the same, and the solver over 10 minutes: does it keep its pace?
@@ -19,7 +20,7 @@ READERS := .venv-readers
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test readers faults lint bench latency endure clean
+.PHONY: demo test readers faults lint docs bench latency endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -46,6 +47,9 @@ lint: $(VENV)/test.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs.stamp
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
@@ -78,6 +82,11 @@ $(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt set
 
 $(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt
 	$(PIP_INSTALL) -r requirements-test.txt
+	@touch $@
+
+# The site needs nothing of ours.
+$(VENV)/docs.stamp: $(VENV)/python.stamp requirements-docs.txt constraints.txt
+	$(PIP_INSTALL) -r requirements-docs.txt
 	@touch $@
 
 $(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
