@@ -15,6 +15,7 @@ from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_
 from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
+from bodycam_ros.view.keys import Keys
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.panels import CorrectionActions, CorrectionPanel, Playback, ShowPanel, TimePanel
 from bodycam_ros.view.scene import Scene
@@ -24,7 +25,7 @@ _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
 
 _NOTICE_S = 6.0
-_SURFACE = "surface"
+_NAMES = "names"
 _STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that is taken without being moved
 _GREEN: Literal["green"] = "green"
 _RED: Literal["red"] = "red"
@@ -89,24 +90,23 @@ class Session:
             sources.motion,
             self._click,
             sources.stations,
-            lambda: surfaces_of(sources.body, sources.body_file.path, sources.surface),
+            lambda body: surfaces_of(body, sources.body_file.path, sources.surface),
         )
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
+        if duration_s > 0.0:
+            Keys(gui, inbox, self._time.play_or_pause, self._step, self._go)
         actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
         self._panel = CorrectionPanel(gui, inbox, self._correction.parts(), sources.body_file.path.name, actions)
         self._loader: FootageLoader | None = None
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
-        # Who has worn cameras alone does not look at a surface.
-        hidden = set() if sources.stations or sources.surface else {_SURFACE}
-        if not hidden:
-            self._scene.show_surface(True)
-        switches = {"cameras": self._scene.show_cameras, _SURFACE: self._scene.show_surface}
+        self._show_surface(True)
+        switches = {"cameras": self._scene.show_cameras, "surface": self._show_surface, _NAMES: self._scene.show_names}
         if sources.reference_map is not None:
             switches = {"map": self._scene.show_map, **switches}
-        ShowPanel(gui, inbox, switches, hidden, knows_registration=bool(sources.motion.registered))
+        ShowPanel(gui, inbox, switches, {_NAMES}, knows_registration=bool(sources.motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
         self._scene.look_at_body(sources.body, 0)
@@ -133,10 +133,28 @@ class Session:
     def _instant(self) -> int:
         return self._sources.motion.instant_at(self._time.seconds)
 
+    @property
+    def _last(self) -> int:
+        return len(self._sources.motion.stamps_ns) - 1
+
     def _show_instant(self) -> None:
         """Show the body at the time of the slider."""
         self._scene.show(self._correction.body, self._instant, follow=self._time.follows)
         self._show_picture()
+
+    def _step(self, instants: int) -> None:
+        """Go so many instants on, or back, and hold time there."""
+        self._go(float(self._sources.motion.seconds[np.clip(self._instant + instants, 0, self._last)]))
+
+    def _go(self, seconds: float) -> None:
+        """Go to a time, and hold it there."""
+        if self._playback.is_playing:
+            self._time.play_or_pause()
+        self._time.show(min(seconds, float(self._sources.motion.seconds[-1])))
+        self._show_instant()
+
+    def _show_surface(self, visible: bool) -> None:
+        self._scene.show_surface(self._correction.body, visible)
 
     def _show_picture(self) -> None:
         """Show what the chosen camera saw at that time."""

@@ -8,6 +8,7 @@ from viser import CylinderHandle, FrameHandle, IcosphereHandle, SceneApi
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_shape import bone_ends
 from bodycam_ros.drawing.picture_style import EQUIPMENT
 from bodycam_ros.drawing.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
@@ -78,6 +79,11 @@ def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
         segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])
         start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
         lines.append((bone.segment, start, end))
+    # A last segment whose tip nobody knows, as the shin of legs alone, is drawn as far as its cameras tell.
+    drawn = {segment for segment, _, _ in lines}
+    for segment in body.segments:
+        if segment not in drawn:
+            lines.append((segment, np.zeros(3), (bone_ends(body, segment) or [np.zeros(3)])[0]))
     return lines
 
 
