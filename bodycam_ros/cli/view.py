@@ -32,6 +32,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FOLDER",
         help="a mesh a segment to show on the body (default: the folder that the body file names, else capsules)",
     )
+    parser.add_argument(
+        "--compare", type=Path, metavar="OUT2", help="another bag solved from the same recording, shown beside OUT"
+    )
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run)
 
@@ -49,5 +52,6 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.port,
         arguments.stations,
         arguments.surface,
+        arguments.compare,
     )
     return 0

@@ -17,8 +17,10 @@ from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.name_scene import NameScene
 from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.view.scene_nodes import GRID, GRID_FINE, WORLD, rgb
-from bodycam_ros.view.skeleton_scene import EquipmentScene, SkeletonScene, limbs_of
+from bodycam_ros.view.other_motion import OtherMotion
+from bodycam_ros.view.scene_nodes import COMPARED, GRID, GRID_FINE, WORLD, rgb
+from bodycam_ros.view.seen_scene import SeenScene
+from bodycam_ros.view.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.view.station_scene import StationScene
 from bodycam_ros.view.surface_scene import SurfaceReader, SurfaceScene
 
@@ -39,6 +41,7 @@ class Scene:
         on_click: Callable[[Part], None],
         stations: Mapping[str, Station] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
+        other: OtherMotion | None = None,
     ) -> None:
         self._server = server
         self._motion = motion
@@ -46,8 +49,12 @@ class Scene:
         self._world = server.scene.add_frame(WORLD, show_axes=False)
         self._landmarks = _add_map(server.scene, reference_map)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
-        self._equipment = EquipmentScene(server.scene, len(motion.equipment))
+        self._equipment = LineScene(server.scene, "equipment", len(motion.equipment))
+        self._other = other
+        self._other_lines = LineScene(server.scene, "other", len(other.lines) if other else 0, COMPARED)
+        self._shows_other = True
         self._cameras = CameraScene(server.scene, body, on_click)
+        self._seen = SeenScene(server.scene)
         self._stations = StationScene(server.scene, stations)
         self._surface = SurfaceScene(server.scene, read_surfaces)
         self._shows_surface = False
@@ -63,6 +70,10 @@ class Scene:
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, world_T_segment)
             self._equipment.show(self._motion.equipment_at(instant))
+            if self._other is not None:
+                at_ns, within_ns = int(self._motion.stamps_ns[instant]), self._motion.frame_ns // 2
+                lines = self._other.lines_at(at_ns, within_ns) if self._shows_other else []
+                self._other_lines.show(lines)
             for camera in self._motion.registered:
                 self._cameras.show_registered(camera, self._motion.registered_at(camera, instant) is not None)
 
@@ -100,6 +111,7 @@ class Scene:
             RecordingError: the image cannot be decoded.
         """
         picture = None if footage is None else self._picture(body, instant, footage)
+        self._seen.show(None if picture is None else picture.landmarks_world)
         pixels, is_static = None if picture is None else picture.pixels, camera in self._stations.stations
         self._cameras.show_image(*((None, None) if is_static else (camera, pixels)))
         self._stations.show_image(*((camera, pixels) if is_static else (None, None)))
@@ -133,6 +145,11 @@ class Scene:
         self._cameras.show(visible)
         self._stations.show(visible)
         self._names.show_cameras(visible)
+
+    def show_other(self, body: BodyModel, instant: int, visible: bool) -> None:
+        """Show or hide the solution that is compared with."""
+        self._shows_other = visible
+        self.show(body, instant, follow=False)
 
     def show_names(self, visible: bool) -> None:
         """Show or hide what joints and cameras are called."""
