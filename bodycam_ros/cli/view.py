@@ -3,6 +3,10 @@
 import argparse
 from pathlib import Path
 
+from bodycam_ros.errors import ViewError
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.shown import shown
+
 PORT = 8080
 
 
@@ -35,12 +39,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--compare", type=Path, metavar="OUT2", help="another bag solved from the same recording, shown beside OUT"
     )
+    parser.add_argument(
+        "--video", type=Path, metavar="OUT.mp4", help="write the moving body as a video, from outside, and end"
+    )
+    parser.add_argument(
+        "--from", dest="from_camera", metavar="CAMERA", help="with --video and --recording: over what this camera saw"
+    )
+    parser.add_argument("--force", action="store_true", help="replace the video")
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.video is not None:
+        _write_film(arguments)
+        return 0
+    if arguments.from_camera is not None:
+        raise ViewError(f"--from {shown(arguments.from_camera)}: is for --video; say where to write it")
     # The web server takes half a second to load; the other commands and --help do without.
     from bodycam_ros.view.session import view
 
@@ -55,3 +71,18 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.compare,
     )
     return 0
+
+
+def _write_film(arguments: argparse.Namespace) -> None:
+    from bodycam_ros.cli.shown_progress import shown_progress
+    from bodycam_ros.terminal import Terminal
+    from bodycam_ros.view.film import write_film
+    from bodycam_ros.view.sources import Sources
+
+    given = (arguments.solved, arguments.map, arguments.body, arguments.recording, arguments.stations)
+    check_output(arguments.video, (*given, arguments.surface), makes_folders=False)
+    check_file(arguments.video, arguments.force, b"ftyp", "video")
+    sources = Sources.read(*given, arguments.surface)
+    with shown_progress() as progress:
+        write_film(sources, arguments.from_camera, arguments.video, progress)
+    Terminal().print(f"video written to {arguments.video}", soft_wrap=True)

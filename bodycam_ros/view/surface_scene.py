@@ -60,14 +60,19 @@ class SurfaceScene:
             return
         for mesh in self._meshes:
             mesh.remove()
+        shown = [
+            *(("surface", segment, surface) for segment, surface in surfaces.items()),
+            *(("hand", forearm, hand) for forearm, hand in hands_beyond(body, surfaces)),
+        ]
         self._meshes = [
             self._scene.add_mesh_simple(
-                f"{segment_name(segment)}/{name}", vertices, surface.faces, color=segment_rgb(segment), opacity=_OPACITY
+                f"{segment_name(segment)}/{name}",
+                surface.vertices,
+                surface.faces,
+                color=segment_rgb(segment),
+                opacity=_OPACITY,
             )
-            for name, segment, vertices, surface in [
-                *(("surface", segment, surface.vertices, surface) for segment, surface in surfaces.items()),
-                *_hands(body, surfaces),
-            ]
+            for name, segment, surface in shown
         ]
         self._is_old = False
 
@@ -79,18 +84,15 @@ def surface_points(surfaces: Mapping[str, Surface], body: BodyModel, world_T_seg
     return np.concatenate(points) if points else np.zeros((0, 3))
 
 
-def _hands(body: BodyModel, surfaces: Mapping[str, Surface]) -> list[tuple[str, str, Array, Surface]]:
-    """Hands that nobody followed, stretched on the forearms: a body without looks cut off.
-
-    Name, forearm, vertices (V, 3) in the forearm's frame [m], surface.
-    """
+def hands_beyond(body: BodyModel, surfaces: Mapping[str, Surface]) -> list[tuple[str, Surface]]:
+    """Forearm, and a stretched hand in its frame, where nobody followed one: a body without looks cut off."""
     whole = with_hands(body)
-    added = [joint for joint in whole.joints if joint.child not in body.segments and joint.parent in surfaces]
-    if not added:
-        return []
-    of_whole = capsule_surfaces(whole)
-    return [
-        ("hand", joint.parent, transform_points(joint.parent_T_joint, of_whole[joint.child].vertices), hand)
-        for joint in added
-        if (hand := of_whole.get(joint.child)) is not None
-    ]
+    wrists = [joint for joint in whole.joints if joint.child not in body.segments and joint.parent in surfaces]
+    of_whole = capsule_surfaces(whole) if wrists else {}
+    hands = []
+    for wrist in wrists:
+        hand = of_whole[wrist.child]
+        hands.append(
+            (wrist.parent, Surface(wrist.child, transform_points(wrist.parent_T_joint, hand.vertices), hand.faces))
+        )
+    return hands

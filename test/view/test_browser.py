@@ -116,15 +116,19 @@ def test_a_person_sees_the_body_where_it_is(view: BrowserView, motion: Motion, b
     view.wait_until(lambda: view.value("seconds") != "1", "time goes on")
     view.press("Pause")
 
+    keys_play_and_step_and_leave_the_view_where_it_is(view, motion, expected, body)
 
-def test_keys_play_and_step_and_leave_the_view_where_it_is(view: BrowserView, motion: Motion, body: BodyModel) -> None:
-    expected = Expected(view, motion, body)
-    view.page.get_by_role("checkbox", name="cameras").uncheck()
+
+def keys_play_and_step_and_leave_the_view_where_it_is(
+    view: BrowserView, motion: Motion, expected: Expected, body: BodyModel
+) -> None:
     press = view.page.keyboard.press
 
     def at(instant: int) -> None:
         view.wait_until(lambda: view.value("seconds") == f"{round(motion.seconds[instant], 3):g}", f"instant {instant}")
 
+    press("Home")
+    at(0)
     press("ArrowRight")
     press("ArrowRight")
     at(2)
