@@ -77,6 +77,10 @@ class Scene:
             for camera in self._motion.registered:
                 self._cameras.show_registered(camera, self._motion.registered_at(camera, instant) is not None)
 
+    def move(self, motion: Motion) -> None:
+        """Take over another motion of the same body and equipment, as a running graph tells it."""
+        self._motion = motion
+
     def reshape(self, body: BodyModel) -> None:
         """Show the lengths, joints and mounts of a body."""
         with self._server.atomic():
