@@ -83,7 +83,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", glob("config/*.yaml") + glob("config/*.xml")),
+        (f"share/{NAME}/config", [f for kind in ("yaml", "xml", "rviz", "json") for f in glob(f"config/*.{kind}")]),
         (f"share/{NAME}/config/equipment", glob("config/equipment/*.yaml")),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
