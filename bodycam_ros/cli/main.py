@@ -14,6 +14,7 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
 COMMANDS = (
+    "board",
     "map",
     "map check",
     "map extend",
