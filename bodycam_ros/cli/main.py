@@ -15,6 +15,7 @@ from bodycam_ros.shown import printable
 
 COMMANDS = (
     "board",
+    "lens",
     "map",
     "map check",
     "map extend",
