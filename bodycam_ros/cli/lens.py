@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
+from bodycam_ros.cli.pipeline_flags import known_groups
+from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.output_place import check_file, check_output
@@ -61,6 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.lens.lens_pictures import lens_pictures
     from bodycam_ros.whole_file import write_whole
 
+    if arguments.config is not None:  # one file serves every command
+        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, LensCalibrationSettings, arguments.config).lens
     output: Path = arguments.output
     picture = output.with_suffix(".png")

@@ -102,14 +102,14 @@ def objections(
     if area.coverage < settings.min_coverage:
         found.append(
             (
-                f"the board was seen in {area.coverage:.0%} of the picture, less than {settings.min_coverage:.0%}",
+                f"the board was seen in {area.coverage:.1%} of the picture, less than {settings.min_coverage:.0%}",
                 f"bring the board to the {_where_lacking(area)} of the picture",
             )
         )
     if area.reach < settings.min_reach:
         found.append(
             (
-                f"it was seen out to {area.reach:.0%} of the image radius, less than {settings.min_reach:.0%}",
+                f"it was seen out to {area.reach:.1%} of the image radius, less than {settings.min_reach:.0%}",
                 "bring the board out to the corners, close by, so that it is cut off by the border",
             )
         )

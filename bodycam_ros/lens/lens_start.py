@@ -17,6 +17,7 @@ _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
 _TRIED = 12  # pictures that focal lengths are tried on
 _LEAST_SIGHTS = 4
 _ANGLES = 60
+_LARGEST = 100.0  # coefficient of a lens to start from
 _STEEPEST_DEG = 80.0  # beyond it a perspective image says nothing
 
 
@@ -90,8 +91,9 @@ def _perspective_of(model: str, angles: Array, radii: Array) -> tuple[float, lis
 
 def _least_squares(columns: Array, wanted: Array, weights: Array) -> list[float]:
     size = np.linalg.norm(columns, axis=0)
-    solved = np.linalg.lstsq(columns / size * weights[:, None], wanted * weights, rcond=1e-6)[0]
-    found: list[float] = (solved / size).tolist()
+    solved = np.linalg.lstsq(columns / size * weights[:, None], wanted * weights, rcond=1e-6)[0] / size
+    # Where the board was seen near the axis alone, anything explains the rest.
+    found: list[float] = solved.tolist() if np.abs(solved).max() < _LARGEST else [0.0] * len(size)
     return found
 
 

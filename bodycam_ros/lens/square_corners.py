@@ -1,7 +1,7 @@
 """Corners of squares, where their sides meet.
 
-A saddle of the light is pulled aside where a lens bends the sides that meet there. So sides are fitted, as lines that are
-straight in space, like those of tags; there is one side for any two neighbouring squares.
+A saddle of the light is pulled aside where a lens bends the sides that meet there. So sides are fitted, like those of
+tags, as lines that are straight in space.
 """
 
 import numpy as np
