@@ -17,6 +17,8 @@ from bodycam_ros.shown import printable
 
 COMMANDS = {
     "run": "all steps for a folder of recordings, in one go",
+    "board": "print a board for maps and lenses",
+    "lens": "measure a camera's lens by a video or images of a board",
     "map": "build a reference map from photographs or a video",
     "map check": "say and draw what a reference map covers",
     "map extend": "let a map grow by a recording",

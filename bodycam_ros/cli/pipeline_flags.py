@@ -45,13 +45,9 @@ def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
 
 def known_groups() -> set[str]:
     """Groups of settings that a file may have: one serves every command that works on a recording."""
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-    from bodycam_ros.doctor.doctor_settings import DoctorGroups
-    from bodycam_ros.ingest.sound_settings import SoundSettings
-    from bodycam_ros.outside.station_settings import StationsSettings
+    from bodycam_ros.all_settings import all_groups
 
-    groups = (_all_stages(), CalibrationSettings, SoundSettings, StationsSettings, DoctorGroups)
-    return {name for settings in groups for name in settings.groups()}
+    return set(all_groups())
 
 
 def _all_stages() -> "type[PipelineSettings]":

@@ -29,16 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-    from bodycam_ros.doctor.doctor_settings import DoctorGroups
-    from bodycam_ros.ingest.sound_settings import SoundSettings
-    from bodycam_ros.outside.station_settings import StationsSettings
-    from bodycam_ros.pipeline import PipelineSettings
+    from bodycam_ros.all_settings import all_groups
 
     lines = ["/**:", "  ros__parameters:"]
-    groups = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
-    groups |= StationsSettings.groups() | DoctorGroups.groups()
-    for group, settings_type in groups.items():
+    for group, settings_type in all_groups().items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):
             lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]
