@@ -1,17 +1,24 @@
 """What ``bodycam map`` makes a map of: photographs, or the sharp frames of a video or of one camera of a bag."""
 
 import argparse
+import logging
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bodycam_ros.cli.map_from_bag import add_worn_flags, check_worn, worn_photographs_of
-from bodycam_ros.errors import MapError
+from bodycam_ros.errors import MapError, RecordingError
+from bodycam_ros.lens.followed_points import followed_pairs
+from bodycam_ros.lens.lens_match import lens_match
 from bodycam_ros.mapping.bag_camera import BagCamera
 from bodycam_ros.mapping.chosen_frames import check_frames_replaceable, keep_chosen_frames
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.video_camera import VideoCamera
@@ -20,6 +27,9 @@ from bodycam_ros.whole_file import scratch_folder
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
 _BAG_FILE = "metadata.yaml"
+_PAIRS, _MOST_FRAMES = 8, 900  # by which the lens is compared with the recording
+
+_LOG = logging.getLogger(__name__)
 
 
 def add_source_flags(parser: argparse.ArgumentParser) -> None:
@@ -103,11 +113,26 @@ def photographs_of(arguments: argparse.Namespace, settings: MapSettings, progres
         camera = BagCamera(source, arguments.topic, arguments.camera)
     else:
         camera = VideoCamera(source, arguments.camera)
+    _compare_lens(camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         folder: Path = arguments.keep_frames or scratch / "frames"
         keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)
         board = source.resolve().parent / BOARD_FILE
         yield find_photographs(folder, name=camera.name, board_path=board if board.is_file() else None)
+
+
+def _compare_lens(source: MovingCamera) -> None:
+    """Warn of a lens that the recording's own points contradict: no map would come of it."""
+    with source.frames() as frames:
+        match = lens_match(source.camera, list(followed_pairs(_pictures(frames), _PAIRS)))
+    if not match.matches:
+        _LOG.warning("%s: %s", source.name, match.text)
+
+
+def _pictures(frames: Iterator[Frame]) -> Iterator[NDArray[np.uint8]]:
+    for frame in islice(frames, _MOST_FRAMES):
+        with suppress(RecordingError):
+            yield frame.grey()
 
 
 def is_bag(source: Path) -> bool:
