@@ -57,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.ingest import find_cameras, ingest
+    from bodycam_ros.ingest.lens_check import lens_remarks
     from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
     from bodycam_ros.ingest.video_clocks import video_clocks
 
@@ -83,6 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
             on_progress=lambda share: advance("writing", share),
         )
         write_timing_report(offsets, report)
+        faults += lens_remarks(cameras, lambda done, of: advance("comparing lenses", done / max(1, of)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     console.print(timing_table(offsets))

@@ -96,6 +96,7 @@ def photographs_of(
     """
     from bodycam_ros.mapping.bag_camera import BagCamera
     from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
+    from bodycam_ros.mapping.compared_lens import compare_lens
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
     from bodycam_ros.mapping.video_camera import VideoCamera
 
@@ -112,6 +113,7 @@ def photographs_of(
         camera = BagCamera(source, arguments.topic, arguments.camera)
     else:
         camera = VideoCamera(source, arguments.camera)
+    compare_lens(camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         folder: Path = arguments.keep_frames or scratch / "frames"
         keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)
