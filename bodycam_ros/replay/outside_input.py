@@ -91,11 +91,11 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(with_usual_limits(body), surface, stations, settings.region)
-    placed = None if given.start is None else _placed(given.start, given.stations, stations, body, settings)
+    placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings)
     return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
 
 
-def _placed(
+def placed_body(
     start: Path, file: Path, stations: dict[str, Station], body: BodyModel, settings: PipelineSettings
 ) -> Array:
     """Where the body begins (S, 4, 4) in the world: the file of the start has the frame of that of the stations."""
