@@ -30,14 +30,15 @@ class ShapeSettings:
         0.1, unit="s", limits=(0.001, 60.0), reason="from one instant that lengths are asked of to the next"
     )
     alike_for: float = setting(
-        0.3,
+        1.0,
         unit="s",
         limits=(0.001, 60.0),
-        reason="instants within this time err together and count as one; then lengths are as far off as they say",
+        reason="instants within this time err together and count as one; with 0.3 s lengths are twice as far off as "
+        "they say",
     )
     rounds: int = setting(6, limits=(1, 100), reason="how often the recording is followed with a better body, at most")
     converged: float = setting(
-        0.5,
+        0.3,
         limits=(0.001, 10.0),
         reason="sigmas of itself by which no length changes any more: it is as good as it gets",
     )
