@@ -72,8 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print what was found, write the body."""
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
+    from bodycam_ros.outside.outside_files import OutsideInput
     from bodycam_ros.replay.measure_body import measure_body
-    from bodycam_ros.replay.outside_input import OutsideInput
 
     output: Path = arguments.output
     for flag in ("rig", "report", "facing"):
@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
             show,
         )
     write_body(replace(measured.body, name=name, report=_report(measured)), output)
-    _print(measured, settings)
+    _print(measured)
     Terminal().print(f"\nbody written to {output}", soft_wrap=True)
     return 0
 
@@ -141,7 +141,7 @@ def _report(measured: "MeasuredBody") -> dict[str, object]:
     }  # fmt: skip
 
 
-def _print(measured: "MeasuredBody", settings: CalibrationSettings) -> None:
+def _print(measured: "MeasuredBody") -> None:
     terminal = Terminal()
     lengths = Table(title="lengths", caption="of each joint from its parent's; those not told are what was begun with")
     lengths.add_column("joint", no_wrap=True)

@@ -12,13 +12,15 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError, StationError
 from bodycam_ros.outside.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.replay.front_end import warm_up
-from bodycam_ros.replay.outside_input import OutsideInput, placed_body, stations_of
+from bodycam_ros.replay.outside_input import stations_of
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +68,7 @@ def measure_body(
             body,
             stations,
             lambda: _instants(recording_path, stations, refused),
-            lambda begun: placed_body(start, given.stations, stations, begun, pipeline),
+            lambda begun: placed_body(start, given.stations, stations, begun, pipeline.region),
             settings,
             pipeline.region,
             pipeline.motion,
