@@ -17,6 +17,9 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
 
+THINNEST, THICKEST = 0.2, 5.0
+"""Times as thick as people of a body's size are: beyond, a number was taken for something else."""
+
 
 @dataclass(frozen=True, eq=False)
 class CameraMount:
@@ -49,6 +52,8 @@ class BodyModel:
         standing: segments, of a machine, that do not move in the world; said to other programs, the solver has it from
             the equipment.
         surface: folder with the meshes of its segments, relative to the body file, for static cameras.
+        girths: segment -> how many times as thick its capsules are as those of people of the body's size; 1 where
+            nothing is said.
 
     Raises:
         BodyError: the parts do not make one body.
@@ -62,6 +67,7 @@ class BodyModel:
     report: Mapping[str, Any] = field(default_factory=dict)
     standing: tuple[str, ...] = ()
     surface: str | None = None
+    girths: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_unique("segment", self.segments)
@@ -75,6 +81,13 @@ class BodyModel:
         for segment in self.standing:
             if segment not in self.segments:
                 raise BodyError(f"{segment}, which is said to stand, is not among the segments")
+        for segment, girth in self.girths.items():
+            if segment not in self.segments:
+                raise BodyError(f"girths: {segment} is not among the segments")
+            if not THINNEST <= girth <= THICKEST:
+                raise BodyError(
+                    f"girths: {segment} is {girth:g} times as thick as people's; expected {THINNEST:g} to {THICKEST:g}"
+                )
         for camera, mount in self.mounts.items():
             if mount.segment not in self.segments:
                 raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")

@@ -13,6 +13,7 @@
       waist_front: {segment: pelvis, position: [0.144, -0.006, 0.043], quaternion_xyzw: [-0.49, 0.48, -0.58, 0.44]}
     standing: [frame]  # if any: segments of a machine that do not move in the world, for other programs
     surface: meshes  # if any: a folder beside this file, with an OBJ or PLY file a segment, for static cameras
+    girths: {thigh_left: 1.08}  # if any: times as thick as people of its size, of capsules for static cameras
     report: {anything: kept as it is, never used}
 
 ========================= ============================================================================================
@@ -102,13 +103,15 @@ def yaml_text(body: BodyModel) -> str:
         parts.append(f"standing: {_line(list(body.standing))}\n")
     if body.surface is not None:
         parts.append(f"surface: {_line(body.surface)}\n")
+    if body.girths:
+        parts.append(f"girths: {_line({name: round(girth, _DECIMALS) for name, girth in body.girths.items()})}\n")
     if body.report:
         parts.append(yaml.safe_dump({"report": dict(body.report)}, sort_keys=False, default_flow_style=None))
     return "".join(parts)
 
 
 def _body(document: Any) -> BodyModel:
-    check_keys(document, "a body file", _BODY_KEYS, {"report", "standing", "surface"})
+    check_keys(document, "a body file", _BODY_KEYS, {"report", "standing", "surface", "girths"})
     joints, cameras = document["joints"], document["cameras"]
     _check_table(cameras, "cameras")
     report = document.get("report") or {}
@@ -120,6 +123,8 @@ def _body(document: Any) -> BodyModel:
     standing = document.get("standing") or []
     if not isinstance(standing, list):
         raise BodyError(f"standing must be a list of segments, not {shown(standing)}")
+    girths = document.get("girths") or {}
+    _check_table(girths, "girths")
     return BodyModel(
         name=name_of(document["name"], "name"),
         root=name_of(document["root"], "root"),
@@ -129,6 +134,10 @@ def _body(document: Any) -> BodyModel:
         report=report,
         standing=tuple(name_of(segment, "standing") for segment in standing),
         surface=name_of(document["surface"], "surface") if document.get("surface") is not None else None,
+        girths={
+            name_of(segment, "girths"): float(numbers_of([girth], 1, f"girths: {shown(segment)}")[0])
+            for segment, girth in girths.items()
+        },
     )
 
 

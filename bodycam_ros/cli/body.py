@@ -1,14 +1,18 @@
-"""bodycam body: a recorded range of motion in, a body out: skeleton and camera mounts, with a report."""
+"""bodycam body: a recorded range of motion in, a body out: skeleton and camera mounts, with a report.
+
+With --stations static cameras measure a person who wears none: lengths and girths, from a body that is about right.
+"""
 
 import argparse
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
+from bodycam_ros.cli import body_outside
+from bodycam_ros.cli.body_outside import check_suffix
 from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
+from bodycam_ros.cli.shown_shares import shown_shares
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -16,16 +20,13 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 
-_SUFFIXES = (".yaml", ".yml")
-
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
-    add_recording_flags(parser)
-    parser.add_argument(
-        "--rig", type=Path, required=True, help="YAML: camera -> segment that it is strapped to, segment -> parent"
-    )
+    add_recording_flags(parser, map_is_optional=True)
+    parser.add_argument("--rig", type=Path, help="YAML: camera -> segment that it is strapped to, segment -> parent")
+    body_outside.add_flags(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="BODY", help="body YAML to write")
     parser.add_argument(
         "--report", type=Path, metavar="HTML", help="page with figures and a picture (default: BODY with .html)"
@@ -44,6 +45,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.stations is not None:
+        return body_outside.run(arguments)
+    body_outside.refuse_flags(arguments)
+    if arguments.map is None or arguments.rig is None:
+        raise BodyError(
+            "a body is measured by worn cameras, with --map and --rig, or by static ones, with --stations, --start and "
+            "--from or --height"
+        )
     import numpy as np
 
     from bodycam_ros.body.body_file import write_body
@@ -61,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
     settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
-    with _shown_progress() as progress:
+    with shown_shares() as show:
         calibrated = calibrate(
             arguments.recording,
             arguments.map,
@@ -71,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             settings,
             jobs=arguments.jobs,
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
-            on_progress=_Bars(progress).show,
+            on_progress=show,
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
     write_body(body, output)
@@ -94,27 +103,6 @@ def _degrees(text: str) -> float:
     return degrees
 
 
-class _Bars:
-    """A bar per step, in the order in which they begin."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._tasks: dict[str, TaskID] = {}
-
-    def show(self, step: str, share: float) -> None:
-        for name, task in self._tasks.items():
-            if name != step:
-                self._progress.update(task, completed=1.0)
-        if step not in self._tasks:
-            self._tasks[step] = self._progress.add_task(step, total=1.0)
-        self._progress.update(self._tasks[step], completed=share)
-
-
-def _shown_progress() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Terminal(stderr=True), transient=True)
-
-
 def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:
     """Refuse what cannot be written, or would cost an input, before the work is done.
 
@@ -122,8 +110,7 @@ def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:
         BodyError: the output is named as something else than a body.
         OutputError: so it is.
     """
-    if arguments.output.suffix.lower() not in _SUFFIXES:
-        raise BodyError(f"{arguments.output}: a body is kept as YAML; give a name such as legs.yaml")
+    check_suffix(arguments.output)
     inputs = (arguments.recording, arguments.map, arguments.rig, arguments.config)
     for path, mark, what in ((arguments.output, b"segments:", "body file"), (page, b"<title>Body ", "report")):
         check_output(path, inputs, makes_folders=False)

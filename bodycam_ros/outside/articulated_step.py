@@ -76,11 +76,11 @@ class ArticulatedStep:
                 rotation first: the normal equations of each segment by itself.
             expected: what is known beside it.
         """
-        J = self._jacobians(poses)
+        J = self.jacobians(poses)
         size = J.shape[2]
         A = J.reshape(-1, size).T @ (information @ J).reshape(-1, size)
         b = vector.ravel() @ J.reshape(-1, size)
-        self._expect(A, b, poses, expected)
+        self.expect(A, b, poses, expected)
         return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
 
     def closed(self, poses: Array) -> Array:
@@ -89,7 +89,7 @@ class ArticulatedStep:
         closed[self._beside] = poses[self._beside]
         return closed
 
-    def _jacobians(self, poses: Array) -> Array:
+    def jacobians(self, poses: Array) -> Array:
         """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
         centre = poses[self._root, :3, 3]
         # In the world's axes, of a point at the centre: a turn w about a pivot p moves it by p x w.
@@ -111,7 +111,7 @@ class ArticulatedStep:
         turns[:, :3, _ROOT:] = (self._turns[:, None, :, None] * np.eye(3)[:, None]).reshape(len(turns), 3, -1)
         return turns
 
-    def _expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
+    def expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
         """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
         before = expected.world_T_segment
         root, root_before = poses[self._root], before[self._root]

@@ -30,13 +30,15 @@ def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
     stature = girths.stature_of(body)
     surfaces = {}
     for segment in body.segments:
-        parts = [] if segment in body.equipment_segments else _parts(body, segment, stature)
+        thick = body.girths.get(segment, 1.0)
+        parts = [] if segment in body.equipment_segments else _parts(body, segment, thick * stature)
         if parts:
             surfaces[segment] = Surface(segment, *_joined(parts))
     return surfaces
 
 
 def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+    """Of a segment that is as thick as that of a person of some stature."""
     form = _FORMS.get(SegmentName(segment).kind)
     if form is not None and (parts := form(body, segment, stature)):
         return parts
@@ -46,7 +48,7 @@ def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
 def _along_bones(body: BodyModel, segment: str) -> list[_Mesh]:
     parts = []
     for end in bone_ends(body, segment):
-        ball = girths.SLENDERNESS * float(np.linalg.norm(end))
+        ball = body.girths.get(segment, 1.0) * girths.SLENDERNESS * float(np.linalg.norm(end))
         parts.append(limb_mesh(np.zeros(3), end, [Ball(0.0, ball), Ball(1.0, ball)], _X))
     return parts
 
@@ -56,7 +58,7 @@ def _limb(balls: list[tuple[float, float]], body: BodyModel, segment: str, statu
     name = SegmentName(segment)
     end = _joints_on(body, segment).get(f"{_BELOW[name.kind]}{name.side}")
     if end is None or _too_near(end, np.zeros(3)):
-        end = -girths.BONES[name.kind] * stature * _Z
+        end = -girths.BONES[name.kind] * girths.stature_of(body) * _Z
     return [limb_mesh(np.zeros(3), end, [Ball(along, radius * stature) for along, radius in balls], _Y)]
 
 
@@ -105,7 +107,7 @@ def _head(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
 def _foot(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     """From heel to toe on the sole."""
     ankle = body.joint_to_parent(segment)
-    shin = girths.BONES["shin"] * stature
+    shin = girths.BONES["shin"] * girths.stature_of(body)
     if ankle is not None and SegmentName(ankle.parent).kind == "shin":
         shin = float(np.linalg.norm(ankle.parent_T_joint[:3, 3]))
     back = sole_points(shin)[0]

@@ -24,9 +24,10 @@ _NEAREST_M = 0.1  # of a vertex before the camera
 _LONGEST_PX = 200.0  # an edge, or a face, that is longer is too near to be a body's
 _INWARD, _OUTWARD = 1.0, 1.5  # [pixels of the labels] from the contour, where its own segment, and nobody, must be
 
-POINT = 12
+POINT = 13
 """Numbers of a contour point: pixel (2), outward normal in the image (2), point in the segment's frame (3), derivative
-of the pixel along that normal by the point, in the segment's frame (3) [px/m], pixel where it was found (2)."""
+of the pixel along that normal by the point, in the segment's frame (3) [px/m], pixel where it was found (2), row of its
+edge."""
 
 
 @kernel(
@@ -101,7 +102,7 @@ def find_contour(
                 for axis in range(3):
                     point[4 + axis] = vertices[a, axis] + share * (vertices[b, axis] - vertices[a, axis])
                 if _place(lens, camera_T_segment[segment], point):
-                    point[10], point[11] = point[0], point[1]
+                    point[10], point[11], point[12] = point[0], point[1], edge
                     segments[count] = segment
                     count += 1
             at += spacing_px

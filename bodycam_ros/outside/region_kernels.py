@@ -246,12 +246,14 @@ def line_shifts(
     stands_out: Bytes,
     log_odds: NDArray[np.float32],
     stride: int,
-) -> Array:
-    """How far outward (N,) of each contour point its line has the contour [px]; NaN of lines that know nothing.
+) -> tuple[Array, Array]:
+    """How far outward (N,) of each contour point its line has the contour [px], and its variance (N,) [px^2].
+
+    NaN of lines that know nothing.
 
     Arguments are those of ``ask_lines``.
     """
-    shifts = np.full(len(points), math.nan)
+    shifts, variances = np.full(len(points), math.nan), np.full(len(points), math.nan)
     step = _smoothed_step()
     inside = np.empty(2 * (_REACH + _STEP) + 1)
     for n in range(len(points)):
@@ -259,5 +261,5 @@ def line_shifts(
         _read_line(image, labels, shrink, points[n], segment, stands_out, log_odds[segment], stride, inside)
         mean, variance = _parting(inside, step)
         if variance <= _FLAT:
-            shifts[n] = mean * stride
-    return shifts
+            shifts[n], variances[n] = mean * stride, variance * stride * stride
+    return shifts, variances

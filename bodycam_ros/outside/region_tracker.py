@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
@@ -136,12 +135,7 @@ class RegionTracker:
         Raises:
             RecordingError: it is.
         """
-        camera = self.views[name].station.camera
-        if image.shape[:2] != (camera.height, camera.width):
-            raise RecordingError(
-                f"camera {name}: an image of {image.shape[1]}x{image.shape[0]} px; cameras.yaml says that the lens is "
-                f"for {camera.width}x{camera.height}"
-            )
+        self.views[name].station.check_size(image)
 
     def look(
         self, images: Mapping[str, Image], expected: ExpectedBody, known: Collection[SegmentPose] = ()

@@ -123,7 +123,7 @@ class StationView:
         """A contour of a body that has since moved to poses (S, 4, 4): quicker, and as good unless it has moved far."""
         camera_T_segment = as_rows(self._camera_T_world @ world_T_segment)
         points, segments = carry_contour(self._lens, camera_T_segment, contour.points, contour.segments)
-        if np.abs(points[:, :2] - points[:, 10:]).max(initial=0.0) > _CARRIED_PX:
+        if np.abs(points[:, :2] - points[:, 10:12]).max(initial=0.0) > _CARRIED_PX:
             return self.contour(world_T_segment)
         return Contour(points, segments, contour.labels)
 
@@ -176,8 +176,13 @@ class StationView:
     def seen_contour(self, image: Image, contour: Contour) -> SeenContour:
         """Visible contours of a body, and where the colours that are known would have them."""
         points, segments, labels = contour.points, contour.segments, contour.labels
-        shifts = line_shifts(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, 1)
+        shifts = self.line_shifts(image, contour)[0]
         return SeenContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
+
+    def line_shifts(self, image: Image, contour: Contour) -> tuple[Array, Array]:
+        """How far outward (N,) of its points a contour is [px], NaN where nothing tells, and variances (N,) [px^2]."""
+        points, segments, labels = contour.points, contour.segments, contour.labels
+        return line_shifts(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, 1)
 
     @staticmethod
     def _blend(known: Counts, counts: Counts, rate: float, which: NDArray[np.bool_]) -> None:

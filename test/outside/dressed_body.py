@@ -81,11 +81,11 @@ def looking_at(place: Array, aim: Array) -> Array:
     return rigid(np.column_stack([right, np.cross(forward, right), forward]), place)
 
 
-def small_motion(body: BodyModel, frames: int) -> Array:
-    """(T, S, 4, 4) every joint turns within its limits by some degrees a frame, the root goes on by a centimetre."""
+def small_motion(body: BodyModel, frames: int, share: float = 0.15) -> Array:
+    """(T, S, 4, 4) every joint turns within a share of its limits, some degrees a frame; the root goes a centimetre."""
     random, angles = np.random.default_rng(11), JointAngles(body)
     low, high = np.array([limits for joint in body.tree_joints for limits in joint.limits or ()]).T
-    swing = 0.15 * np.minimum(high - low, 1.5)
+    swing = share * np.minimum(high - low, 1.5)
     centre = np.clip([_AWAY.get(name, 0.0) for name in angles.names], low + swing, high - swing)
     phase = 0.12 * np.arange(frames)[:, None]
     turns = centre + swing * np.sin(random.uniform(0.0, 2.0 * np.pi, len(swing)) + phase)

@@ -64,7 +64,7 @@ class Front:
 
     def told(self, point: Array, segment: int, middles: Array) -> NDArray[np.bool_]:
         """Which samples (N,) of a line, so far outward [px], are of its own segment, or of what is beside that."""
-        seen = labels_at(self.labels, point[10:] + middles[:, None] * point[2:4], self.shrink)
+        seen = labels_at(self.labels, point[10:12] + middles[:, None] * point[2:4], self.shrink)
         wanted = np.where(middles <= 0, seen == segment, (seen == OUTSIDE) | self.is_beside(segment, seen))
         wanted |= np.abs(middles) <= self.shrink
         centre = len(middles) // 2
@@ -80,7 +80,7 @@ def count_in_numpy(
     for point, segment in zip(points, segments, strict=True):
         for side, sign, reach in ((0, -1, inward), (1, 1, outward)):
             pixels = point[:2] + sign * np.arange(_GAP, reach)[:, None] * point[2:4]
-            found = pixels - point[:2] + point[10:]
+            found = pixels - point[:2] + point[10:12]
             colours, seen = colours_at(image, pixels), labels_at(front.labels, found, front.shrink)
             wanted = seen == segment if side == 0 else front.is_beside(segment, seen)
             run = np.cumprod(wanted & (colours != OUTSIDE)).astype(bool)  # until the first that is not

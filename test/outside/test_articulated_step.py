@@ -51,7 +51,7 @@ def segment_changes(before: Array, after: Array) -> Array:
 def test_jacobians_are_differences_of_the_body(rider: BodyModel, walk: Walk, which: str) -> None:
     body = rider if which == "rider" else walk.body
     step, poses = ArticulatedStep(body), poses_of(body, 1)
-    J, h = step._jacobians(poses), 1e-6
+    J, h = step.jacobians(poses), 1e-6
     for direction in permitted_turns(body, poses).T:
         ahead, back = (step._applied(poses, sign * h * direction) for sign in (1.0, -1.0))
         numeric = (segment_changes(poses, ahead) - segment_changes(poses, back)) / (2.0 * h)
@@ -126,7 +126,7 @@ def test_equipment_beside_a_person_stays_where_it_is() -> None:
     moved = step.moved(poses, information, np.full((len(poses), 6), 1e3), nothing_expected(poses))
     np.testing.assert_array_equal(moved[beside], poses[beside])
     assert np.abs(segment_changes(poses, moved))[person].min(axis=0).max() > 0.01
-    assert step._jacobians(poses).shape == (len(poses), 6, ROOT + 3 * (len(person) - 1))
+    assert step.jacobians(poses).shape == (len(poses), 6, ROOT + 3 * (len(person) - 1))
 
 
 def test_nothing_said_leaves_a_body_where_it_is_expected(rider: BodyModel) -> None:

@@ -115,7 +115,7 @@ def test_a_contour_is_carried_on_with_its_segment(lens: CameraModel) -> None:
     np.testing.assert_allclose(
         carried[:, :2], opencv_pixels(lens, transform_points(after[0], points[:, 4:7])), atol=1e-6
     )
-    np.testing.assert_array_equal(carried[:, 10:], points[:, :2])
+    np.testing.assert_array_equal(carried[:, 10:12], points[:, :2])
     np.testing.assert_array_equal(carried[:, 2:7], points[:, 2:7])
     rim = opencv_pixels(lens, rim_of_ball(after[0, :3, 3], radius))
     assert np.abs(carried[:, :2] - points[:, :2]).max() > 5.0

@@ -30,7 +30,7 @@ def points_at(pixels: Array, normals: Array, camera_T_segment: Array) -> Array:
     points = np.zeros((len(pixels), POINT))
     points[:, 2:4] = normals
     points[:, 4:7] = transform_points(np.linalg.inv(camera_T_segment), in_camera)
-    points[:, :2] = points[:, 10:] = pixels
+    points[:, :2] = points[:, 10:12] = pixels
     for axis in range(3):
         ends = [
             opencv_pixels(CAMERA, transform_points(camera_T_segment, points[:, 4:7] + h * np.eye(3)[axis]))
@@ -46,7 +46,7 @@ def scattered(count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
     angle = random.uniform(0.0, 2.0 * np.pi, count)
     pixels = random.uniform([-3, -3], [WIDTH + 3, HEIGHT + 3], (count, 2))
     points = points_at(pixels, np.column_stack([np.cos(angle), np.sin(angle)]), TURNED)
-    points[:, 10:] += random.normal(0.0, 3.0, (count, 2))
+    points[:, 10:12] += random.normal(0.0, 3.0, (count, 2))
     return points, random.integers(0, 3, count)
 
 
@@ -89,7 +89,7 @@ def one_line(
 ) -> tuple[float, float] | None:
     """Mean and sigma [px] of a line across a pixel, if it knows something."""
     point = np.zeros((1, POINT))
-    point[0, :4], point[0, 7], point[0, 10:] = [*pixel, *normal], 1.0, pixel
+    point[0, :4], point[0, 7], point[0, 10:12] = [*pixel, *normal], 1.0, pixel
     front = front or behind(pixel, normal)
     information, vector, lines = asked(image, front, point, np.zeros(1, np.int64), odds, stride)
     if not lines[0]:

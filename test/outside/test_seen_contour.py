@@ -37,7 +37,7 @@ def test_shifts_are_those_of_the_numpy_twin(stride: int) -> None:
     blocks = random.choice([0, 1, 2, NOBODY], (4, 4)).repeat(15, axis=0).repeat(20, axis=1)
     front = Front(np.ascontiguousarray(blocks, np.uint8), 2, np.triu(np.ones((3, 3), np.uint8), 1), NOBODY)
     odds = random.normal(0.0, 2.5, (3, COLOURS)).astype(np.float32)
-    shifts = line_shifts(image, front.labels, 2, points, segments, front.stands_out, odds, stride)
+    shifts, _ = line_shifts(image, front.labels, 2, points, segments, front.stands_out, odds, stride)
     expected = np.full(200, np.nan)
     for line in lines_in_numpy(image, front, points, segments, odds, stride):
         expected[line.row] = line.mean

@@ -1,0 +1,111 @@
+"""A recording of static cameras in, a body with its lengths and girths out, offline."""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_colour
+from bodycam_ros.errors import RecordingError, StationError
+from bodycam_ros.outside.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.placed_body import placed_body
+from bodycam_ros.outside.shape_settings import ShapeSettings
+from bodycam_ros.outside.station import Station
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+from bodycam_ros.replay.front_end import warm_up
+from bodycam_ros.replay.outside_input import stations_of
+
+logger = logging.getLogger(__name__)
+
+_AT_ONCE_NS = 5_000_000
+"""Stamps of different stations that differ by less are one instant."""
+
+
+def measure_body(
+    recording_path: Path,
+    map_path: Path | None,
+    body: BodyModel,
+    given: OutsideInput,
+    pipeline: PipelineSettings,
+    settings: ShapeSettings,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> MeasuredBody:
+    """Measure the person of a recording.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map; None where the stations' own frame is the world.
+        body: that is begun with; it gets hands, and loses its scan, which has lengths of its own.
+        given: where the stations stand, and where the body is in the first images.
+        pipeline: settings of following it.
+        settings: what is expected of it.
+        on_progress: told the step, and the share of it that is done.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, or a recording that does not tell enough.
+    """
+    warm_up()
+    start = given.start
+    if start is None:
+        raise StationError(
+            "nobody knows where the body is at first; place it by hand in a file of segments, and give that as --start"
+        )
+    body = replace(with_hands(body), surface=None)
+    reference_map = None if map_path is None else ReferenceMap.load(map_path)
+    if reference_map is not None and map_path is not None:
+        check_metric(reference_map, map_path)
+    with open_recording(recording_path) as recording:
+        stations = stations_of(given, reference_map, recording, body)
+        refused: set[str] = set()
+        measurement = OutsideMeasurement(
+            body,
+            stations,
+            lambda: _instants(recording_path, stations, refused),
+            lambda begun: placed_body(start, given.stations, stations, begun, pipeline.region),
+            settings,
+            pipeline.region,
+            pipeline.motion,
+            on_progress,
+        )
+        # The matrices are many and small: threads of the linear algebra would only wait for each other.
+        with threadpool_limits(limits=1):
+            return measurement.measure()
+
+
+def _instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
+    """Images that are of one time, and the share of the recording before them; of refused cameras one was warned of."""
+    with open_recording(path) as recording:
+        start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
+        together: list[CameraImage] = []
+        for image in recording.images(list(stations)):
+            if together and image.stamp_ns - together[0].stamp_ns > _AT_ONCE_NS:
+                yield from _decoded(together, (together[0].stamp_ns - start_ns) / length_ns, stations, refused)
+                together = []
+            together.append(image)
+        yield from _decoded(together, 1.0, stations, refused)
+
+
+def _decoded(
+    images: list[CameraImage], share: float, stations: Mapping[str, Station], refused: set[str]
+) -> Iterator[tuple[float, Instant]]:
+    """The instant of some images, without those that cannot be used, if any can."""
+    pictures = {}
+    for image in images:
+        try:
+            picture = decode_colour(image)
+            stations[image.camera].check_size(picture)
+        except RecordingError as error:
+            if image.camera not in refused:
+                logger.warning("%s; it is left out, and so will be others like it", error)
+            refused.add(image.camera)
+        else:
+            pictures[image.camera] = picture
+    if pictures:
+        yield share, Instant(images[0].stamp_ns, pictures)
