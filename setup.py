@@ -89,6 +89,7 @@ setup(
     ],
     install_requires=[
         "av>=17.1",
+        "ezc3d>=1.5",
         "gtsam>=4.3",
         "matplotlib>=3.6",
         "numba>=0.68",
