@@ -9,6 +9,7 @@ from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, set
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.robot.retargeting import RobotSettings
 
 
 def add_pipeline_flags(parser: argparse.ArgumentParser, map_is_optional: bool = False) -> None:
@@ -45,7 +46,7 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
 
 def known_groups() -> set[str]:
     """Groups of settings that a file may have: one serves every command that works on a recording."""
-    groups = (PipelineSettings, CalibrationSettings, SoundSettings, StationsSettings)
+    groups = (PipelineSettings, CalibrationSettings, SoundSettings, StationsSettings, RobotSettings)
     return {name for settings in groups for name in settings.groups()}
 
 

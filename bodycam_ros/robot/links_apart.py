@@ -93,7 +93,9 @@ class LinksApart:
         first, second = self._robot.pairs.T
         away = np.linalg.norm(centres[first] - centres[second], axis=1) - self._radii[first] - self._radii[second]
         near = self._robot.pairs[away < _NEAR_M]
-        placed = {row: self._coal.Transform3s(poses[row, :3, :3], poses[row, :3, 3]) for row in np.unique(near).tolist()}
+        placed = {
+            row: self._coal.Transform3s(poses[row, :3, :3], poses[row, :3, 3]) for row in np.unique(near).tolist()
+        }
         joints, places, normals, gaps = [], [], [], []
         for one, other in near.tolist():
             self._result.clear()

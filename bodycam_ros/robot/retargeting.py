@@ -16,7 +16,7 @@ from bodycam_ros.robot.joint_bounds import JointBounds
 from bodycam_ros.robot.links_apart import LinksApart
 from bodycam_ros.robot.robot_model import FLOATING, Robot
 from bodycam_ros.robot.scaled_person import LinkTarget, ScaledPerson
-from bodycam_ros.settings import setting
+from bodycam_ros.settings import SettingsGroups, setting
 
 _SOLVER = "daqp"
 _DAMPING = 1e-6  # of all speeds, so that the program is convex
@@ -39,6 +39,13 @@ class RetargetSettings:
         reason="share of the robot's limbs that scaled motion uses: a stretched knee can only buckle",
     )
     clearance: float = setting(0.01, unit="m", limits=(0.0, 0.1), reason="kept between the robot's own links")
+
+
+@dataclass(frozen=True)
+class RobotSettings(SettingsGroups):
+    """Settings of robots."""
+
+    retarget: RetargetSettings = RetargetSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +90,7 @@ class Retargeting:
 
         self._pink, self._pin = pink, pinocchio
         self._robot, self._settings = robot, settings
-        self._person = ScaledPerson(body, robot, settings.reach)
+        self.imitate(body)
         self._bounds, self._apart = JointBounds(robot), LinksApart(robot, settings.clearance)
         self._posture = PostureTask(cost=_POSTURE)
         self._posture.set_target(robot.n_pose)
@@ -96,6 +103,14 @@ class Retargeting:
     def scale(self) -> float:
         """What the robot's ways through the world are of the person's."""
         return self._person.scale
+
+    def imitate(self, body: BodyModel) -> None:
+        """Follow another person from now on, or one who is known better.
+
+        Raises:
+            BodyError: as of ``ScaledPerson``.
+        """
+        self._person = ScaledPerson(body, self._robot, self._settings.reach)
 
     def follow(self, stamp_ns: int, world_T_segment: Array) -> RobotState:
         """The robot when the person is at poses (S, 4, 4), later than at the call before."""

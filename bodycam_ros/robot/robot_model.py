@@ -21,7 +21,7 @@ _TOUCHING_M = 0.02
 """Links that are so near each other in the N-pose are neighbours, and are not kept apart."""
 
 _LIMITED_BY_JOINTS = 3
-"""Links so few joints from each other meet where their joints' limits say; their hulls, which fill hollows, do sooner."""
+"""Links so few joints from each other meet where their joints' limits say; hulls, which fill hollows, do sooner."""
 
 
 class Robot:

@@ -64,7 +64,7 @@ class ScaledPerson:
         self._in_n = {link: robot.link_in_n_pose(link) for link in mapping.links}
         hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
         legs = [self._bones(at_rest, side, _LEG) for side in SIDES]
-        self.scale = reach * (hips - ankles)[2] / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))
+        self.scale = float(reach * (hips - ankles)[2]) / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))
         self._hips = hips
         shin = float(np.mean([np.linalg.norm(leg[1] - leg[2]) for leg in legs]))
         soles = np.mean([self._in_n[limb[3]][2, 3] for limb in mapping.legs.values()])
@@ -105,7 +105,8 @@ class ScaledPerson:
 
     def _placed(self, points: Array) -> Array:
         """Points (N, 3) of the person where the robot has them [m]."""
-        return self.scale * points + [0.0, 0.0, self._lift]
+        placed: Array = self.scale * points + [0.0, 0.0, self._lift]
+        return placed
 
     def _arm(self, of: Mapping[str, Array], side: str) -> Array:
         """(3, 3) shoulder, elbow and wrist of the person, from the shoulder on [m]."""
