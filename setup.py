@@ -104,7 +104,7 @@ setup(
         "trimesh>=5",
         "viser>=1.1",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "robot": ["pin>=3", "pin-pink>=3", "daqp"]},
     zip_safe=False,
     cmdclass={"install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
     entry_points={
@@ -114,6 +114,7 @@ setup(
             "region_tracker = bodycam_ros.nodes.start:region_tracker",
             "registration = bodycam_ros.nodes.start:registration",
             "skeleton_solver = bodycam_ros.nodes.start:skeleton_solver",
+            "retarget = bodycam_ros.nodes.start:retarget",
             "player = bodycam_ros.nodes.start:player",
         ],
     },

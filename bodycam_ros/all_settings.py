@@ -6,6 +6,7 @@ from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
@@ -13,6 +14,7 @@ OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     StationsSettings,
     DoctorGroups,
     LensCalibrationSettings,
+    RobotSettings,
 )
 """Those that commands alone read."""
 

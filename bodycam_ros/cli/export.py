@@ -7,8 +7,12 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from bodycam_ros.cli.export_robot import ROBOT, run_robot
+from bodycam_ros.cli.settings_flags import offer_settings
 from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.errors import SettingsError
 from bodycam_ros.export.axes import UP_AXES
 from bodycam_ros.export.bone_names import BONE_NAMES
 from bodycam_ros.export.formats import FORMATS
@@ -19,13 +23,18 @@ from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 
+if TYPE_CHECKING:
+    from bodycam_ros.robot.retargeting import RobotSettings
+
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "export",
         description=__doc__,
-        epilog="formats: " + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items()),
+        epilog="formats: "
+        + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items())
+        + f"; {ROBOT}: a bag with the joint states of a robot that follows the person",
     )
     parser.add_argument(
         "sources",
@@ -34,7 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="OUT",
         help="bag that 'bodycam replay' wrote, or for urdf and mjcf a body file, YAML or URDF",
     )
-    parser.add_argument("--to", choices=sorted(FORMATS), required=True, help="format to write")
+    parser.add_argument("--to", choices=sorted([*FORMATS, ROBOT]), required=True, help="format to write")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FILE", help="file to write; of several recordings a folder"
     )
@@ -59,6 +68,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--segment", metavar="NAME", help=f"segment or camera to write, or all; without, the root{_heeding('segment')}"
     )
+    parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"robot that is to follow ({ROBOT})")
+    parser.add_argument(
+        "--mapping", type=Path, metavar="YAML", help=f"which of its links follow what, see config/robot ({ROBOT})"
+    )
+    offer_settings(parser, _robot_settings)
     parser.set_defaults(run=run)
 
 
@@ -68,6 +82,10 @@ def run(arguments: argparse.Namespace) -> int:
     options = MotionOptions(
         arguments.rate, arguments.pose, arguments.up, arguments.scale, arguments.names, arguments.segment
     )
+    if arguments.to == ROBOT:
+        return run_robot(arguments, options)
+    if given := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is not None]:
+        raise SettingsError(f"{', '.join(given)} says nothing to {arguments.to}; {ROBOT} heeds it")
     check_output(output, sources, makes_folders=len(sources) > 1)
     if len(sources) == 1:
         written = export(sources[0], arguments.to, output, arguments.force, options, _Bars())
@@ -84,6 +102,12 @@ class _Bars:
     def step(self, name: str, total: int) -> Iterator[Advance]:
         with shown_progress() as progress, progress.step(name, total) as advance:
             yield advance
+
+
+def _robot_settings() -> "type[RobotSettings]":
+    from bodycam_ros.robot.retargeting import RobotSettings
+
+    return RobotSettings
 
 
 def _heeding(option: str) -> str:
