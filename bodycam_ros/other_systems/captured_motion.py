@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 from bodycam_ros.solved.trajectory import interpolated
 
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
 """Brings a world with y up to one with z up; x stays."""
+
+_WHOLE = 0.999
+"""Share of a bell that is to be known."""
 
 _LONGEST_GAP_FRAMES, _LONGEST_GAP_S = 2.5, 0.1
 """A point is known between two frames that are no further apart than the greater of both."""
@@ -58,6 +62,28 @@ class CapturedMotion:
     def scaled(self, metres: float) -> "CapturedMotion":
         """The same, whose unit is so many metres."""
         return replace(self, points={name: metres * points for name, points in self.points.items()}, knows_unit=True)
+
+    def smoothed(self, sigma_s: float) -> "CapturedMotion":
+        """The same with points averaged by a bell of so many seconds; NaN where not all of the bell is known.
+
+        Between frames, a curve through noisy points is less noisy than at them: whoever fits a clock to it is drawn
+        there. Of points that are averaged first this is not so.
+        """
+        size = sigma_s / (1e-9 * self.frame_ns)
+        runs = np.split(
+            np.arange(len(self.stamps_ns)), np.flatnonzero(np.diff(self.stamps_ns) > 1.5 * self.frame_ns) + 1
+        )
+        points = {name: np.full_like(of, np.nan) for name, of in self.points.items()}
+        for name, of in self.points.items():
+            known: NDArray[np.bool_] = np.all(np.isfinite(of), axis=1)
+            for run in runs:
+                weight, *axes = (
+                    gaussian_filter1d(np.where(known[run], values, 0.0), size, mode="constant")
+                    for values in (np.ones(len(run)), *of[run].T)
+                )
+                whole = weight > _WHOLE
+                points[name][run[whole]] = np.stack(axes, axis=1)[whole] / weight[whole, None]
+        return replace(self, points=points)
 
     def points_at(self, name: str, seconds: Array) -> Array:
         """A point (N, 3) [m] at times (N,) since the first frame [s], on a cubic spline; NaN where it is not known."""

@@ -22,6 +22,7 @@ _LEAST_OVERLAP_S, _LEAST_OVERLAP = 1.0, 0.5
 """Of the shorter recording: less may agree by chance."""
 
 _LEAST_LIKENESS = 0.5
+_CLEARLY = 0.02  # by which a clock that goes at another rate is more like: in a short recording nearly any is as good
 _ROBUST_M = 0.02
 _FIT_S, _FIT_RATE = 0.5, 0.02  # how far the fit may go from what was found
 _WITHIN = 2.0  # sigmas: a rate that differs from 1 by less is none
@@ -77,7 +78,7 @@ def found_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, 
         if likeness is None:
             continue
         at, value = likeness
-        if best is None or value > best.likeness + 1e-3:
+        if best is None or value > best.likeness + _CLEARLY:
             best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value)
     return best if best is not None and best.likeness >= _LEAST_LIKENESS else None
 

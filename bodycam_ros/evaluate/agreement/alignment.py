@@ -19,6 +19,7 @@ _STEPS = 300  # at most, of the alternating fit of worlds and of places on the b
 _CONVERGED_M = 1e-6
 _ROUNDS = 3  # of fitting the clock and the places of markers in turn
 _SCAN_S, _SCAN_STEP_S, _SCAN_STEPS, _FEW_INSTANTS = 0.4, 0.02, 15, 120
+_SMOOTH_S = 0.05  # of what the clock is searched by: speeds of noisy points are noise
 _MOST_PAIRS = 30
 _STILL_M = 1e-3  # a distance that changes less tells no time
 _MOST_INSTANTS = 1500
@@ -157,7 +158,7 @@ def clock_of(tracked: Tracked, captured: CapturedMotion) -> Clock:
         if not has_centres:
             clock = _scanned(used.every(-(-len(tracked.seconds) // _FEW_INSTANTS)), captured, clock)
         for _ in range(1 if has_centres else _ROUNDS):
-            clock = _fitted(some, captured, clock)
+            clock = _fitted(used, some, captured, clock)
     except ValueError as error:
         raise too_little(captured, some) from error
     return clock
@@ -176,30 +177,35 @@ def _scanned(few: Tracked, captured: CapturedMotion, around: Clock) -> Clock:
     return min(tried, key=lambda of: of[0])[1]
 
 
-def _fitted(some: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
-    """Offset and rate, with points held where the clock so far has them."""
-    here = some.ours(aligned(some, some.theirs(captured, clock), SIMILARITY).at)
+def _fitted(used: Tracked, some: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
+    """Offset and rate, with points held where the clock so far has them, by motions that are equally smooth."""
+    ours = _as_captured(used, captured, aligned(some, some.theirs(captured, clock), SIMILARITY).at)
+    sigma_s = _bell_s(ours, captured)
+    ours, theirs_smooth = ours.smoothed(sigma_s), captured.smoothed(sigma_s)
+    step = -(-len(used.seconds) // _MOST_INSTANTS)
+    here = np.stack([ours.points[name][::step] for name in used.places], axis=1)
 
     def residuals(clock: Clock) -> Array:
-        theirs = some.theirs(captured, clock)
+        theirs = np.where(np.isfinite(here), some.theirs(theirs_smooth, clock), np.nan)
         known = np.isfinite(theirs).all(axis=2, keepdims=True)
         scale, R, t = _umeyama(here, theirs, with_scale=True)
-        return np.where(known, scale * here @ R.T + t - np.where(known, theirs, 0.0), 0.0)
+        return np.where(known, scale * np.nan_to_num(here) @ R.T + t - np.where(known, theirs, 0.0), 0.0)
 
     return fitted_clock(clock, residuals)
 
 
 def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> Clock:
     """The clock by which points move most alike, markers as their segments' origins do."""
-    stamps_ns = np.rint(1e9 * used.seconds).astype(np.int64)
-    points = dict(zip(used.places, np.moveaxis(used.ours(used.known_at), 1, 0), strict=True))
-    ours = CapturedMotion(captured.path, "ours", stamps_ns, points)
+    ours = _as_captured(used, captured, used.known_at)
+    sigma_s = max(_SMOOTH_S, _bell_s(ours, captured))
+    ours = ours.smoothed(sigma_s)
+    theirs = replace(captured, points={name: captured.points[name] for name in used.places}).smoothed(sigma_s)
     pairs = _pairs(ours) if with_distances else []
     first_s, last_s = float(used.seconds[0]), float(used.seconds[-1])
     found = found_clock(
         lambda seconds: _signals(ours, pairs)(seconds - first_s),
         (first_s, last_s),
-        _signals(replace(captured, points={name: captured.points[name] for name in points}), pairs),
+        _signals(theirs, pairs),
         captured.duration_s,
     )
     if found is None:
@@ -209,6 +215,18 @@ def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> 
             "which point is which, --clock shared that stamps are of one clock"
         )
     return found
+
+
+def _bell_s(ours: CapturedMotion, captured: CapturedMotion) -> float:
+    """Over which points are averaged [s]: a frame of the slower, narrower ones know where frames are."""
+    return 1e-9 * max(ours.frame_ns, captured.frame_ns)
+
+
+def _as_captured(used: Tracked, captured: CapturedMotion, at: Mapping[str, Array]) -> CapturedMotion:
+    """Our points at places on the body, as another system would have them."""
+    stamps_ns = np.rint(1e9 * used.seconds).astype(np.int64)
+    points = dict(zip(used.places, np.moveaxis(used.ours(at), 1, 0), strict=True))
+    return CapturedMotion(captured.path, "ours", stamps_ns, points)
 
 
 def too_little(captured: CapturedMotion, tracked: Tracked) -> RecordingError:
@@ -223,7 +241,7 @@ def _pairs(ours: CapturedMotion) -> list[tuple[str, str]]:
     """Pairs of points whose distance changes most."""
     names = list(ours.points)
     changes = {
-        (a, b): float(np.std(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
+        (a, b): float(np.nanstd(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
         for i, a in enumerate(names)
         for b in names[i + 1 :]
     }

@@ -82,7 +82,7 @@ def test_a_bend_that_only_one_has_is_told_in_its_plane(walk: Walk, tmp_path: Pat
         assert sagittal["error_deg"]["max"] > 2.5
         if path is trc:
             assert sagittal["bias"] == pytest.approx(3.0, abs=0.1)
-            assert sagittal["high"] == pytest.approx(3.0 + 1.96 * np.std(bend), abs=0.1)
+            assert sagittal["high"] == pytest.approx(3.0 + 1.96 * np.std(bend), abs=0.2)
             assert figures["angle_deg"]["max"] == pytest.approx(6.0, abs=0.6)
             assert set(figures["planes"]) == {"sagittal"}
         else:
@@ -106,6 +106,16 @@ def test_markers_are_placed_by_the_motion_and_constant_errors_do_not_show(
     alone = against(recording, write_trc(tmp_path / "alone.trc", seconds(walk), points), "rigid")
     assert abs(alone.clock.start_s) < 0.02 and not alone.angles  # LTOE's leap pulls
     assert np.nanmean(alone.position_errors) < 0.01
+
+
+def test_noise_draws_no_clock_between_frames(recording: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
+    """A curve through noisy points is quietest between them, half a frame off."""
+    random = np.random.default_rng(1)
+    noisy = {name: points + random.normal(0.0, 0.015, points.shape) for name, points in origins(walk).items()}
+    found = against(recording, write_trc(tmp_path / "noisy.trc", seconds(walk), noisy), "rigid")
+    assert abs(found.clock.start_s) < 0.2 * FRAME_S and found.clock.rate == 1.0
+    assert abs(found.clock.start_s) < 4.0 * found.clock.start_sigma_s
+    assert np.nanmean(found.position_errors) == pytest.approx(0.015 * np.sqrt(8.0 / np.pi), rel=0.15)
 
 
 def test_one_body_of_a_robot_is_enough(recording: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
