@@ -18,8 +18,6 @@ from bodycam_ros.terminal import Terminal
 
 ROBOT = "robot"
 
-_UNITS = 1000  # of the progress bar
-
 
 def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     """Run the command.
@@ -36,14 +34,7 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
     check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping))
     settings = settings_from_flags(arguments, RobotSettings)
-    with shown_progress() as progress, progress.step("robot", _UNITS) as advance:
-        done = 0
-
-        def on_progress(share: float) -> None:
-            nonlocal done
-            advance(int(_UNITS * share) - done)
-            done = int(_UNITS * share)
-
+    with shown_progress() as progress:
         summary = write_robot(
             arguments.sources[0],
             arguments.urdf,
@@ -51,7 +42,7 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
             arguments.output,
             settings.retarget,
             arguments.force,
-            on_progress,
+            progress,
         )
     Terminal().print(_table(summary))
     nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"

@@ -2,13 +2,13 @@
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import MAP_FRAME
@@ -56,8 +56,8 @@ def write_robot(
     mapping_path: Path,
     output: Path,
     settings: RetargetSettings,
-    force: bool = False,
-    on_progress: Callable[[float], None] = lambda share: None,
+    force: bool,
+    progress: Progress,
 ) -> RobotSummary:
     """Let a robot do what a solved recording has.
 
@@ -68,21 +68,21 @@ def write_robot(
         output: ros2 bag folder to be, with ``/robot_description``, ``/joint_states`` and ``/tf`` of the robot.
         settings: how it follows.
         force: replace an output that is there already.
-        on_progress: told the share that is done.
+        progress: is told of the messages, then of the instants.
 
     Raises:
         RecordingError: the source is no solved bag.
         BodyError: the robot or the mapping cannot be used.
         OutputError: the output cannot be written.
     """
-    solved = read_solved_body(source)
+    solved = read_solved_body(source, progress)
     robot = Robot(urdf, read_mapping(mapping_path))
     following = Retargeting(solved.body, robot, settings)
     joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
     poses = solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
     summary, make = RobotSummary(following.scale), recorded_messages()
-    with write_recording(output, force) as writer:
-        stamps_ns = solved.motion.stamps_ns.tolist()
+    stamps_ns = solved.motion.stamps_ns.tolist()
+    with write_recording(output, force) as writer, progress.step("robot", len(stamps_ns)) as advance:
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
             started_s = time.process_time()
@@ -91,7 +91,7 @@ def write_robot(
             for topic, message in robot_messages(make, robot, state).items():
                 writer.write(topic, stamp_ns, message)
             summary.add(state)
-            on_progress(summary.instants / len(stamps_ns))
+            advance()
     return summary
 
 

@@ -10,7 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.pose_memory import ToldJoints
+from bodycam_ros.solving.expected_joints import ToldJoints
 from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 
 _SEEN_RAD = 0.2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yourdfpy
 from talos import MAPPING, talos_urdf
+from unshown_progress import Unshown
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
@@ -29,7 +30,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def solved(sample_out: Path) -> SolvedBody:
-    return read_solved_body(sample_out)
+    return read_solved_body(sample_out, Unshown())
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.looking_on import LookingOn
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.solving.smoother_settings import OFFLINE, SmootherSettings
 
