@@ -17,7 +17,7 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.growth.extension_round import ExtensionRound
-    from bodycam_ros.replay.outside_input import OutsideInput
+    from bodycam_ros.outside.outside_files import OutsideInput
     from bodycam_ros.replay.replay_summary import ReplaySummary
 
 
@@ -151,10 +151,12 @@ def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
     """What is said of static cameras.
 
     Raises:
-        StationError: it is said for none, or nothing tells where the world is.
+        StationError: it is said for none, nothing tells where the world is, or no map is there to grow in passes.
     """
-    from bodycam_ros.replay.outside_input import OutsideInput
+    from bodycam_ros.outside.outside_files import OutsideInput
 
+    if arguments.map is None and arguments.passes > 1:
+        raise StationError("--passes lets a reference map grow before the last pass: say which with --map")
     if arguments.stations is not None:
         return OutsideInput(arguments.stations, arguments.surface, arguments.start)
     for flag in ("surface", "start"):
