@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.doctor.doctor_settings import DoctorSettings
-from bodycam_ros.doctor.finding import Finding, by_limits
+from bodycam_ros.doctor.finding import Finding, Light, by_limits
 from bodycam_ros.doctor.sampled_recording import Grey, SampledRecording
 
 _CHECK = "blur"
@@ -28,7 +28,7 @@ def check_blur(recording: SampledRecording, settings: DoctorSettings) -> Iterato
             remedy = "a shorter exposure (and more light), a tighter strap; is its lens clean and in focus?"
             yield Finding(_CHECK, light, what, remedy, f"camera {camera.name}")
     if shares:
-        yield Finding(_CHECK, by_limits(0.0, 1.0, 1.0), f"{np.mean(shares):.0%} of the images are blurred")
+        yield Finding(_CHECK, Light.GREEN, f"{np.mean(shares):.0%} of the images are blurred")
 
 
 def blur_of(grey: Grey) -> float:

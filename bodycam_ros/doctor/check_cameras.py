@@ -28,7 +28,7 @@ def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -
         )
     for camera in recording.cameras:
         if camera.fault or not camera.images:
-            what = camera.fault or "none of the sampled images is there"
+            what = camera.fault.removeprefix(f"camera {camera.name}: ") or "none of the sampled images is there"
             remedy = "look at its recording; record again" if not camera.fault else ""
             yield Finding(_CHECK, Light.RED, what, remedy, f"camera {camera.name}")
     sizes = {f"{grey.shape[1]} x {grey.shape[0]}" for camera in recording.cameras for grey in camera.images.values()}

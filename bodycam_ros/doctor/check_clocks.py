@@ -7,6 +7,7 @@ import numpy as np
 from bodycam_ros.doctor.doctor_settings import DoctorSettings
 from bodycam_ros.doctor.finding import Finding, Light
 from bodycam_ros.doctor.sampled_recording import SampledRecording
+from bodycam_ros.geometry import Array
 
 _CHECK = "clocks"
 _FEWEST = 30  # images, of which a drift can be told
@@ -55,7 +56,7 @@ def _by_sound(recording: SampledRecording) -> Iterator[Finding]:
         yield Finding(_CHECK, Light.GREEN, f"{heard} videos with sound; 'bodycam ingest' brings them to one time")
 
 
-def _drift_ppm(recorded_s: np.ndarray, stamps_s: np.ndarray) -> float:
+def _drift_ppm(recorded_s: Array, stamps_s: Array) -> float:
     """By which stamps go faster than the recorder's clock; 0 where it cannot be told."""
     if len(stamps_s) < _FEWEST or np.ptp(recorded_s) < _LONG_S:
         return 0.0

@@ -22,7 +22,7 @@ def check_lens(recording: SampledRecording) -> Iterator[Finding]:
 def _of(camera: SampledCamera) -> Iterator[Finding]:
     of = f"camera {camera.name}"
     if camera.lens is None:
-        yield Finding(_CHECK, Light.RED, camera.lens_fault, of=of)
+        yield Finding(_CHECK, Light.RED, camera.lens_fault.removeprefix(f"{of}: "), of=of)
         return
     lens = camera.lens
     sizes = {(grey.shape[1], grey.shape[0]) for grey in camera.images.values()} - {(lens.width, lens.height)}

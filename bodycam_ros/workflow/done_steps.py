@@ -5,6 +5,7 @@ import json
 import os
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import OutputError
@@ -62,7 +63,7 @@ class DoneSteps:
         return note if isinstance(note, dict) else None
 
     def _file(self, step: Step) -> Path:
-        return self._folder / f"{step.name.replace(': ', '_').replace(' ', '_')}.json"
+        return self._folder / f"{quote(step.name, safe=' ')}.json"
 
 
 def state_of(step: Step) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from bodycam_ros.cli.main import _parser
 from bodycam_ros.errors import OutputError, RecordingError
 from bodycam_ros.workflow.done_steps import DoneSteps, fingerprint, state_of
 from bodycam_ros.workflow.recording_folder import LAYOUT, RecordingFolder
@@ -50,6 +51,8 @@ def test_every_step_is_taken_in_its_order(tmp_path: Path) -> None:
     for step in steps:  # everything that is read is there, or has been made
         assert set(step.inputs) <= made, step.name
         made.add(step.output)
+        words = list(step.words)
+        assert _parser(words).parse_args([*words, *(["--jobs", "2"] if step.is_parallel else [])]).run
 
 
 def test_what_is_ready_is_taken_as_it_is(tmp_path: Path) -> None:
