@@ -18,6 +18,7 @@ from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
+from bodycam_ros.replay.lens_remarks import doubted_cameras, lens_remarks
 from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.passes import replay_in_passes
 from bodycam_ros.replay.replay_summary import ReplaySummary
@@ -109,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         wide = widened(Terminal())
         for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
             wide.print(table)
-    for remark in summary.remarks:
+    for remark in (*summary.remarks, *lens_remarks(arguments.recording, doubted_cameras(summary))):
         Terminal().print(remark, style="red", soft_wrap=True)
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)
     for camera, count in summary.refused.most_common():
