@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from bodycam_ros.lens.lens_calibration import LensCalibration
 
 _MODELS = ("fov", "equidistant", "plumb_bob", "rational_polynomial")
+"""From the simplest on."""
+
 _MARK = "# lens measured by bodycam"
 
 _EPILOG = """
