@@ -110,6 +110,7 @@ setup(
         "console_scripts": [
             "bodycam = bodycam_ros.cli.main:main",
             "tracker = bodycam_ros.nodes.start:tracker",
+            "region_tracker = bodycam_ros.nodes.start:region_tracker",
             "registration = bodycam_ros.nodes.start:registration",
             "skeleton_solver = bodycam_ros.nodes.start:skeleton_solver",
             "player = bodycam_ros.nodes.start:player",

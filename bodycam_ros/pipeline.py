@@ -10,9 +10,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
@@ -21,7 +18,6 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.outside.region_settings import RegionSettings
@@ -40,7 +36,8 @@ from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_state import BodyOutput, BodyState
+from bodycam_ros.solving.body_now import BodyNow
+from bodycam_ros.solving.body_state import BodyOutput, BodyState, moving
 from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.contact_settings import ContactSettings
@@ -49,6 +46,7 @@ from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssemble
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemorySettings
 from bodycam_ros.solving.refusal_log import Refusal
+from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
@@ -198,7 +196,7 @@ class SkeletonPipeline:
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
-        self._previous: tuple[BodyState, NDArray[np.float64]] | None = None
+        self._previous: BodyOutput | None = None
         self._solved_ns = -1
 
     @property
@@ -215,6 +213,11 @@ class SkeletonPipeline:
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
         return self._smoother.refusals.counts
+
+    @property
+    def now(self) -> BodyNow | None:
+        """The body at the latest instant, for those who cannot wait for its state; None before the first."""
+        return self._smoother.now
 
     @property
     def doubted(self) -> Mapping[str, Refusal]:
@@ -243,6 +246,10 @@ class SkeletonPipeline:
         self._images.append(image)
         longest_s = self._settings.clock.lookahead + 2.0 * self._settings.assembler.max_wait
         return self._release(image.stamp_ns - round(1e9 * longest_s) if self._waits_for_worn else image.stamp_ns)
+
+    def add_said(self, said: SaidSegments) -> list[BodyOutput]:
+        """Add what a static camera says live; return what is ready to be published, in order of time."""
+        return self._solve(self.assembler.add(said))
 
     def look(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
@@ -283,18 +290,6 @@ class SkeletonPipeline:
         outputs = []
         for state in states:
             positions = self._angle_tracker.angles(state.world_T_segment)
-            velocities, root_velocity = self._velocities(state, positions)
-            outputs.append(BodyOutput(state, self._angle_tracker.names, positions, velocities, root_velocity))
-            self._previous = (state, positions)
+            self._previous = moving(state, self._angle_tracker.names, positions, self._root, self._previous)
+            outputs.append(self._previous)
         return outputs
-
-    def _velocities(
-        self, state: BodyState, positions: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Velocities of joints (A,) and root (6,) since the state before; zero for the first."""
-        if self._previous is None:
-            return np.zeros(len(positions)), np.zeros(6)
-        before, positions_before = self._previous
-        passed_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
-        step = log_se3(inverse(before.world_T_segment[self._root]) @ state.world_T_segment[self._root])
-        return (positions - positions_before) / passed_s, step / passed_s

@@ -1,7 +1,10 @@
-"""The live graph: a tracker for each camera of the body, the registration and the solver, and a bag if one is given.
+"""The live graph: a tracker for each camera of the body, the registration and the solver, and a bag if one is given;
+static cameras have a region tracker each.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml equipment:=bicycle
+ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml stations:=cameras.yaml [surface:=FOLDER]
+ros2 launch bodycam_ros bodycam.launch.py body:=body.yaml stations:=cameras.yaml start:=start.yaml
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP rig:=rig.yaml body:=body.yaml    then call /skeleton_solver/calibrate
 """
 
@@ -12,7 +15,8 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironment
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
-from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, player
+from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, player, stations_of
+from bodycam_ros.outside.outside_files import OutsideInput
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
@@ -31,7 +35,11 @@ def generate_launch_description() -> LaunchDescription:
     profiles = "FASTRTPS_DEFAULT_PROFILES_FILE"
     return LaunchDescription(
         [
-            DeclareLaunchArgument("map", description="folder of the reference map, made by 'bodycam map'"),
+            DeclareLaunchArgument(
+                "map",
+                default_value="",
+                description="folder of the reference map, made by 'bodycam map'; empty where static cameras alone tell",
+            ),
             DeclareLaunchArgument(
                 "body", description="body YAML: segments, joints, camera mounts; with rig it is written"
             ),
@@ -61,6 +69,19 @@ def generate_launch_description() -> LaunchDescription:
                 description="folder in which the registrations keep what their maps grow by, and go on from; "
                 "nowhere if empty",
             ),
+            DeclareLaunchArgument(
+                "stations", default_value="", description="YAML of static cameras: where they stand, their lenses"
+            ),
+            DeclareLaunchArgument(
+                "surface",
+                default_value="",
+                description="with stations: folder of the segments' meshes; capsules if empty and body.yaml names none",
+            ),
+            DeclareLaunchArgument(
+                "start",
+                default_value="",
+                description="with stations: YAML of where the person stands at first; empty where worn cameras tell",
+            ),
             DeclareLaunchArgument("bagfile", default_value="", description="ros2 bag or .mcap file to play"),
             DeclareLaunchArgument("rate", default_value="1.0", description="times the recorded speed, for bagfile"),
             DeclareLaunchArgument(
@@ -87,21 +108,26 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     def value(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
+    def path(name: str) -> Path | None:
+        return Path(value(name)) if value(name) else None
+
     cameras = [camera.strip() for camera in value("cameras").split(",") if camera.strip()]
     graph = live_graph(
-        Path(value("map")),
+        path("map"),
         Path(value("body")),
         cameras,
         int(value("registrations")),
-        Path(value("rig")) if value("rig") else None,
+        path("rig"),
         TRUTH[value("overwrite_body")],
-        Path(value("grown_map")) if value("grown_map") else None,
+        path("grown_map"),
         value("equipment"),
+        OutsideInput(Path(value("stations")), path("surface"), path("start")) if value("stations") else None,
     )
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):
         # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
-        playing = player(Path(value("bagfile")), float(value("rate")), cameras_of(graph), TRUTH[value("loop")])
+        rate, loop = float(value("rate")), TRUTH[value("loop")]
+        playing = player(Path(value("bagfile")), rate, cameras_of(graph), loop, stations_of(graph))
         actions.append(_action(playing, value("config"), respawn=False))
     return actions
 

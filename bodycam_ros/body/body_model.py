@@ -4,7 +4,7 @@ Segments form a tree from the root; a joint whose child already hangs on another
 pedal). ``body_file`` reads and writes it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -127,6 +127,12 @@ class BodyModel:
     def joint_to_parent(self, segment: str) -> Joint | None:
         """The joint that hangs a segment on its parent; None for the root."""
         return next((joint for joint in self.tree_joints if joint.child == segment), None)
+
+    def named(self, segments: Iterable[str]) -> NDArray[np.bool_]:
+        """Which segments (S,) are named."""
+        rows = np.zeros(len(self.segments), bool)
+        rows[[self.segment_index[segment] for segment in segments]] = True
+        return rows
 
     def cameras_on(self, segment: str) -> tuple[str, ...]:
         """Names of the cameras on a segment."""

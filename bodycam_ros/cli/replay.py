@@ -16,10 +16,10 @@ from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipm
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.replay.lens_remarks import doubted_cameras, lens_remarks
-from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.passes import replay_in_passes
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.terminal import Terminal, widened
@@ -132,8 +132,10 @@ def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
     """What is said of static cameras.
 
     Raises:
-        StationError: it is said for none, or nothing tells where the world is.
+        StationError: it is said for none, nothing tells where the world is, or no map is there to grow in passes.
     """
+    if arguments.map is None and arguments.passes > 1:
+        raise StationError("--passes lets a reference map grow before the last pass: say which with --map")
     if arguments.stations is not None:
         return OutsideInput(arguments.stations, arguments.surface, arguments.start)
     for flag in ("surface", "start"):

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +11,12 @@ from bodycam_ros.messages.header import MAP_FRAME, header_message, stamp_ns
 from bodycam_ros.messages.pose import pose_message, transform_from_pose
 from bodycam_ros.shown import shown
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.said_segments import SaidSegments
 
 SEGMENT_POSES, SEGMENT_POSES_TYPE = "/segment_poses", "bodycam_msgs/msg/SegmentPoses"
 """Topic beneath the station's name, and type."""
 
 _ROUNDING = 1e-6  # of a covariance's asymmetry, relative to its variances
-
-
-@dataclass(frozen=True, eq=False)
-class SaidSegments:
-    """What a station says of one instant.
-
-    Attributes:
-        station: a static camera.
-        stamp_ns: mid-exposure of its image's middle row [ns].
-        evidence: condensed poses of the segments that it sees well enough, each once.
-        confidence: segment -> share of its contour that tells where it is, of all that the station looked for.
-    """
-
-    station: str
-    stamp_ns: int
-    evidence: tuple[SegmentPose, ...]
-    confidence: Mapping[str, float]
 
 
 def segment_poses_message(

@@ -125,6 +125,11 @@ class AnsweredFrames:
             self._unanswered_ns.popleft()
         return True
 
+    def answered_until(self, stamp_ns: int) -> None:
+        """An answer to all frames up to a time, who names none of them."""
+        if sent := [sent_ns for sent_ns in self._unanswered_ns if sent_ns <= stamp_ns]:
+            self.answered(sent[-1])
+
     def expect_nobody(self) -> None:
         """Wait for no answer until one comes: who was to answer is gone, or has only just come."""
         self._alone = True

@@ -9,7 +9,9 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.stations_file import read_stations
 
 READERS_OF_INFO = 3
 """Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
@@ -41,7 +43,7 @@ class NodeProcess:
 
 
 def live_graph(
-    reference_map: Path,
+    reference_map: Path | None,
     body: Path,
     cameras: Sequence[str] = (),
     registrations: int = 1,
@@ -49,11 +51,12 @@ def live_graph(
     overwrite_body: bool = False,
     grown_map: Path | None = None,
     equipment: str = "",
+    outside: OutsideInput | None = None,
 ) -> list[NodeProcess]:
-    """A tracker for each camera, the registration and the solver.
+    """A tracker for each camera, the registration and the solver; a region tracker for each static camera.
 
     Args:
-        reference_map: folder of the map.
+        reference_map: folder of the map; None where static cameras alone tell, in the frame of their file.
         body: body YAML; with ``rig`` it is written, from a range of motion.
         cameras: those to use; all of the body if empty. A calibration needs all of the rig.
         registrations: processes that share the registration of the cameras among them.
@@ -61,11 +64,15 @@ def live_graph(
         overwrite_body: with ``rig``: whether a body that is there already may be replaced.
         grown_map: folder in which the registrations keep what their maps grow by; None: nowhere.
         equipment: name or file of what the person rides, holds or stands on; its cameras are tracked, too.
+        outside: what is known of static cameras, if there are any.
 
     Raises:
+        StationError: the file of static cameras cannot be read, or there is neither a map nor any of them.
         BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``; or the equipment
             cannot be read, or does not fit the body.
     """
+    if reference_map is None:
+        return _static_alone(body, equipment, outside)
     known, what = (body, "body") if rig is None else (rig, "rig")
     if rig is None:
         person = read_body(body)
@@ -86,6 +93,9 @@ def live_graph(
         of_solver["cameras"] = used
     if rig is not None:
         of_solver |= {"rig": str(rig), "map": str(reference_map), "overwrite_body": overwrite_body}
+    watching = [] if outside is None else _region_trackers(body, equipment, outside, reference_map)
+    if outside is not None:
+        of_solver |= _of_stations(outside, reference_map)
     kept: dict[str, object] = {} if grown_map is None else {"grown_map": str(grown_map)}
     return [
         *(
@@ -106,8 +116,45 @@ def live_graph(
             )
             for start, name in enumerate(names)
         ),
+        *watching,
         NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
     ]
+
+
+def _static_alone(body: Path, equipment: str, outside: OutsideInput | None) -> list[NodeProcess]:
+    """The graph without cameras on the body, and without a map."""
+    if outside is None:
+        raise StationError(
+            "there is neither a map, which cameras on the body are registered in, nor a file of static cameras; give "
+            "map:=MAP, stations:=cameras.yaml, or both"
+        )
+    of_solver: dict[str, object] = {"body": str(body), "worn": False, **_of_stations(outside, None)}
+    if equipment:
+        of_solver["equipment"] = equipment
+    return [
+        *_region_trackers(body, equipment, outside, None),
+        NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
+    ]
+
+
+def _region_trackers(
+    body: Path, equipment: str, outside: OutsideInput, reference_map: Path | None
+) -> list[NodeProcess]:
+    given: dict[str, object] = {"body": str(body), **_of_stations(outside, reference_map)}
+    if equipment:
+        given["equipment"] = equipment
+    if outside.surface is not None:
+        given["surface"] = str(outside.surface)
+    return [
+        NodeProcess("region_tracker", f"region_tracker_{station}", {"camera": station, **given})
+        for station in read_stations(outside.stations)
+    ]
+
+
+def _of_stations(outside: OutsideInput, reference_map: Path | None) -> dict[str, object]:
+    """What region trackers and solver are told alike."""
+    paths = {"stations": outside.stations, "start": outside.start, "map": reference_map}
+    return {name: str(path) for name, path in paths.items() if path is not None}
 
 
 def cameras_used(asked: Sequence[str], carried: Sequence[str], by: str) -> tuple[str, ...]:
@@ -124,11 +171,18 @@ def cameras_used(asked: Sequence[str], carried: Sequence[str], by: str) -> tuple
 
 
 def cameras_of(graph: Iterable[NodeProcess]) -> list[str]:
-    """The cameras that a graph tracks."""
+    """The cameras on the body that a graph tracks."""
     return [str(node.parameters["camera"]) for node in graph if node.executable == "tracker"]
 
 
-def player(bag: Path, rate: float, cameras: Sequence[str] = (), loop: bool = False) -> NodeProcess:
+def stations_of(graph: Iterable[NodeProcess]) -> list[str]:
+    """The static cameras that a graph looks through."""
+    return [str(node.parameters["camera"]) for node in graph if node.executable == "region_tracker"]
+
+
+def player(
+    bag: Path, rate: float, cameras: Sequence[str] = (), loop: bool = False, stations: Sequence[str] = ()
+) -> NodeProcess:
     """A player that starts once the whole graph listens.
 
     Args:
@@ -136,10 +190,13 @@ def player(bag: Path, rate: float, cameras: Sequence[str] = (), loop: bool = Fal
         rate: times the recorded speed.
         cameras: those to play; all of the bag if empty, although nobody may read them.
         loop: begin again at the end.
+        stations: static cameras to play beside these, whose images alone are read.
     """
     given: dict[str, object] = {"bag": str(bag), "rate": rate, "readers": READERS_OF_INFO}
-    if cameras:
-        given["cameras"] = list(cameras)
+    if cameras or stations:
+        given["cameras"] = [*cameras, *stations]
+    if stations:
+        given["image_only"] = list(stations)
     if loop:
         given["loop"] = True
     return NodeProcess("player", "player", given)

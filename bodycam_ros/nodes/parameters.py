@@ -13,6 +13,8 @@ from rclpy.node import Node
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.nodes.common_parameters import CommonParameters
+from bodycam_ros.nodes.region_parameters import RegionTrackerParameters
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
@@ -32,15 +34,6 @@ SOLVER_GROUPS: Final = (
 
 _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """First parts of the names of parameters that rclpy declares for every node."""
-
-
-@dataclass(frozen=True)
-class CommonParameters:
-    """Of every node."""
-
-    moments: str = setting(
-        "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"
-    )
 
 
 @dataclass(frozen=True)
@@ -129,8 +122,16 @@ class SolverParameters(CommonParameters):
     )
     map: str = setting(
         "",
-        reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made",
+        reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made; "
+        "with 'stations': the map whose frame is the world",
     )
+    stations: str = setting(
+        "", reason="YAML of static cameras, whose <camera>/segment_poses are listened to; none if empty"
+    )
+    start: str = setting(
+        "", reason="with 'stations': YAML of where the body is at first; if empty worn cameras must tell"
+    )
+    worn: bool = setting(True, reason="whether to listen to cameras on the body; false where static ones alone tell")
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     facing: float = setting(
         float("nan"),
@@ -167,12 +168,15 @@ class PlayerParameters(CommonParameters):
         reason="wait for so many nodes that read each camera_info; the whole graph has three a camera",
     )
     reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
+    image_only: tuple[str, ...] = setting(
+        (), reason="cameras whose camera_info nobody has to read: static ones, whose lens is in a file"
+    )
     settle: float = setting(
         1.0, unit="s", limits=(0.0, 60.0), reason="once they are there, give them time to find each other as well"
     )
 
 
-ALL: Final = (TrackerParameters, RegistrationParameters, SolverParameters, PlayerParameters)
+ALL: Final = (TrackerParameters, RegionTrackerParameters, RegistrationParameters, SolverParameters, PlayerParameters)
 """One parameter file serves all nodes, so each must know what is meant for another."""
 
 

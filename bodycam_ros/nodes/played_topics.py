@@ -1,7 +1,7 @@
 """What the player publishes, and who reads it."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from rclpy.duration import Duration
@@ -65,8 +65,13 @@ class PlayedTopics:
             if now_s - said_s > _REPEAT_S:
                 self.publish(topic, serialized)
 
-    def lacking(self, readers_of_info: int) -> list[str]:
-        """What too few nodes read, with how many do: of each camera one reader of images is enough."""
+    def lacking(self, readers_of_info: int, image_only: Collection[str] = ()) -> list[str]:
+        """What too few nodes read, with how many do: of each camera one reader of images is enough.
+
+        Args:
+            readers_of_info: nodes that are to read each camera_info.
+            image_only: cameras whose camera_info nobody has to read.
+        """
         lacking = []
         for camera in dict.fromkeys(map(camera_of, self.types)):
             of_images = [f"/{camera}{ending}" for ending in IMAGES if f"/{camera}{ending}" in self.types]
@@ -74,7 +79,11 @@ class PlayedTopics:
             if of_images and not any(self._readers(topic, 1) for topic in of_images):
                 lacking.append(f"{of_images[0]} (nobody)")
             info = f"/{camera}{INFO}"
-            if info in self.types and (readers := self._readers(info, readers_of_info)) < readers_of_info:
+            if (
+                camera not in image_only
+                and info in self.types
+                and (readers := self._readers(info, readers_of_info)) < readers_of_info
+            ):
                 lacking.append(f"{info} ({readers} of {readers_of_info} nodes)")
         return lacking
 

@@ -76,7 +76,7 @@ class Player(StageNode[PlayerParameters]):
         if not self.parameters.readers:
             return
         started_s = time.monotonic()
-        while not stopped() and (lacking := topics.lacking(self.parameters.readers)):
+        while not stopped() and (lacking := topics.lacking(self.parameters.readers, self.parameters.image_only)):
             waited_s = time.monotonic() - started_s
             if waited_s > self.parameters.reader_wait:
                 raise RecordingError(
@@ -128,7 +128,7 @@ class Player(StageNode[PlayerParameters]):
         now_s = time.monotonic()
         if now_s < self._report_due_s:
             return
-        unread = topics.lacking(1)
+        unread = topics.lacking(1, self.parameters.image_only)
         self._unread_since_s = (self._unread_since_s or now_s) if unread else None
         if self._unread_since_s is not None and now_s - self._unread_since_s > _COMPLAINT_S:
             self._complain(unread, "plays, but not everything is read:")

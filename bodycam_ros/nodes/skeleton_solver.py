@@ -34,10 +34,13 @@ from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.solver_health import SolverHealth
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.nodes.timing_topics import TimingTopics
+from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.verdict.judge import LiveVerdict
 
 _LOOK_S = 0.5
@@ -60,13 +63,14 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None
         self._calibration: LiveCalibration | None = None
+        self._stations = Stations.of(self, self._on_said) if of.stations else None
         path = Path(self.required("body"))
         carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
         self._verdict: LiveVerdict | None = None
         self._started = False
-        self._waiting: list[LandmarkMatches] = []
-        self._most_waiting = STAGE_DEPTH * len(carried)
+        self._waiting: list[LandmarkMatches | SaidSegments] = []
+        self._most_waiting = STAGE_DEPTH * (len(carried) + len(self._stations.stations if self._stations else ()))
         self._missed = MissedFrames()
         self._first_info_s: float | None = None
         self._flushed = True
@@ -81,6 +85,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, carried, self._on_camera)
         self._health = SolverHealth(self._cameras, self.skipped)
+        if not carried:
+            self._start()
         self.every(_LOOK_S, self._look)
 
     def finish(self) -> None:
@@ -91,14 +97,16 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._topics.wait_until_heard()
 
     def _read_body(self, path: Path) -> tuple[str, ...]:
-        """Learn the body that is there; its cameras."""
+        """Learn the body that is there; its cameras, as far as they are listened to."""
         self._know(read_body(path))
-        used = cameras_used(self.parameters.cameras, tuple(self._body.mounts), f"{path}: the body")
+        asked, there = self.parameters.cameras, tuple(self._body.mounts)
+        used = cameras_used(asked, there, f"{path}: the body") if self.parameters.worn else ()
         self._topics.describe(self._body, self._held)
         return used
 
     def _know(self, person: BodyModel) -> None:
         """There is a body; with the equipment, if any, it is what is solved and published."""
+        person = with_hands(person) if self._stations else person
         # Fitted once: what is left out is told once.
         self._held = held_equipment(self.parameters.equipment, person) if self.parameters.equipment else None
         self._person, self._body = person, coupled_body(person, self._held)
@@ -144,12 +152,12 @@ class SkeletonSolver(StageNode[SolverParameters]):
         for camera in self._cameras.missing:
             self.get_logger().warning(f"there is no {camera}/camera_info yet; the camera joins when it comes")
         self._solve_with_those_known()
-        for matches in self._waiting:
-            self._take(matches)
+        for heard in self._waiting:
+            self._take(heard)
         self._waiting.clear()
 
     def _solve_with_those_known(self) -> None:
-        if self._person is not None and self._body is not None and self._cameras.models:
+        if self._person is not None and self._body is not None and (self._cameras.models or self._stations):
             self._pipeline = SkeletonPipeline(
                 self._person,
                 self._cameras.models,
@@ -157,6 +165,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 live=True,
                 on_corrected=self._on_corrected,
                 equipment=self._held,
+                onlookers=self._stations.reports(self._body) if self._stations else None,
+                stations=self._stations.stations if self._stations else (),
             )
             self._hints.begin(self._body)
             self._judge_anew()
@@ -173,13 +183,15 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._solve_with_those_known()
         self._topics.describe(self._body, self._held)
 
-    def _take(self, matches: LandmarkMatches) -> None:
-        if self._calibration is not None:
-            self._calibration.add(matches)
+    def _take(self, heard: LandmarkMatches | SaidSegments) -> None:
+        if isinstance(heard, LandmarkMatches):
+            if self._calibration is not None:
+                self._calibration.add(heard)
+            self._hints.hear(heard)
         if self._pipeline is not None:
             begun = self.moments.now()
-            self._hints.hear(matches)
-            self._publish(self._pipeline.add(matches), begun)
+            said = self._pipeline.add_said(heard) if isinstance(heard, SaidSegments) else self._pipeline.add(heard)
+            self._publish(said, begun)
 
     def _on_corrected(self, matches: LandmarkMatches) -> None:
         """The verdict compares cameras at the times at which they saw, whatever their clocks say."""
@@ -197,12 +209,20 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self.skipped.add(
                 "registrations lost", f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             )
-        self._health.heard(matches.stamp_ns)
+        self._hear(matches)
+
+    def _on_said(self, said: SaidSegments) -> None:
+        # Who waits for worn cameras does not wait for ever.
+        self._first_info_s = self._first_info_s or time.monotonic()
+        self._hear(said)
+
+    def _hear(self, heard: LandmarkMatches | SaidSegments) -> None:
+        self._health.heard(heard.stamp_ns)
         self._flushed = False
         if self._started:
-            self._take(matches)
+            self._take(heard)
         elif len(self._waiting) < self._most_waiting:
-            self._waiting.append(matches)
+            self._waiting.append(heard)
         else:
             self.skipped.add("registrations skipped", "registrations, but no camera_info of the cameras")
 
@@ -231,6 +251,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
         return len(outputs)
 
     def _publish(self, outputs: Iterable[BodyOutput], begun: Instant | None = None) -> None:
+        # First of all: stations look at their next image when they have heard it.
+        if self._stations is not None and self._pipeline is not None and self._body is not None:
+            self._stations.tell(self._pipeline.now, self._body)
         for output in outputs:
             if self._body is not None:
                 self._topics.publish(output, self._body)

@@ -17,10 +17,10 @@ from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import BodycamError, SettingsError
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
+from bodycam_ros.nodes.common_parameters import CommonParameters
 from bodycam_ros.nodes.flow_of_frames import Skipped
 from bodycam_ros.nodes.message_classes import message_class, node_messages
 from bodycam_ros.nodes.parameters import (
-    CommonParameters,
     declare,
     given_parameters,
     own_parameters,

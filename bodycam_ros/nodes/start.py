@@ -10,12 +10,17 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-NODES = ("tracker", "registration", "skeleton_solver", "player")
+NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "player")
 
 
 def tracker() -> NoReturn:
     """Run the tracker of one camera."""
     _run("tracker")
+
+
+def region_tracker() -> NoReturn:
+    """Run the region tracker of one static camera."""
+    _run("region_tracker")
 
 
 def registration() -> NoReturn:

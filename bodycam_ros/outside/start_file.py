@@ -92,6 +92,22 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
     return poses
 
 
+def placed_expectation(poses: Array, settings: RegionSettings) -> ExpectedBody:
+    """A body that somebody placed at poses (S, 4, 4), joints closed, and how far it may be from there."""
+    sigmas = np.repeat([settings.start_rotation_sigma, settings.start_translation_sigma], 3)
+    return ExpectedBody(poses, sigmas, float(np.sqrt(2.0) * settings.start_rotation_sigma))  # of two segments
+
+
+def placed_segments(body: BodyModel, poses: Array, settings: RegionSettings) -> list[SegmentPose]:
+    """What it says of the person that somebody placed a body at poses (S, 4, 4)."""
+    sigmas = np.repeat([settings.start_rotation_sigma, settings.start_translation_sigma], 3)
+    return [
+        SegmentPose(segment, poses[row], np.diag(sigmas**2))
+        for row, segment in enumerate(body.segments)
+        if segment not in body.equipment_segments
+    ]
+
+
 def _pose(value: Any, where: str) -> Array:
     numbers = numbers_of(value, 7, where)
     position, quaternion = numbers[:3], numbers[3:]

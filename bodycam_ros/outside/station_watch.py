@@ -11,7 +11,9 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.start_file import placed_segments
 from bodycam_ros.outside.station_view import Image
+from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
 from bodycam_ros.solving.seen_body import SeenBody
@@ -20,6 +22,12 @@ logger = logging.getLogger(__name__)
 
 _FOLLOWED = np.repeat([0.03, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from."""
+
+
+def followed(world_T_segment: Array, dt_s: float, motion: MotionSettings) -> ExpectedBody:
+    """A body that should be at poses (S, 4, 4) ``dt_s`` after it was seen, and how far it may be from there."""
+    sigmas = np.hypot(motion_sigmas(dt_s, dt_s, motion), _FOLLOWED)
+    return ExpectedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
 
 
 class StationWatch:
@@ -46,26 +54,18 @@ class StationWatch:
         self._unreadable: set[str] = set()
         self._has_colours = False
 
-    def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
+    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
         """As ``Onlookers.begin``: once, and nothing without a placed body, or without an image."""
-        pictures = {} if self._placed is None else self._decoded(images)
+        pictures = {} if self._placed is None else self._decoded(frame.images)
         if self._placed is None or not pictures:
             return []
         poses = self._tracker.begin(pictures, self._placed)
         self._placed, self._has_colours = None, True
-        sigmas = np.repeat([self._settings.start_rotation_sigma, self._settings.start_translation_sigma], 3)
-        body = self._tracker.body
-        return [
-            SegmentPose(segment, poses[row], np.diag(sigmas**2))
-            for row, segment in enumerate(body.segments)
-            if segment not in body.equipment_segments
-        ]
+        return placed_segments(self._tracker.body, poses, self._settings)
 
-    def look(
-        self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
-    ) -> SeenBody | None:
+    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
         """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
-        pictures = self._decoded(images)
+        pictures = self._decoded(frame.images)
         if not pictures:
             return None
         if not self._has_colours and not known:
@@ -73,10 +73,8 @@ class StationWatch:
         if not self._has_colours:
             expected = self._tracker.find_limbs(pictures, expected, known)
             self._has_colours = True
-        sigmas = np.hypot(motion_sigmas(dt_s, dt_s, self._motion), _FOLLOWED)
-        joint_sigma = float(np.sqrt(2.0) * sigmas[0])
-        seen = self._tracker.look(pictures, ExpectedBody(expected, sigmas, joint_sigma), known)
-        self._on_seen(max(images[name].stamp_ns for name in pictures), seen)
+        seen = self._tracker.look(pictures, followed(expected, dt_s, self._motion), known)
+        self._on_seen(max(frame.images[name].stamp_ns for name in pictures), seen)
         return seen
 
     def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:

@@ -2,16 +2,15 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import LensError, StationError
-from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.outside.start_file import read_start, start_poses
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_watch import StationWatch
 from bodycam_ros.outside.stations_file import read_stations
@@ -24,21 +23,6 @@ from bodycam_ros.solving.seen_body import SeenBody
 logger = logging.getLogger(__name__)
 
 _OTHER_LENS = 0.02  # share by which focal lengths differ
-
-
-@dataclass(frozen=True)
-class OutsideInput:
-    """Files that say what static cameras need to know.
-
-    Attributes:
-        stations: where they stand, and their lenses.
-        surface: folder of the segments' meshes; None for the body's own, or capsules.
-        start: where the body is in the first image; None where worn cameras tell.
-    """
-
-    stations: Path
-    surface: Path | None = None
-    start: Path | None = None
 
 
 def stations_of(
@@ -91,18 +75,8 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(with_usual_limits(body), surface, stations, settings.region)
-    placed = None if given.start is None else _placed(given.start, given.stations, stations, body, settings)
+    placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings.region)
     return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
-
-
-def _placed(
-    start: Path, file: Path, stations: dict[str, Station], body: BodyModel, settings: PipelineSettings
-) -> Array:
-    """Where the body begins (S, 4, 4) in the world: the file of the start has the frame of that of the stations."""
-    name, station = next(iter(stations.items()))
-    world_T_file = station.world_T_camera @ inverse(read_stations(file)[name].world_T_camera)
-    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
-    return start_poses(body, placed, settings.region)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:

@@ -19,6 +19,7 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
@@ -35,7 +36,7 @@ from bodycam_ros.replay.camera_worker import (
     SkippedImage,
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
-from bodycam_ros.replay.outside_input import OutsideInput, station_watch, stations_of
+from bodycam_ros.replay.outside_input import station_watch, stations_of
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.solving.seen_body import SeenBody

@@ -20,6 +20,7 @@ from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_covariance import BodyCovariance, CovarianceSettings
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.body_window import BodyWindow, Instant
 from bodycam_ros.solving.bridge import Silence
@@ -124,6 +125,11 @@ class BodySmoother:
         """How often the solver could not solve its window and began anew."""
         return self._window.restarts
 
+    @property
+    def now(self) -> BodyNow | None:
+        """The body at the latest instant; None before the first."""
+        return self._window.now
+
     def _begin_anew(self) -> None:
         """An empty window: at the start, and after a pause that nothing reaches across."""
         self._window.clear()
@@ -173,9 +179,9 @@ class BodySmoother:
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
         turns = self._predict_turns(measured, seen_by_pose, path)
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
-        observed = self._of_segments(seen.segment for seen in evidence.values())
+        observed = self.body.named(seen.segment for seen in evidence.values())
         joints_seen = observed[self.body.joint_ends].all(axis=1)
-        known = observed | self._of_segments(turn.segment for _, turn in turns)
+        known = observed | self.body.named(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
         known |= self._looking_on.rows
         turning = known[self.body.joint_ends].all(axis=1)
@@ -183,9 +189,10 @@ class BodySmoother:
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         self._looking_on.look(frame, path, dt_s, [*evidence.values(), *placed])
-        expected = self._looking_on.expected(expected, observed)
+        told = self._looking_on.told(observed)
+        expected = expected.told(told)
         start = seated(self._looking_on.path(path, observed), trusted.seats)
-        self._jumped = trusted.jumped | self._looking_on.jumped
+        self._jumped = trusted.jumped | self._looking_on.seen.jumped
         said = [*evidence.values(), *placed, *self._looking_on.evidence]
         held, holding = self._couple(frame.stamp_ns, dt_s, start, self._looking_on.with_worn(trusted.evidence))
         factors = {
@@ -201,7 +208,7 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
+        recorded = Recorded(factors, joints, joints_seen, turning, told, steps, silent_ns, trusted.refused, holding)
         observed, speaking = observed | self._looking_on.rows, len(evidence) + self._looking_on.speaking
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, speaking, uncertainty, recorded)
         self._window.add(instant, factors)
@@ -224,12 +231,6 @@ class BodySmoother:
         self._bridged_before = self.bridged
         self._begin_anew()
         return states
-
-    def _of_segments(self, names: Iterable[str]) -> NDArray[np.bool_]:
-        """Which segments (S,) are named."""
-        named = np.zeros(len(self.body.segments), bool)
-        named[[self.body.segment_index[name] for name in names]] = True
-        return named
 
     def _predict_turns(
         self, measured: Iterable[TurnSince], seen: set[str], path: Array

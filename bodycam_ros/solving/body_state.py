@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 
 
@@ -55,3 +56,26 @@ class BodyOutput:
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
     root_velocity: NDArray[np.float64]
+
+
+def moving(
+    state: BodyState,
+    joint_names: tuple[str, ...],
+    positions: NDArray[np.float64],
+    root: int,
+    before: BodyOutput | None,
+) -> BodyOutput:
+    """A state with what its joints and its root have done since the state before; at rest where there is none.
+
+    Args:
+        state: the body.
+        joint_names: A names.
+        positions: (A,) continuous joint angles [rad].
+        root: row of the root segment.
+        before: what was published before.
+    """
+    if before is None:
+        return BodyOutput(state, joint_names, positions, np.zeros(len(positions)), np.zeros(6))
+    passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
+    step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
+    return BodyOutput(state, joint_names, positions, (positions - before.positions) / passed_s, step / passed_s)

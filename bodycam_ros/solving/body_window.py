@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.solving.back_end import BackEnd, BackEndError, BatchBackEnd, IncrementalBackEnd
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_factors import BodyFactors, merged
+from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.recorded_instants import Recorded
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
@@ -126,6 +127,14 @@ class BodyWindow:
             except BackEndError as error:
                 self._fail(error)
         self._solved_from = instant.index + 1
+
+    @property
+    def now(self) -> BodyNow | None:
+        """The body at the latest instant; None before the first."""
+        if not self.instants:
+            return None
+        latest = self.instants[-1]
+        return BodyNow(latest.stamp_ns, latest.world_T_segment, latest.uncertainty.segments, latest.observed)
 
     def reaches(self, index: int) -> bool:
         """Whether an instant's variables are in the back end, so that factors may speak of them."""

@@ -9,6 +9,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.body_frame import BodyFrame
+from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.solving.synchrony import Synchrony
 
 _ELSEWHERE_NS = 10_000_000_000
@@ -25,8 +26,8 @@ _FAR_BEHIND = 5
 """A camera that speaks, but is behind most others by so many times ``max_wait``, would only hold them up."""
 
 
-Heard = LandmarkMatches | CameraImage
-"""What a worn camera says of an image, or the image of a static one."""
+Heard = LandmarkMatches | CameraImage | SaidSegments
+"""What a worn camera says of an image, the image of a static one, or what a static one says of it."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class FrameAssembler:
             self.synchrony.join(camera)
 
     def add(self, matches: Heard) -> list[BodyFrame]:
-        """Add what one camera says, or a static one saw; return the frames that are complete now, in order of time."""
+        """Add what one camera says or saw; return the frames that are complete now, in order of time."""
         stream = self._streams.get(matches.camera)
         if stream is None:
             return []
@@ -280,6 +281,7 @@ class FrameAssembler:
         self._assembled_ns = max(self._assembled_ns, *(seen.stamp_ns for seen in said.values()))
         matches = {camera: each for camera, each in said.items() if isinstance(each, LandmarkMatches)}
         images = {camera: each for camera, each in said.items() if isinstance(each, CameraImage)}
-        frame = BodyFrame(stamp_ns, matches, images)
+        told = {camera: each for camera, each in said.items() if isinstance(each, SaidSegments)}
+        frame = BodyFrame(stamp_ns, matches, images, told)
         self.synchrony.add(frame)
         return frame

@@ -9,7 +9,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.pose_memory import ExpectedJoints
+from bodycam_ros.solving.pose_memory import ToldJoints
 from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 
 _SEEN_RAD = 0.2
@@ -28,18 +28,16 @@ class LookingOn:
     Attributes:
         seen: what they say of the latest instant.
         rows: (S,) which segments any of them sees; those of the instant before until it is asked.
-        jumped: rows of segments that were found somewhere else: what they were taken to be before is no motion.
     """
 
     def __init__(self, body: BodyModel, onlookers: Onlookers | None) -> None:
         self._body, self._onlookers = body, onlookers
         self.seen = SeenBody({}, [], np.zeros((len(body.segments), 4, 4)), {})
         self.rows = np.zeros(len(body.segments), bool)
-        self.jumped = frozenset[int]()
 
     def begin(self, frame: BodyFrame, worn: Iterable[SegmentPose]) -> list[SegmentPose]:
-        """Where the body was placed by hand in its first images, but for what worn cameras know."""
-        placed = self._onlookers.begin(frame.images) if self._onlookers and frame.images else []
+        """Where the body was placed by hand, at the first instant, but for what worn cameras know."""
+        placed = self._onlookers.begin(frame) if self._onlookers and (frame.images or frame.said) else []
         known = {each.segment for each in worn}
         return [each for each in placed if each.segment not in known]
 
@@ -47,16 +45,16 @@ class LookingOn:
         """Ask them of an instant at which the body should be at poses (S, 4, 4).
 
         Args:
-            frame: their images.
+            frame: what they saw or said.
             path: where the body should be.
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
-        seen = self._onlookers.look(frame.images, path, dt_s, known) if self._onlookers and frame.images else None
+        asked = self._onlookers if frame.images or frame.said else None
+        seen = asked.look(frame, path, dt_s, known) if asked else None
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
-        self.jumped = frozenset(self.seen.jumped)
 
     @property
     def evidence(self) -> list[SegmentPose]:
@@ -72,12 +70,13 @@ class LookingOn:
         """Poses (S, 4, 4) where worn cameras have the segments that they observe (S,), and static ones the others."""
         return np.where(observed[:, None, None], path, self.seen.world_T_segment) if self.rows.any() else path
 
-    def expected(self, expected: ExpectedJoints, observed: Mask) -> ExpectedJoints:
-        """Joints that they see are expected where they have them: a limb may spin about its long axis."""
-        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1)[expected.rows] & self.rows.any()
-        if not seen.any():
-            return expected
-        return expected.told(seen, self._body.joint_rotations(self.seen.world_T_segment)[expected.rows], _SEEN_RAD)
+    def told(self, observed: Mask) -> ToldJoints:
+        """Joints of segments that they see, or worn cameras observe (S,), where they have them.
+
+        To be expected there where worn cameras do not see both segments: a limb may spin about its long axis.
+        """
+        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1) & self.rows.any()
+        return ToldJoints(seen, self._body.joint_rotations(self.seen.world_T_segment), _SEEN_RAD)
 
     def with_worn(self, worn: Mapping[str, SegmentPose]) -> Mapping[str, SegmentPose]:
         """What worn cameras say of their segments, and static ones together of those that carry none."""

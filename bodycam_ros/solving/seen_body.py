@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import Array
+from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
 
 
@@ -31,16 +31,14 @@ class SeenBody:
 class Onlookers(Protocol):
     """Static cameras around a body."""
 
-    def begin(self, images: Mapping[str, CameraImage]) -> list[SegmentPose]:
-        """Where the body was placed by hand in its first images; empty if nobody did."""
+    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
+        """Where the body was placed by hand, at the first instant; empty if nobody did."""
 
-    def look(
-        self, images: Mapping[str, CameraImage], expected: Array, dt_s: float, known: Collection[SegmentPose]
-    ) -> SeenBody | None:
-        """What images of one instant say of a body that is expected at poses (S, 4, 4); None if they cannot tell.
+    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
+        """What they say of one instant of a body that is expected at poses (S, 4, 4); None if they cannot tell.
 
         Args:
-            images: by camera.
+            frame: what they saw or said.
             expected: where the body should be.
             dt_s: since the instant before [s]; 0 where there is none.
             known: what the worn cameras say of the instant.

@@ -26,7 +26,7 @@ class Synchrony:
 
     def add(self, frame: BodyFrame) -> None:
         """Note who speaks of an instant."""
-        self._frames.append(frozenset((*frame.matches, *frame.images)))
+        self._frames.append(frozenset((*frame.matches, *frame.images, *frame.said)))
 
     def shares(self) -> dict[str, float]:
         """Camera -> share of the latest instants at which it spoke, 0 to 1; empty before the first instant.

@@ -12,7 +12,6 @@ from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
-    SaidSegments,
     segment_poses,
     segment_poses_message,
 )
@@ -20,6 +19,7 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.said_segments import SaidSegments
 
 STAMP_NS = 1_700_000_000_123_456_789
 

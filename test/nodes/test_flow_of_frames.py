@@ -46,6 +46,18 @@ def test_an_answer_covers_the_frames_before_it(clock: Clock) -> None:
     assert frames.must_wait()
 
 
+def test_who_answers_may_name_a_time_between_frames(clock: Clock) -> None:
+    frames = AnsweredFrames(most_ahead=1)
+    frames.sent(10)
+    frames.answered_until(9)
+    assert frames.must_wait()
+    frames.answered_until(12)
+    assert not frames.must_wait()
+    frames.sent(20)
+    frames.answered_until(12)
+    assert frames.must_wait()
+
+
 def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
     frames = AnsweredFrames(most_ahead=1)
     frames.sent(10)

@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 from launch_stand_in import Node, performed
+from outside.dressed_body import stations_around
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.outside.stations_file import write_stations
 
 REPOSITORY = Path(__file__).parents[2]
 LAUNCH_FILE = REPOSITORY / "launch/bodycam.launch.py"
@@ -63,6 +65,22 @@ def test_the_solver_is_told_of_the_equipment(sample: Path) -> None:
     assert nodes["skeleton_solver"].parameters == {"body": str(sample / "body.yaml"), "equipment": "bicycle"}
 
 
+def test_static_cameras_have_region_trackers(tmp_path: Path) -> None:
+    body, stations = str(write_body(tmp_path / "body.yaml")), tmp_path / "cameras.yaml"
+    write_stations(stations, stations_around(2).values())
+    nodes = _launched(map="map", body=body, stations=str(stations), surface="scan", bagfile="bag")
+    shared = {"body": body, "stations": str(stations), "map": "map"}
+    assert nodes["region_tracker_ext_01"].parameters == shared | {"camera": "ext_01", "surface": "scan"}
+    assert nodes["skeleton_solver"].parameters == shared
+    assert nodes["player"].parameters["cameras"] == ["left", "right", "ext_00", "ext_01"]
+    assert nodes["player"].parameters["image_only"] == ["ext_00", "ext_01"]
+    alone = _launched(body=body, stations=str(stations), start="start.yaml", equipment="bicycle")
+    assert [*alone] == ["region_tracker_ext_00", "region_tracker_ext_01", "skeleton_solver"]
+    shared = {"body": body, "stations": str(stations), "start": "start.yaml", "equipment": "bicycle"}
+    assert alone["region_tracker_ext_00"].parameters == shared | {"camera": "ext_00"}
+    assert alone["skeleton_solver"].parameters == shared | {"worn": False}
+
+
 @pytest.mark.parametrize("respawn", ["true", "false"])
 def test_who_dies_is_started_again_but_a_bag_is_played_once(tmp_path: Path, respawn: str) -> None:
     body = str(write_body(tmp_path / "body.yaml"))
@@ -84,7 +102,9 @@ def test_launch_kills_nobody_who_would_end_himself(tmp_path: Path) -> None:
 
 def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
     body = str(write_body(tmp_path / "body.yaml"))
-    with pytest.raises(RuntimeError, match="missing required argument 'map'"):
+    with pytest.raises(RuntimeError, match="missing required argument 'body'"):
+        _launched(map="map")
+    with pytest.raises(StationError, match="neither a map.* nor a file of static cameras"):
         _launched(body=body)
     with pytest.raises(RuntimeError, match="'respawn' provided value 'perhaps'"):
         _launched(map="map", body=body, respawn="perhaps")

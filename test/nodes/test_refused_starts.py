@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from outside.dressed_body import stations_around
 from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import is_installed
+from bodycam_ros.outside.stations_file import write_stations
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -26,6 +28,9 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
     broken.write_text("name: [")
     rig = str(tmp_path / "rig.yaml")
     Path(rig).write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
+    stations = tmp_path / "cameras.yaml"
+    write_stations(stations, stations_around(1).values())
+    static = ("stations", str(stations), "body", body)
     cases = {
         ("tracker",): "the parameter 'camera' is missing",
         (
@@ -58,6 +63,9 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
             "offline",
         ): "live, give the number of frames (0 to 60)",
         ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
+        ("skeleton_solver", *static, "worn", False): "static cameras alone do not know where the body is at first",
+        ("region_tracker", *static, "camera", "hat"): "there is no camera hat; it has ext_00",
+        ("region_tracker", *static, "camera", "ext_00", "surface", str(tmp_path / "no_scan")): "no_scan",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
         ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",
         ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",

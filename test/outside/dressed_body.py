@@ -21,6 +21,7 @@ Image = NDArray[np.uint8]
 CLOTHES = {
     "pelvis": (150, 60, 40), "torso": (40, 40, 190), "head": (130, 160, 210), "upper_arm": (40, 190, 200),
     "forearm": (130, 160, 210), "thigh": (150, 60, 40), "shin": (60, 130, 50), "foot": (40, 40, 40),
+    "hand": (130, 160, 210),
 }  # fmt: skip
 """Blue, green, red of each kind of segment."""
 

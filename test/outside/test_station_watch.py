@@ -16,6 +16,7 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station_watch import StationWatch
+from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.seen_body import SeenBody
@@ -46,6 +47,10 @@ def images(dressed: DressedBody, truth: NDArray[np.float64]) -> Images:
     }
 
 
+def frame_of(images: dict[str, CameraImage]) -> BodyFrame:
+    return BodyFrame(0, {}, images)
+
+
 def watch_of(
     dressed: DressedBody, placed: NDArray[np.float64] | None, told: list[tuple[int, SeenBody]] | None = None
 ) -> StationWatch:
@@ -59,11 +64,11 @@ def test_the_first_images_place_the_body_and_the_next_are_asked(
 ) -> None:
     told: list[tuple[int, SeenBody]] = []
     watch = watch_of(dressed, truth, told)
-    placed = watch.begin(images)
+    placed = watch.begin(frame_of(images))
     assert [each.segment for each in placed] == list(dressed.body.segments)
     assert max(np.linalg.norm((each.world_T_segment - truth[row])[:3, 3]) for row, each in enumerate(placed)) < 0.02
     assert not told
-    seen = watch.look(images, truth, 0.0, [])
+    seen = watch.look(frame_of(images), truth, 0.0, [])
     assert seen is not None and {each.segment for each in seen.together} >= {"torso", "head", "thigh_left"}
     assert [ns for ns, _ in told] == [1001] and told[0][1] is seen  # the latest of both stamps
     assert np.linalg.norm((seen.world_T_segment - truth)[:, :3, 3], axis=1).mean() < 0.008
@@ -72,16 +77,16 @@ def test_the_first_images_place_the_body_and_the_next_are_asked(
 def test_nobody_is_placed_without_a_start_or_an_image(
     dressed: DressedBody, truth: NDArray[np.float64], images: Images
 ) -> None:
-    assert watch_of(dressed, None).begin(images) == []
-    assert watch_of(dressed, truth).begin({}) == []
-    assert watch_of(dressed, truth).look({}, truth, 0.0, []) is None
+    assert watch_of(dressed, None).begin(frame_of(images)) == []
+    assert watch_of(dressed, truth).begin(frame_of({})) == []
+    assert watch_of(dressed, truth).look(frame_of({}), truth, 0.0, []) is None
 
 
 def test_whom_worn_cameras_know_is_seen_without_a_start(
     dressed: DressedBody, truth: NDArray[np.float64], images: Images
 ) -> None:
     known = [SegmentPose(name, truth[row], 1e-5 * np.eye(6)) for row, name in enumerate(dressed.body.segments)]
-    seen = watch_of(dressed, None).look(images, truth, 0.0, known)
+    seen = watch_of(dressed, None).look(frame_of(images), truth, 0.0, known)
     assert seen is not None and len(seen.together) > 8
 
 
@@ -107,16 +112,16 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
     told: list[tuple[int, SeenBody]] = []
     watch = watch_of(dressed, truth, told)
     with caplog.at_level(logging.WARNING):
-        watch.begin(damaged)
+        watch.begin(frame_of(damaged))
         for _ in range(2):
-            seen = watch.look(damaged, truth, 0.03, [])
+            seen = watch.look(frame_of(damaged), truth, 0.03, [])
             assert seen is not None and set(seen.evidence) == {"ext_00"}
     warnings = [record.getMessage() for record in caplog.records if record.name.startswith("bodycam_ros.outside")]
     assert len(warnings) == 1
     assert complaint in warnings[0] and "it is left out, and so will be others like it" in warnings[0]
     assert [ns for ns, _ in told] == [1000, 1000]
     # One that is whole again is taken again.
-    seen = watch.look(images, truth, 0.03, [])
+    seen = watch.look(frame_of(images), truth, 0.03, [])
     assert seen is not None and set(seen.evidence) == set(STATIONS)
 
 
@@ -126,4 +131,4 @@ def test_without_any_usable_image_it_is_not_known_where_the_body_is(
     told: list[tuple[int, SeenBody]] = []
     watch = watch_of(dressed, truth, told)
     damaged = {name: CameraImage(name, 1000, b"") for name in STATIONS}
-    assert watch.begin(damaged) == [] and watch.look(damaged, truth, 0.0, []) is None and not told
+    assert watch.begin(frame_of(damaged)) == [] and watch.look(frame_of(damaged), truth, 0.0, []) is None and not told

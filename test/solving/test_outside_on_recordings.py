@@ -13,8 +13,8 @@ from tools.body_from_truth import body_from_truth
 from bodycam_ros.body.body_file import write_body
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, umeyama
+from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings
-from bodycam_ros.replay.outside_input import OutsideInput
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 

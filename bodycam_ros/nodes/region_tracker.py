@@ -1,0 +1,214 @@
+"""Node ``region_tracker``: the images of one static camera in, what it says of the body's segments out (B 2)."""
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
+from bodycam_ros.errors import StationError
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
+from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
+from bodycam_ros.messages.status import Health, HealthLevel, few
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
+from bodycam_ros.nodes.image_queue import ImageQueue
+from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.region_parameters import REGION_GROUPS, RegionTrackerParameters
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stations import read_world
+from bodycam_ros.outside.body_surface import BodySurface
+from bodycam_ros.outside.chosen_surface import surfaces_of
+from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.lone_station import LoneStation
+from bodycam_ros.outside.placed_body import placed_body
+from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.outside.usual_limits import with_usual_limits
+from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.tracking.every_second_image import EverySecondImage
+
+_LOOK_S = 0.25
+_NOBODY = f"no worn camera says on {SEGMENTS_NOW} where the body is, and there is no start file"
+_PATIENCE_S = 2.0
+"""Images may come slowly, from a bag that is played slowly; none for so long is an error."""
+
+
+@dataclass
+class _Tally:
+    """What happened since the last report."""
+
+    images: int = 0
+    latency_s: float = 0.0
+    seen: Counter[str] = field(default_factory=Counter)
+    confidence: float = 0.0
+
+
+class RegionTracking(StageNode[RegionTrackerParameters]):
+    """Says what each image of one station shows of the body.
+
+    Images wait until somebody reads what is said, and, but for ``most_ahead`` of them, until the solver has answered:
+    one station alone does not see how far away a limb is, and follows it well only from where all have it. At first it
+    looks where the solver has the body; if the solver says nothing for ``start_wait``, where the start file has it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("region_tracker", RegionTrackerParameters, REGION_GROUPS)
+        of = self.parameters
+        self.camera = self.required("camera")
+        file, path = Path(self.required("stations")), Path(self.required("body"))
+        stations = read_world(file, of.map)
+        if self.camera not in stations:
+            raise StationError(f"{file}: there is no camera {self.camera}; it has {', '.join(stations)}")
+        person = with_hands(read_body(path))
+        self._body: BodyModel = coupled_body(person, held_equipment(of.equipment, person) if of.equipment else None)
+        self._station = stations[self.camera]
+        surfaces = surfaces_of(self._body, path, Path(of.surface) if of.surface else None)
+        self._surface = BodySurface.of(self._body, surfaces)
+        self._placed = (
+            placed_body(Path(of.start), file, stations, self._body, self.settings.region) if of.start else None
+        )
+        self._answers = AnsweredFrames(of.most_ahead)
+        self._tally = _Tally()
+        self._restarts = -1
+        self._begin()
+        self._said = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
+        self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH))
+        self._images = ImageQueue(
+            self,
+            self.camera,
+            of.transport,
+            of.image_queue,
+            EverySecondImage(of.longest_wait, of.recovery),
+            lambda: self.soon(self._look_next),
+        )
+        self.every(_LOOK_S, self._look)
+
+    def _begin(self) -> None:
+        """Nothing is known of the body and its colours."""
+        alone = {self.camera: self._station}
+        tracker = RegionTracker(with_usual_limits(self._body), self._surface, alone, self.settings.region)
+        self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.region, self.settings.motion)
+        self._answers.forget()
+        self._answered_ns = 0
+        self._restarts += 1
+        self._asked_since_s: float | None = None
+        self._looking_since_s: float | None = None
+
+    def _on_body(self, message: Message) -> None:
+        try:
+            now = segments_now(message, self._body)
+        except ValueError as error:
+            self.skipped.add("bodies skipped", f"{SEGMENTS_NOW}: {error}; is it the solver of another body?")
+            return
+        self._alone.hear(now)
+        self._answered_ns = now.stamp_ns + round(1e9 * self.settings.assembler.sync_tolerance)
+        self._answers.answered_until(self._answered_ns)
+        self.soon(self._look_next)
+
+    def _look(self) -> None:
+        self._images.look()
+        self._look_next()
+
+    def _look_next(self) -> None:
+        if not len(self._images):
+            return
+        if self._images.next.begins_anew and self._asked_since_s is not None:
+            self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+            self._begin()
+        self._asked_since_s = self._asked_since_s or time.monotonic()
+        if self._waits_for():
+            return
+        if self._placed is None and not self._alone.knows(self._images.next.item.image.stamp_ns):
+            self._say_nothing(self._images.take(time.monotonic()))
+            return
+        self._looking_since_s = self._looking_since_s or time.monotonic()
+        came_s = self._images.next.item.seconds
+        image = self._images.take(self._looking_since_s)
+        if image is not None:
+            self._look_at(image, came_s)
+        # One image at a time, so that the solver is heard in between however many images wait.
+        self.soon(self._look_next)
+
+    def _waits_for(self) -> str:
+        """What the next image waits for; empty if for nothing."""
+        if not self._said.get_subscription_count():
+            return f"nobody reads {self.camera}{SEGMENT_POSES}"
+        if self._answers.must_wait():
+            return "the solver has not answered yet"
+        if self._placed is None or self._alone.knows(self._images.next.item.image.stamp_ns):
+            return ""
+        asked_s = time.monotonic() - (self._asked_since_s or time.monotonic())
+        return "" if asked_s >= self.parameters.start_wait else "a moment, for the solver may know where the body is"
+
+    def _say_nothing(self, image: CameraImage | None) -> None:
+        """Nobody knows where the body is: whoever waits for this station need not wait."""
+        if image is not None:
+            self.skipped.add("images without a body", f"camera {self.camera}: {_NOBODY}")
+            self._said.publish(segment_poses_message(self.make, image.stamp_ns, self.camera, (), {}))
+        self.soon(self._look_next)
+
+    def _look_at(self, image: CameraImage, came_s: float) -> None:
+        said = self._alone.look(image)
+        if said is None:
+            size = f"{self._station.camera.width}x{self._station.camera.height}"
+            reason = f"camera {self.camera}: the image of stamp {image.stamp_ns} ns is none of {size} px"
+            self.skipped.add("images skipped", reason)
+            return
+        self._answers.sent(said.stamp_ns)
+        # A solver that is ahead, for it did not wait, will not answer to this any more.
+        self._answers.answered_until(self._answered_ns)
+        self._said.publish(segment_poses_message(self.make, said.stamp_ns, self.camera, said.evidence, said.confidence))
+        self._count(said, came_s)
+
+    def _count(self, said: SaidSegments, came_s: float) -> None:
+        tally = self._tally
+        tally.images += 1
+        tally.latency_s += time.monotonic() - came_s
+        tally.seen.update(each.segment for each in said.evidence)
+        tally.confidence += sum(said.confidence[each.segment] for each in said.evidence)
+
+    def health(self) -> list[Health]:
+        """How the images of the last second fared."""
+        tally, self._tally = self._tally, _Tally()
+        arrived, lost, seen = self._images.count(), self.skipped.lately(), tally.seen.total()
+        values: dict[str, object] = {
+            "images per second": arrived,
+            "looked at per second": tally.images,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
+            "images waiting": len(self._images),
+            "segments per image": round(seen / max(1, tally.images), 1),
+            "confidence": round(tally.confidence / seen, 2) if seen else "none",
+            "times begun anew": self._restarts,
+            **self.skipped.counts,
+            "last error": self.skipped.latest or "none",
+        }
+        level, text = self._judge(tally, arrived, lost)
+        return [Health(f"camera {self.camera}", level, text, values)]
+
+    def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
+        source = self._images.source
+        if tally.images == 0:
+            if len(self._images):
+                return HealthLevel.ERROR, f"no image is looked at: {self._waits_for() or 'the one before takes long'}"
+            if arrived and lost:
+                return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
+            if source.quiet_s < _PATIENCE_S:
+                return HealthLevel.OK, "between two images"
+            return HealthLevel.ERROR, source.what_is_wrong()
+        if not tally.seen:
+            return HealthLevel.ERROR, "no segment of the body is seen; is it before the camera?"
+        if self._images.is_thinned:
+            return HealthLevel.WARN, self._images.is_thinned
+        if lost:
+            return HealthLevel.WARN, f"looking, but some input was left out: {self.skipped.latest}"
+        unseen = [segment for segment in self._body.segments if not tally.seen[segment]]
+        return HealthLevel.OK, f"looking; sees nothing of {few(unseen)}" if unseen else "looking"
+
+
+def main() -> int:
+    """Run the node until it is stopped; its exit code."""
+    return run(RegionTracking, "region_tracker")

@@ -1,0 +1,149 @@
+"""Static cameras alone: real processes find a painted person whom somebody has placed by hand, as a replay does."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from outside.dressed_body import DressedBody, small_motion, stations_around
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.geometry import exp_se3, quaternion_xyzw
+from bodycam_ros.messages.header import header_message, stamp_ns
+from bodycam_ros.nodes.graph import live_graph, player, stations_of
+from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.hands import with_hands
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.stations_file import write_stations
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+
+Array = NDArray[np.float64]
+
+FRAMES, STEP_NS, START_NS = 12, 33_333_333, 1_000_000_000
+_START_S, _SOON_S = 90.0, 60.0
+_OUTPUTS = {
+    "/robot_description": "std_msgs/msg/String",
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+
+
+@pytest.fixture(scope="module")
+def dressed(sample: Path) -> DressedBody:
+    body = with_hands(read_body(sample / "body.yaml"))
+    two = dict(list(stations_around(3).items())[:2])
+    return DressedBody(body, capsule_surfaces(body), two)
+
+
+@pytest.fixture(scope="module")
+def motion(dressed: DressedBody) -> Array:
+    return small_motion(dressed.body, FRAMES)
+
+
+@pytest.fixture(scope="module")
+def bag(dressed: DressedBody, motion: Array, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the stations saw."""
+    path = tmp_path_factory.mktemp("static") / "bag"
+    make = recorded_messages()
+    with write_recording(path) as writer:
+        for frame, poses in enumerate(motion):
+            stamp = START_NS + frame * STEP_NS
+            for name, pixels in dressed.images(poses, 1.0, frame).items():
+                header = header_message(make, stamp, f"{name}_optical_frame")
+                data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].reshape(-1)
+                image = make("sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=data)
+                writer.write(f"/{name}/image_raw/compressed", stamp, image)
+    return path
+
+
+@pytest.fixture(scope="module")
+def outside(dressed: DressedBody, motion: Array, bag: Path) -> OutsideInput:
+    """Where the stations stand, and where the person does at first, 3 cm and 4 degrees off."""
+    files = OutsideInput(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
+    write_stations(files.stations, dressed.stations.values())
+    off = exp_se3(np.array([0.0, 0.0, 0.07, 0.02, -0.02, 0.01]))
+    lines = []
+    for segment, pose in zip(dressed.body.segments, motion[0], strict=True):
+        placed = pose @ off
+        numbers = [*placed[:3, 3].tolist(), *quaternion_xyzw(placed[:3, :3]).tolist()]
+        lines.append(f"{segment}: {numbers}\n")
+    assert files.start is not None
+    files.start.write_text("".join(lines))
+    return files
+
+
+def joints_off(solved: SolvedRecording, dressed: DressedBody, motion: Array) -> Array:
+    """(T, S) [m] of the segments' origins."""
+    rows = (solved.stamps_ns - START_NS + STEP_NS // 2) // STEP_NS
+    there = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in dressed.body.segments], axis=1)
+    return np.linalg.norm(there - motion[rows, :, :3, 3], axis=2)
+
+
+def test_a_person_is_followed_live_as_in_a_replay(
+    graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: OutsideInput, tmp_path: Path
+) -> None:
+    from std_srvs.srv import Trigger
+
+    body = sample / "body.yaml"
+    replay(bag, None, body, tmp_path / "replayed", PipelineSettings(), jobs=1, outside=outside)
+    replayed = read_solved(tmp_path / "replayed")
+
+    nodes = live_graph(None, body, outside=outside)
+    stations = stations_of(nodes)
+    said = {f"/{station}/segment_poses": "bodycam_msgs/msg/SegmentPoses" for station in stations}
+    graph.listen(_OUTPUTS | said)
+    # No image may be left out: the replay leaves none out either.
+    graph.start(
+        *(
+            replace(node, parameters={**node.parameters, "longest_wait": 0.0})
+            if node.executable == "region_tracker"
+            else node
+            for node in nodes
+        )
+    )
+    graph.until_known(_START_S)
+    (playing,) = graph.start(player(bag, 1.0, stations=stations))
+    graph.until(lambda: playing.process.poll() is not None, _START_S, "the bag is played")
+    assert playing.process.returncode == 0, graph.report()
+    graph.until(lambda: all(len(graph.heard[topic]) >= FRAMES for topic in said), _SOON_S, "every image is looked at")
+    assert graph.call("/skeleton_solver/flush", Trigger).success
+    graph.until(lambda: len(graph.heard["/joint_states"]) >= FRAMES, _SOON_S, "a joint state for every instant")
+    graph.until(lambda: len(graph.heard["/odometry"]) >= FRAMES, _SOON_S, "an odometry for every instant")
+    graph.until(lambda: all(_looking(graph, station) for station in stations), _SOON_S, "the region trackers report")
+    for station in stations:
+        assert all(float(report["segments per image"]) > 10 for report in _looking(graph, station)), graph.report()
+        assert sum(int(report["looked at per second"]) for report in _looking(graph, station)) <= FRAMES
+    assert set(graph.end().values()) == {0}, graph.report()
+    assert "Traceback" not in graph.report()
+
+    for topic in said:
+        stamps = [stamp_ns(message.header.stamp) for message in graph.messages(topic)]
+        assert stamps == [START_NS + frame * STEP_NS for frame in range(FRAMES)]
+    live = read_solved(graph.write(tmp_path / "live"))
+    np.testing.assert_array_equal(live.stamps_ns, replayed.stamps_ns)
+    assert live.motion.joint_names == replayed.motion.joint_names
+    off, off_replayed = (joints_off(solved, dressed, motion) for solved in (live, replayed))
+    print(f"joints off [cm]: live {100 * off.mean():.2f}, replay {100 * off_replayed.mean():.2f}")
+    apart = np.stack(
+        [
+            np.linalg.norm((live.world_T_link[s] - replayed.world_T_link[s])[:, :3, 3], axis=1)
+            for s in dressed.body.segments
+        ]
+    )
+    print(f"apart [cm]: mean {100 * apart.mean():.2f}, max {100 * apart.max():.2f}")
+    assert off.mean() < 0.02
+    assert apart.mean() < 0.01
+
+
+def _looking(graph: Any, station: str) -> list[dict[str, Any]]:
+    """Reports of seconds in which a region tracker has looked at images."""
+    reports = graph.all_diagnostics(f"region_tracker_{station}: camera {station}")
+    return [report for report in reports if int(report["looked at per second"])]
