@@ -10,7 +10,6 @@ from bodycam_ros.lens.board_sight import BoardSight
 
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11
 
-APRILTAGS = BoardLayout("apriltag", 3, 2, (0.095, 0.095), (0.076, 0.076), _TAGS)
 CHARUCO = BoardLayout("charuco", 8, 5, (0.033, 0.033), (0.02475, 0.02475), _TAGS)
 CHECKERBOARD = BoardLayout("checkerboard", 10, 7, (0.025, 0.025))
 

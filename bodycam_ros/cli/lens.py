@@ -9,6 +9,7 @@ from rich.table import Column, Table
 from bodycam_ros.cli.pipeline_flags import known_groups
 from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.errors import OutputError
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from bodycam_ros.lens.lens_calibration import LensCalibration
 
 _MODELS = ("fov", "equidistant", "plumb_bob", "rational_polynomial")
+"""From the simplest on."""
+
 _MARK = "# lens measured by bodycam"
 
 _EPILOG = """
@@ -64,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, LensCalibrationSettings, arguments.config).lens
     output: Path = arguments.output
+    if output.suffix.lower() not in (".yaml", ".yml"):
+        raise OutputError(f"{output}: a lens is a camera_info YAML; give a name that ends with .yaml")
     picture = output.with_suffix(".png")
     for path, mark, what in ((output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")):
         check_output(path, (*arguments.pictures, arguments.board, arguments.config))

@@ -76,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.verdict_lines import exit_code
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
+    from bodycam_ros.replay.lens_remarks import doubted_cameras, lens_remarks
     from bodycam_ros.replay.passes import replay_in_passes
 
     console = Terminal(stderr=True)
@@ -112,11 +113,12 @@ def run(arguments: argparse.Namespace) -> int:
             outside=outside,
             slim=arguments.slim,
         )
-    _report(summary, rounds, arguments.output)
+    remarks = (*summary.remarks, *lens_remarks(arguments.recording, doubted_cameras(summary)))
+    _report(summary, rounds, remarks, arguments.output)
     return exit_code(summary.verdict)
 
 
-def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", output: Path) -> None:
+def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", remarks: Sequence[str], output: Path) -> None:
     from bodycam_ros.cli.clock_lines import print_clocks
     from bodycam_ros.cli.equipment_tables import equipment_tables
     from bodycam_ros.cli.extension_lines import print_rounds
@@ -130,7 +132,7 @@ def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", output
         wide = widened(Terminal())
         for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
             wide.print(table)
-    for remark in summary.remarks:
+    for remark in remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)
     for camera, count in summary.refused.most_common():

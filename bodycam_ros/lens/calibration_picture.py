@@ -1,5 +1,6 @@
 """A calibration as a picture: where the board was seen, what errors are left, and how far rays are off."""
 
+import textwrap
 from io import BytesIO
 from typing import Any
 
@@ -30,6 +31,7 @@ _INCHES, _DPI = (12.0, 9.0), 110
 _ARROWS = (12, 16)  # rows and columns of the field of residuals
 _ARROW_PX = 0.045  # of the width, length of the arrow in the legend
 _LEAST_IN_ARROW = 3
+_LETTERS = 165  # of a line of the verdict
 _BINS = 12
 
 
@@ -38,11 +40,12 @@ def calibration_picture(calibration: LensCalibration, title: str) -> bytes:
     with mpl.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_INCHES, dpi=_DPI)
         panels: Any = figure.subplots(2, 2)
-        figure.subplots_adjust(left=0.06, right=0.93, top=0.88, bottom=0.07, wspace=0.16, hspace=0.28)
-        figure.text(0.06, 0.955, title, fontsize=13.0, weight="bold", color=INK)
+        figure.subplots_adjust(left=0.06, right=0.93, top=0.86, bottom=0.07, wspace=0.16, hspace=0.28)
+        figure.text(0.06, 0.962, title, fontsize=13.0, weight="bold", color=INK)
         refused = [why for why, _ in calibration.objections]
         verdict = f"not to be used: {'; '.join(refused)}" if refused else "good to use"
-        figure.text(0.06, 0.932, verdict, fontsize=9.0, color=WARNING if refused else GOOD)
+        lines = "\n".join(textwrap.wrap(verdict, _LETTERS))
+        figure.text(0.06, 0.953, lines, fontsize=9.0, color=WARNING if refused else GOOD, va="top")
         _draw_coverage(panels[0, 0], calibration)
         _draw_residuals(panels[0, 1], calibration)
         _draw_errors(panels[1, 0], calibration)

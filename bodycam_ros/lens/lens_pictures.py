@@ -45,9 +45,11 @@ def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
             images.append(source)
         else:
             pictures += _of_video(source, most)
-    if len(images) > most:
-        images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
-    pictures += [LensPicture(path.name, _image(path)) for path in images]
+    if images:
+        most = max(2, min(most, _MOST_BYTES // max(1, _image(images[0]).size)))
+        if len(images) > most:
+            images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
+        pictures += [LensPicture(path.name, _image(path)) for path in images]
     if not pictures:
         raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
     first = pictures[0]

@@ -10,9 +10,6 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.lens.board_sight import BoardSight, board_pose
 from bodycam_ros.lens.lens_fit import LensFit, fit_lens
 
-MODELS = ("fov", "equidistant", "plumb_bob", "rational_polynomial")
-"""From few numbers to many."""
-
 _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
 _TRIED = 12  # pictures that focal lengths are tried on
 _LEAST_SIGHTS = 4

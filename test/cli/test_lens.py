@@ -98,6 +98,8 @@ def test_what_cannot_be_used_is_said(filmed, tmp_path, capsys):
     output = ["-o", str(tmp_path / "lens.yaml")]
     assert main(["lens", str(tmp_path / "gone.mp4"), "--board", str(board), *output]) == 1
     assert "no such file" in capsys.readouterr().err
+    assert main(["lens", str(video), "--board", str(board), "-o", str(tmp_path / "lens.png")]) == 1
+    assert "ends with .yaml" in capsys.readouterr().err
     plain = tmp_path / "plain"
     plain.mkdir()
     cv2.imwrite(str(plain / "a.png"), np.full((360, 480), 90, np.uint8))
