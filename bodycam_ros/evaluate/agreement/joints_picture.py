@@ -34,10 +34,9 @@ def draw_joints(solved: SolvedRecording, agreement: Agreement, path: Path) -> No
         figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
         FigureCanvasAgg(figure)
         panels = figure.subplots(4, _COLUMNS, sharex=True, squeeze=False)
-        turned = dict.fromkeys((*_UPPER, *_LOWER), False)
         for row, joints in enumerate((_UPPER, _LOWER)):
             for axes, joint in zip(panels[row], joints, strict=False):
-                turned[joint] = _draw_turned(axes, solved, agreement, joint)
+                _draw_turned(axes, solved, agreement, joint)
             for axes, joint in zip(panels[2 + row], (*joints, _ROOT)[:_COLUMNS], strict=False):
                 _draw_off(axes, solved, agreement, joint)
         panels[1][-1].axis("off")
@@ -51,8 +50,8 @@ def draw_joints(solved: SolvedRecording, agreement: Agreement, path: Path) -> No
         figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
-def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> bool:
-    """Angles of a kind of joint; whether there are any."""
+def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> None:
+    """Angles of a kind of joint."""
     errors = []
     for angle in agreement.angles:
         if JOINTS.get(kind_and_side(angle.segment)[0]) != joint:
@@ -63,7 +62,6 @@ def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, join
             *_curve(solved, agreement, np.degrees(angle.theirs_turned)), color=INK, linewidth=0.8, linestyle=_DASHED
         )
     _finish(axes, joint, np.array(errors), "°")
-    return bool(errors)
 
 
 def _draw_off(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> None:
