@@ -89,6 +89,8 @@ def agreement_lines(agreement: Agreement) -> list[str]:
 
 def _overall(agreement: Agreement) -> list[tuple[str, ...]]:
     rows = [("joint position [cm]", CM_PER_M * agreement.position_errors)]
+    if agreement.markers:
+        rows.append(("marker, place fitted [cm]", CM_PER_M * np.array([marker.errors for marker in agreement.markers])))
     if agreement.cameras and agreement.cameras != agreement.joints:
         rows.append(("camera centre [cm]", CM_PER_M * np.array([camera.errors for camera in agreement.cameras])))
     if agreement.angles:
@@ -111,7 +113,7 @@ def _fitted(agreement: Agreement) -> bool:
 
 def _points(agreement: Agreement) -> list[tuple[str, ...]]:
     rows = []
-    for point in (*agreement.joints, *(camera for camera in agreement.cameras if camera not in agreement.joints)):
+    for point in (*agreement.joints, *(point for point in agreement.points if point not in agreement.joints)):
         along = CM_PER_M * point.errors_along
         differences = [Spread.of(values) for values in along.T]
         rows.append(
