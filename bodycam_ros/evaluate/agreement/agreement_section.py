@@ -31,8 +31,12 @@ def agreement_section(agreement: Agreement, shows_cameras: bool) -> tuple[Block,
         Picture(WAYS, _ways_caption(shows_cameras)),
         Picture(
             JOINTS,
-            "By how much joints have turned since the first instant, ours and theirs, and how far joints are off "
-            "(after A figure 7).",
+            (
+                "By how much joints have turned since the first instant, ours and theirs, and how"
+                if agreement.angles
+                else "How"
+            )
+            + " far joints are off (after A figure 7).",
         ),
         Heading("Positions, per joint and direction"),
         Text(
