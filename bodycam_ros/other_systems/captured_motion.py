@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.solved.trajectory import interpolated
 
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
@@ -106,15 +106,6 @@ class CapturedMotion:
             poses = rigid(self.rotations[name], np.zeros(3))
             found[inside] = interpolated(self.stamps_ns, poses, stamps_ns[inside])[:, :3, :3]
         return found
-
-    def turning_at(self, name: str, seconds: Array) -> Array:
-        """How fast a bone turns (N,) [rad/s] at times (N,) since the first frame [s]."""
-        half = 0.5e-9 * self.frame_ns
-        before, after = self.rotations_at(name, seconds - half), self.rotations_at(name, seconds + half)
-        known = np.isfinite(before[:, 0, 0]) & np.isfinite(after[:, 0, 0])
-        speeds = np.full(len(seconds), np.nan)
-        speeds[known] = np.linalg.norm(log_so3(np.swapaxes(before[known], 1, 2) @ after[known]), axis=1) / (2.0 * half)
-        return speeds
 
     @cached_property
     def _curves(self) -> dict[str, tuple[Array, CubicSpline | None]]:

@@ -64,7 +64,7 @@ class Place:
 
 
 def known_link(
-    name: str, links: Collection[str], joints: Mapping[str, str], others: Collection[str]
+    name: str, links: Collection[str], joints: Mapping[str, str], turns: bool, others: Collection[str]
 ) -> tuple[str, bool] | None:
     """The link that a name means, and whether it is its origin; None of names that nobody knows.
 
@@ -72,11 +72,15 @@ def known_link(
         name: in the file.
         links: of the solved body.
         joints: our joint -> the segment that hangs on it.
+        turns: the file knows how it turns: so it may be a camera, where a marker of the same name is none.
         others: all names in the file: who has both a shoulder and an arm means the collar bone by the first.
     """
-    for link in (joints.get(name, name), optical_frame(name)):
-        if link in links:
-            return link, True
+    if (link := joints.get(name, name)) in links:
+        return link, True
+    if turns and (camera := optical_frame(name)) in links:
+        return camera, True
+    if on := [link for link in links if name.startswith(f"{link}_")]:
+        return max(on, key=len), False
     word = _plain(name)
     if word in {w for words in _CENTRAL.values() for w in words.split()}:
         for kind, words in _CENTRAL.items():

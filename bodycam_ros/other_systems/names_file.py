@@ -38,7 +38,7 @@ def places_of(
     """
     found: dict[str, Place] = {}
     for name in captured.points:
-        if (known := known_link(name, links, joints, captured.points)) is not None:
+        if (known := known_link(name, links, joints, name in captured.rotations, captured.points)) is not None:
             link, is_centre = known
             found[name] = Place(link, np.zeros(3) if is_centre else None)
     if names is not None:

@@ -121,6 +121,16 @@ def test_what_is_damaged_is_named(tmp_path: Path, name: str, content: str, told:
     assert str(tmp_path / name) in str(caught.value)
 
 
+def test_a_c3d_that_ends_its_library_is_named(walk: Walk, tmp_path: Path) -> None:
+    """One byte of the parameters: ezc3d 1.7.2 follows it out of its memory."""
+    path = write_c3d(tmp_path / "walk.c3d", 30.0, {"a": np.ones((10, 3)), "b": np.ones((10, 3))})
+    content = bytearray(path.read_bytes())
+    content[525] = 0xFF
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"walk\.c3d: cannot be read as C3D: "):
+        read_captured(path)
+
+
 def test_what_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="does not exist"):
         read_captured(tmp_path / "a.trc")

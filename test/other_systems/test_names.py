@@ -1,5 +1,6 @@
 """What other systems call joints and markers, and what a user's table says instead."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,9 @@ def captured(*names: str) -> CapturedMotion:
     return CapturedMotion(Path("other.trc"), "TRC", np.arange(2), dict.fromkeys(names, points))
 
 
-def found(*names: str, table: Path | None = None) -> dict[str, tuple[str, bool]]:
-    places = places_of(captured(*names), [*LINKS, "waist_optical_frame"], JOINTS, table)
+def found(*names: str, table: Path | None = None, turning: str = "") -> dict[str, tuple[str, bool]]:
+    motion = replace(captured(*names), rotations={turning: np.tile(np.eye(3), (2, 1, 1))})
+    places = places_of(motion, [*LINKS, "waist_optical_frame"], JOINTS, table)
     return {name: (place.link, place.is_fitted) for name, place in places.items()}
 
 
@@ -77,10 +79,12 @@ def test_a_shoulder_beside_an_arm_is_the_collar_bone() -> None:
 
 
 def test_our_own_names_are_exact_and_cameras_are_known() -> None:
-    assert found("spine", "pelvis", "hip_left", "waist") == {
+    assert found("waist", "pelvis") == {"pelvis": ("pelvis", False)}  # a marker that is named as a camera is
+    assert found("spine", "pelvis", "hip_left", "thigh_left_front", "waist", turning="waist") == {
         "spine": ("torso", False),
         "pelvis": ("pelvis", False),
         "hip_left": ("thigh_left", False),
+        "thigh_left_front": ("thigh_left", True),
         "waist": ("waist_optical_frame", False),
     }
 

@@ -109,8 +109,14 @@ class Agreement:
 
     @property
     def joints(self) -> tuple[PointAgreement, ...]:
-        """Points that are no cameras; all if there are only cameras."""
-        return tuple(point for point in self.points if not point.is_camera) or self.points
+        """Centres of joints, of which constant errors show, too; without any, markers, and without these cameras."""
+        body = tuple(point for point in self.points if not point.is_camera)
+        return tuple(point for point in body if not point.is_fitted) or body or self.points
+
+    @property
+    def markers(self) -> tuple[PointAgreement, ...]:
+        """Points whose place on the body was fitted, beside joints whose place is known."""
+        return tuple(point for point in self.points if point.is_fitted and point not in self.joints)
 
     @property
     def cameras(self) -> tuple[PointAgreement, ...]:

@@ -31,8 +31,12 @@ def agreement_section(agreement: Agreement, shows_cameras: bool) -> tuple[Block,
         Picture(WAYS, _ways_caption(shows_cameras)),
         Picture(
             JOINTS,
-            "By how much joints have turned since the first instant, ours and theirs, and how far joints are off "
-            "(after A figure 7).",
+            (
+                "By how much joints have turned since the first instant, ours and theirs, and how"
+                if agreement.angles
+                else "How"
+            )
+            + " far joints are off (after A figure 7).",
         ),
         Heading("Positions, per joint and direction"),
         Text(
@@ -89,6 +93,8 @@ def agreement_lines(agreement: Agreement) -> list[str]:
 
 def _overall(agreement: Agreement) -> list[tuple[str, ...]]:
     rows = [("joint position [cm]", CM_PER_M * agreement.position_errors)]
+    if agreement.markers:
+        rows.append(("marker, place fitted [cm]", CM_PER_M * np.array([marker.errors for marker in agreement.markers])))
     if agreement.cameras and agreement.cameras != agreement.joints:
         rows.append(("camera centre [cm]", CM_PER_M * np.array([camera.errors for camera in agreement.cameras])))
     if agreement.angles:
@@ -111,7 +117,7 @@ def _fitted(agreement: Agreement) -> bool:
 
 def _points(agreement: Agreement) -> list[tuple[str, ...]]:
     rows = []
-    for point in (*agreement.joints, *(camera for camera in agreement.cameras if camera not in agreement.joints)):
+    for point in (*agreement.joints, *(point for point in agreement.points if point not in agreement.joints)):
         along = CM_PER_M * point.errors_along
         differences = [Spread.of(values) for values in along.T]
         rows.append(

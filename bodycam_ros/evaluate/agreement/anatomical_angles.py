@@ -30,8 +30,6 @@ JOINTS: Mapping[str, str] = {
 }
 """Kind of segment -> the joint that it hangs on."""
 
-UPPER_BODY = ("spine", "neck", "shoulder", "elbow", "wrist")
-
 
 def kind_and_side(segment: str) -> tuple[str, str]:
     """``thigh_left`` -> thigh, left; of what has no side the side is empty."""
@@ -45,11 +43,6 @@ def joint_name(segment: str) -> str:
     """``thigh_left`` -> hip left; of a segment that nobody knows its own name."""
     kind, side = kind_and_side(segment)
     return f"{JOINTS.get(kind, kind.replace('_', ' '))} {side}".strip()
-
-
-def is_of_upper_body(segment: str) -> bool:
-    """Whether the joint that a segment hangs on is above the pelvis."""
-    return JOINTS.get(kind_and_side(segment)[0]) in UPPER_BODY
 
 
 def meaning(segment: str) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
 _UPPER, _LOWER = ("spine", "neck", "shoulder", "elbow"), ("hip", "knee", "ankle")
 _ROOT = "pelvis"
 _COLUMNS = 4
-_SIZE_INCHES = (16.0, 10.0)
+_WIDTH_INCHES, _ROW_INCHES, _KEY_INCHES = 16.0, 2.5, 0.3
 _DOTS_PER_INCH = 110
 _DASHED = (0, (3, 2))
 
@@ -30,29 +30,38 @@ def draw_joints(solved: SolvedRecording, agreement: Agreement, path: Path) -> No
     Raises:
         OSError: the file cannot be written.
     """
+    has_angles = bool(agreement.angles)
+    count = 4 if has_angles else 2
     with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
+        height = _ROW_INCHES * count
+        figure = Figure(figsize=(_WIDTH_INCHES, height + _KEY_INCHES), facecolor="white")
         FigureCanvasAgg(figure)
-        panels = figure.subplots(4, _COLUMNS, sharex=True, squeeze=False)
-        turned = dict.fromkeys((*_UPPER, *_LOWER), False)
+        panels = figure.subplots(count, _COLUMNS, sharex=True, squeeze=False)
+        off = panels[count - 2 :]
         for row, joints in enumerate((_UPPER, _LOWER)):
-            for axes, joint in zip(panels[row], joints, strict=False):
-                turned[joint] = _draw_turned(axes, solved, agreement, joint)
-            for axes, joint in zip(panels[2 + row], (*joints, _ROOT)[:_COLUMNS], strict=False):
+            if has_angles:
+                for axes, joint in zip(panels[row], joints, strict=False):
+                    _draw_turned(axes, solved, agreement, joint)
+                panels[row][0].set_ylabel("turned [°]")
+            for axes, joint in zip(off[row], (*joints, _ROOT)[:_COLUMNS], strict=False):
                 _draw_off(axes, solved, agreement, joint)
-        panels[1][-1].axis("off")
-        panels[1][-1].legend(handles=_key(agreement), loc="center left", fontsize=9.0)
-        for row, what in enumerate(("turned [°]", "turned [°]", "off [cm]", "off [cm]")):
-            panels[row][0].set_ylabel(what)
+            off[row][0].set_ylabel("off [cm]")
+        if has_angles:
+            panels[1][-1].axis("off")
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")
+        handles = _key(agreement, has_angles)
+        figure.legend(handles=handles, loc="lower center", ncols=len(handles))
         figure.align_ylabels()
-        figure.subplots_adjust(left=0.05, right=0.985, bottom=0.055, top=0.96, wspace=0.16, hspace=0.34)
+        figure.subplots_adjust(
+            left=0.05, right=0.985, bottom=(0.5 + _KEY_INCHES) / (height + _KEY_INCHES), top=1.0 - 0.4 / height,
+            wspace=0.16, hspace=0.34,
+        )  # fmt: skip
         figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
-def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> bool:
-    """Angles of a kind of joint; whether there are any."""
+def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> None:
+    """Angles of a kind of joint."""
     errors = []
     for angle in agreement.angles:
         if JOINTS.get(kind_and_side(angle.segment)[0]) != joint:
@@ -63,7 +72,6 @@ def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, join
             *_curve(solved, agreement, np.degrees(angle.theirs_turned)), color=INK, linewidth=0.8, linestyle=_DASHED
         )
     _finish(axes, joint, np.array(errors), "°")
-    return bool(errors)
 
 
 def _draw_off(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: str) -> None:
@@ -96,6 +104,7 @@ def _curve(solved: SolvedRecording, agreement: Agreement, values: Array) -> tupl
     return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan)
 
 
-def _key(agreement: Agreement) -> list[Line2D]:
+def _key(agreement: Agreement, has_angles: bool) -> list[Line2D]:
     lines = [Line2D([], [], color=c, label=name) for name, c in (("left", LEFT), ("right", RIGHT), ("trunk", CENTRE))]
-    return [*lines, Line2D([], [], color=INK, linewidth=0.9, linestyle=_DASHED, label=agreement.name)]
+    theirs = Line2D([], [], color=INK, linewidth=0.9, linestyle=_DASHED, label=agreement.name)
+    return [*lines, theirs] if has_angles else lines

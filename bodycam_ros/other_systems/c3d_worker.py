@@ -1,0 +1,33 @@
+"""Reads a C3D in a process of its own, and writes what is in it to its output: a damaged file ends or stops ezc3d.
+
+Run as a program, with the path and the bytes of memory that it may take.
+"""
+
+import resource
+import sys
+
+
+def main() -> None:
+    """Write the places (N, K, 3) of markers, their labels, rate, unit and vertical as an npz."""
+    import ezc3d
+    import numpy as np
+
+    path, most_bytes = sys.argv[1], int(sys.argv[2])
+    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+    file = ezc3d.c3d(path)
+    parameters = file["parameters"]["POINT"]
+    # Names of the markers; those beyond the 255th are in LABELS2 and so on.
+    keys = sorted((key for key in parameters if key.startswith("LABELS")), key=lambda key: int(key[6:] or "1"))
+    labels = [str(label).strip() for key in keys for label in parameters[key]["value"]]
+    np.savez(
+        sys.stdout.buffer,
+        places=np.asarray(file["data"]["points"], np.float64)[:3].transpose(1, 2, 0),
+        labels=np.array(labels, dtype=np.str_),
+        rate=float(parameters["RATE"]["value"][0]),
+        unit=str((parameters.get("UNITS", {}).get("value") or ["mm"])[0]).strip().lower(),
+        up=str((parameters.get("Y_SCREEN", {}).get("value") or ["+Z"])[0]).strip().upper(),
+    )
+
+
+if __name__ == "__main__":
+    main()
