@@ -33,7 +33,7 @@ WIDTH, HEIGHT = 1280, 720
 """Of the video from outside [px]."""
 
 _SHARP_PX = 720  # a camera's picture that is less high is magnified
-_OVER_IMAGE = 0.6  # opacity: what the camera saw of the limbs stays to be compared with
+_OVER_IMAGE = 0.5  # opacity: what the camera saw of the limbs stays to be compared with
 _UNHURRIED_S = 0.7  # the view from outside follows the body's way, not each step
 
 

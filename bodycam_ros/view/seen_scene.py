@@ -7,7 +7,7 @@ from bodycam_ros.drawing.overlay import GOOD
 from bodycam_ros.geometry import Array
 from bodycam_ros.view.scene_nodes import WORLD, rgb
 
-_POINT_M = 0.045
+_POINT_M = 0.03
 
 
 class SeenScene:

@@ -59,7 +59,7 @@ def band_rows(bands: Mapping[str, tuple[Array, NDArray[np.int8]]], duration_s: f
     rows = "".join(_band_row(camera, *band, duration_s) for camera, band in bands.items())
     seen = sorted({int(sight) for _, sights in bands.values() for sight in np.unique(sights)})
     known = (
-        f'<span style="color:{SIGHT_COLOURS[CameraSight(sight)]}">&#9632;</span> {CameraSight(sight).label}&ensp;'
+        f'<span style="color:{SIGHT_COLOURS[CameraSight(sight)]}">&#9632;</span> {CameraSight(sight).label}&#8194;'
         for sight in seen
     )
     legend = f'<div style="font-size:0.7em">{"".join(known)}</div>'
@@ -102,7 +102,7 @@ def _curve_row(name: str, curves: Sequence[Curve], duration_s: float) -> str:
         f'<svg viewBox="0 0 {_WIDE:g} {_CURVE_PX}" preserveAspectRatio="none" style="display:block;width:100%;'
         f'height:{_CURVE_PX}px;background:{FAINT}55">{"".join(lines)}</svg>'
     )
-    scale_of = f'<div style="color:{QUIET}">{low:.0f} to {high:.0f}&deg;</div>'
+    scale_of = f'<div style="color:{QUIET}">{low:.0f} to {high:.0f}°</div>'
     return _row(f"{escape(name)}{scale_of}", drawn, _CURVE_PX)
 
 

@@ -22,6 +22,7 @@ from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.view.scene import Scene
 from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
+from bodycam_ros.view.seen_scene import SeenScene
 from bodycam_ros.view.skeleton_scene import limbs_of
 
 KNEE = Part("joint", "knee_left")
@@ -198,3 +199,16 @@ def test_names_are_shown_with_what_they_name(server: LocalServer, scene: Scene, 
     scene.reshape(longer)
     knee = next(joint for joint in longer.joints if joint.name == "knee_left")
     assert_allclose(joint.position, knee.parent_T_joint[:3, 3], atol=FLOAT32)
+
+
+def test_landmarks_that_a_camera_sees_are_shown_while_it_sees_them(server: LocalServer) -> None:
+    seen = SeenScene(server.scene)
+    seen.show(None)
+    assert server.scene.get_handle_by_name("/world/seen") is None
+    for points in (np.array([[1.0, 2.0, 3.0]]), np.arange(6.0).reshape(2, 3)):
+        seen.show(points)
+        cloud = server.scene.get_handle_by_name("/world/seen")
+        assert cloud is not None and cloud.visible
+        assert_allclose(cloud.points, points)  # type: ignore[attr-defined]
+    seen.show(np.zeros((0, 3)))
+    assert not cloud.visible
