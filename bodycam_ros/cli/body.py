@@ -17,6 +17,7 @@ from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_fla
 from bodycam_ros.cli.shown_shares import shown_shares
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.terminal import Terminal
 
 
@@ -41,6 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
     add_settings_flags(parser, CalibrationSettings)
+    add_settings_flags(parser, MeasureSettings)
     parser.set_defaults(run=run)
 
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.pipeline_flags import pipeline_settings
 from bodycam_ros.cli.settings_flags import settings_from_flags
 from bodycam_ros.cli.shown_shares import shown_shares
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_file(output, arguments.force, b"segments:", "body file")
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
+    settings = settings_from_flags(arguments, MeasureSettings, arguments.config)
     begun = _begun(arguments, name)
     with shown_shares() as show:
         measured = measure_body(

@@ -7,6 +7,7 @@ from pathlib import Path
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
 from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 
@@ -45,7 +46,7 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
 
 def known_groups() -> set[str]:
     """Groups of settings that a file may have: one serves every command that works on a recording."""
-    groups = (PipelineSettings, CalibrationSettings, SoundSettings, StationsSettings)
+    groups = (PipelineSettings, CalibrationSettings, SoundSettings, MeasureSettings, StationsSettings)
     return {name for settings in groups for name in settings.groups()}
 
 

@@ -8,6 +8,7 @@ import yaml
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import describe
@@ -35,7 +36,7 @@ def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
     lines = ["/**:", "  ros__parameters:"]
     groups = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
-    groups |= StationsSettings.groups()
+    groups |= MeasureSettings.groups() | StationsSettings.groups()
     for group, settings_type in groups.items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):

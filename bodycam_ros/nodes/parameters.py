@@ -15,6 +15,7 @@ from bodycam_ros.errors import SettingsError
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.nodes.common_parameters import CommonParameters
 from bodycam_ros.nodes.region_parameters import RegionTrackerParameters
+from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
@@ -210,7 +211,7 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
             grouped[group][setting_name] = value
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
     # One file serves all commands; no node listens to sound, or finds out where static cameras stand.
-    for of_commands in (SoundSettings, StationsSettings):
+    for of_commands in (SoundSettings, MeasureSettings, StationsSettings):
         own = of_commands.groups().keys() - PipelineSettings.groups().keys()
         of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, _SOURCE)
     pipeline = PipelineSettings.from_mapping(grouped, _SOURCE)
