@@ -143,14 +143,14 @@ def _report(measured: "MeasuredBody") -> dict[str, object]:
 
 def _print(measured: "MeasuredBody") -> None:
     terminal = Terminal()
-    lengths = Table(title="lengths", caption="of each joint from its parent's; those not told are what was begun with")
+    lengths = Table(title="lengths", caption="from joint to joint; those not told are about what was begun with")
     lengths.add_column("joint", no_wrap=True)
     lengths.add_column("along")
     for column in ("begun [mm]", "found [mm]", "sigma [mm]"):
         lengths.add_column(column, justify="right")
     lengths.add_column("told")
     for each in measured.lengths:
-        figures = (f"{_MM_PER_M * value:.0f}" for value in (each.begun, each.found))
+        figures = (f"{_MM_PER_M * abs(value):.0f}" for value in (each.begun, each.found))
         sigma = f"{_MM_PER_M * each.sigma:.1f}"
         lengths.add_row(each.name, each.axis, *figures, sigma, _told(each.told), style=None if each.told else "yellow")
     terminal.print(lengths)
