@@ -1,8 +1,10 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    all tests, the live graph on ROS 2's wheels included
+#   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff and mypy
+#   make docs    the pages of docs/ as a site: out/site/index.html
 #   make bench   milliseconds per frame of every stage
 #   make latency how long a joint state takes from its images in the live graph; bench ends with it
 #   make endure  the same, and the solver over 10 minutes: does it keep its pace?
@@ -12,23 +14,31 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := out/demo
+READERS := .venv-readers
 
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test faults lint bench latency endure clean
+.PHONY: demo test readers faults lint docs bench latency endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
 	mkdir -p $(dir $(DEMO))
+	@echo "1. a body of a range of motion: pelvis, left leg and right thigh, by the 4 cameras that bags/rom carries"
 	$(BIN)/bodycam body bags/rom/bag --map bags/map --rig bags/rom/rig.yaml -o $(dir $(DEMO))legs.yaml --force
+	@echo "2. a walk with 16 cameras, solved with bags/body.yaml: that body has all the segments that they are on"
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
+	@echo "3. how good is it?"
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
+	@echo "look at $(DEMO)_report/summary.png first, then at $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
+
+readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
+	$(BIN)/python -m pytest test/export/test_readers.py
 
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults
@@ -37,6 +47,9 @@ lint: $(VENV)/test.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs.stamp
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
@@ -49,7 +62,7 @@ endure: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10
 
 clean:
-	rm -rf $(VENV) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:
@@ -71,9 +84,27 @@ $(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt
 	$(PIP_INSTALL) -r requirements-test.txt
 	@touch $@
 
+# The site needs nothing of ours.
+$(VENV)/docs.stamp: $(VENV)/python.stamp requirements-docs.txt constraints.txt
+	$(PIP_INSTALL) -r requirements-docs.txt
+	@touch $@
+
 $(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
 	$(PIP_INSTALL) -r requirements-ros.txt
 	VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs
+	@touch $@
+
+# Not a part of .venv: Blender's numpy is another, and both are larger than all the rest.
+$(READERS)/blender.stamp: $(VENV)/python.stamp requirements-blender.txt
+	rm -rf $(READERS)/blender
+	$(BIN)/python -m venv $(READERS)/blender
+	$(READERS)/blender/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-blender.txt
+	@touch $@
+
+$(READERS)/others.stamp: $(VENV)/python.stamp requirements-readers.txt constraints.txt
+	rm -rf $(READERS)/others
+	$(BIN)/python -m venv $(READERS)/others
+	$(READERS)/others/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-readers.txt
 	@touch $@

@@ -83,12 +83,13 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", glob("config/*.yaml") + glob("config/*.xml")),
+        (f"share/{NAME}/config", [f for kind in ("yaml", "xml", "rviz", "json") for f in glob(f"config/*.{kind}")]),
         (f"share/{NAME}/config/equipment", glob("config/equipment/*.yaml")),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=[
         "av>=17.1",
+        "ezc3d>=1.7",
         "gtsam>=4.3",
         "matplotlib>=3.6",
         "numba>=0.68",
@@ -103,7 +104,7 @@ setup(
         "trimesh>=5",
         "viser>=1.1",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "robot": ["pin>=3", "pin-pink>=3", "daqp"]},
     zip_safe=False,
     cmdclass={"install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
     entry_points={
@@ -113,6 +114,7 @@ setup(
             "region_tracker = bodycam_ros.nodes.start:region_tracker",
             "registration = bodycam_ros.nodes.start:registration",
             "skeleton_solver = bodycam_ros.nodes.start:skeleton_solver",
+            "retarget = bodycam_ros.nodes.start:retarget",
             "player = bodycam_ros.nodes.start:player",
         ],
     },

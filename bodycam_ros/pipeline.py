@@ -92,10 +92,7 @@ class PipelineSettings(SettingsGroups):
 
 
 def landmark_tracker(
-    camera: CameraModel,
-    reference_map: ReferenceMap | None,
-    settings: PipelineSettings,
-    readout: Readout | None = None,
+    camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
 ) -> LandmarkTracker:
     """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
     features = FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
@@ -132,6 +129,7 @@ class SkeletonPipeline:
         on_together: told the share that is done while all instants are solved together.
         onlookers: static cameras around the body.
         stations: their names.
+        placed: whether somebody has placed the body for them; else, live, nobody waits for them before it is solved.
 
     Attributes:
         body: with the equipment, if any.
@@ -154,6 +152,7 @@ class SkeletonPipeline:
         on_together: Callable[[float], None] = lambda share: None,
         onlookers: Onlookers | None = None,
         stations: Collection[str] = (),
+        placed: bool = False,
     ) -> None:
         if live:
             settings.smoother.check_live()
@@ -163,8 +162,10 @@ class SkeletonPipeline:
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._onlookers, self._waits_for_worn = onlookers, bool(on_body)
-        self._images: deque[CameraImage] = deque()
-        self.assembler = FrameAssembler([*on_body, *stations], settings.assembler, live)
+        self._from_stations: deque[CameraImage | SaidSegments] = deque()
+        self._untold = [*stations] if live and on_body and not placed else []
+        awaited = on_body if self._untold else [*on_body, *stations]
+        self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
         self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
@@ -215,9 +216,9 @@ class SkeletonPipeline:
         return self._smoother.refusals.counts
 
     @property
-    def now(self) -> BodyNow | None:
-        """The body at the latest instant, for those who cannot wait for its state; None before the first."""
-        return self._smoother.now
+    def lately(self) -> list[BodyNow]:
+        """The body at the latest two instants, oldest first, for those who cannot wait for its states."""
+        return self._smoother.lately
 
     @property
     def doubted(self) -> Mapping[str, Refusal]:
@@ -241,15 +242,16 @@ class SkeletonPipeline:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._assemble(self.instants.add(matches))
 
-    def add_image(self, image: CameraImage) -> list[BodyOutput]:
-        """As ``add``, of a static camera; its image waits for what worn ones say, but no longer than clocks take."""
-        self._images.append(image)
-        longest_s = self._settings.clock.lookahead + 2.0 * self._settings.assembler.max_wait
-        return self._release(image.stamp_ns - round(1e9 * longest_s) if self._waits_for_worn else image.stamp_ns)
+    def add_static(self, seen: CameraImage | SaidSegments) -> list[BodyOutput]:
+        """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
+        self._from_stations.append(seen)
+        longest_s = 2.0 * self._settings.assembler.max_wait + (0.0 if self._live else self._settings.clock.lookahead)
+        return self._release(seen.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
 
-    def add_said(self, said: SaidSegments) -> list[BodyOutput]:
-        """Add what a static camera says live; return what is ready to be published, in order of time."""
-        return self._solve(self.assembler.add(said))
+    @property
+    def _holds_stations(self) -> bool:
+        """Whether static cameras wait for worn ones; live only while these speak, but go no further."""
+        return self.instants.watch.is_listening if self._live else self._waits_for_worn
 
     def look(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
@@ -257,8 +259,7 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        outputs = self._assemble(self.instants.flush())
-        outputs += self._release(self._images[-1].stamp_ns) if self._images else []
+        outputs = self._assemble(self.instants.flush()) + self._release(None)
         return outputs + self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
 
     def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
@@ -267,13 +268,13 @@ class SkeletonPipeline:
             if matches.camera not in self.instants.watch.strangers:
                 outputs += self._release(matches.stamp_ns)
             outputs += self._solve(self.assembler.add(matches))
-        return outputs
+        return outputs if self._holds_stations else outputs + self._release(None)
 
-    def _release(self, until_ns: int) -> list[BodyOutput]:
-        """Let images of static cameras go on, up to a stamp [ns]."""
+    def _release(self, until_ns: int | None) -> list[BodyOutput]:
+        """Let what is from static cameras go on, up to a stamp [ns]; None: all."""
         outputs = []
-        while self._images and self._images[0].stamp_ns <= until_ns:
-            outputs += self._solve(self.assembler.add(self._images.popleft()))
+        while self._from_stations and (until_ns is None or self._from_stations[0].stamp_ns <= until_ns):
+            outputs += self._solve(self.assembler.add(self._from_stations.popleft()))
         return outputs
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
@@ -284,6 +285,8 @@ class SkeletonPipeline:
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))
+            while self._untold and len(self._smoother.lately) > 1:
+                self.assembler.join(self._untold.pop(), self._settings.assembler.first_wait)
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:

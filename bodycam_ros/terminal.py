@@ -7,7 +7,9 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.logging import RichHandler
 from rich.segment import Segment
+from rich.table import Table
 
+from bodycam_ros.narrow_table import fitted
 from bodycam_ros.shown import printable
 
 
@@ -19,6 +21,10 @@ class Terminal(Console):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"markup": False, "highlight": False, "emoji": False, **options})
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print; tables that are wider than the terminal give way where they can."""
+        super().print(*(fitted(each, self) if isinstance(each, Table) else each for each in objects), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Text, style and control codes of a renderable."""

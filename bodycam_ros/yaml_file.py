@@ -43,8 +43,8 @@ def read_yaml(path: Path | str, what: str, error_type: type[BodycamError]) -> An
         raise error_type(f"{path}: {error}") from error
 
 
-def read_text(path: Path | str, what: str, error_type: type[BodycamError]) -> str:
-    """The text of a regular file of at most ``MOST_BYTES``.
+def read_text(path: Path | str, what: str, error_type: type[BodycamError], most_bytes: int = MOST_BYTES) -> str:
+    """The text of a regular file of at most ``most_bytes``.
 
     Raises:
         BodycamError: of ``error_type``; the message names the file.
@@ -55,11 +55,11 @@ def read_text(path: Path | str, what: str, error_type: type[BodycamError]) -> st
         with open(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 raise error_type(f"{path}: cannot read this {what}: it is a folder, pipe or device, not a file")
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(most_bytes + 1)
     except (OSError, ValueError) as error:  # ValueError: a name with a null character
         raise error_type(f"{path}: cannot read this {what}: {getattr(error, 'strerror', None) or error}") from error
-    if len(content) > MOST_BYTES:
-        raise error_type(f"{path}: cannot read this {what}: it has more than {MOST_BYTES // 1_000_000} MB")
+    if len(content) > most_bytes:
+        raise error_type(f"{path}: cannot read this {what}: it has more than {most_bytes // 1_000_000} MB")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

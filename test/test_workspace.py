@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parent.parent
-NOT_CLONED = (".git", ".venv", ".*_cache", "__pycache__", "*.egg-info", "build", "install", "log", "out", "bags")
+NOT_CLONED = (".git", ".venv*", ".*_cache", "__pycache__", "*.egg-info", "build", "install", "log", "out", "bags")
 _BUILD_S, _SOON_S = 300.0, 60.0
 
 LOOK = """
@@ -22,7 +22,8 @@ sent = FeatureTracks(keyframe=True)
 assert deserialize_message(serialize_message(sent), FeatureTracks) == sent
 print(bodycam_msgs.__file__, bodycam_ros.__file__, get_package_prefix("bodycam_msgs"), sep="\\n")
 print(get_package_share_directory("bodycam_ros") + "/launch/bodycam.launch.py")
-from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
+from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 assert [read_equipment(name).name for name in supplied_equipment()] == list(supplied_equipment())
 print(get_package_share_directory("bodycam_ros") + "/config/equipment/bicycle.yaml")
 print(equipment_path("bicycle"))

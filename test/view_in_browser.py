@@ -19,7 +19,7 @@ from playwright.sync_api import Locator, Page, sync_playwright
 
 REPOSITORY = Path(__file__).parent.parent
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
-WINDOW = (1000, 700)
+WINDOW = (1330, 700)
 
 _FLAGS = (
     # WebGL without a graphics card

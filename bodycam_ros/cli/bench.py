@@ -4,22 +4,20 @@ import argparse
 import tempfile
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import Progress
 from rich.table import Table
 
-from bodycam_ros.body.body_file import read_body
-from bodycam_ros.cli.bench_solver import bench_solver
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings
-from bodycam_ros.evaluate.endurance import Endurance, endure
-from bodycam_ros.evaluate.map_size_timing import MapSizeTiming, time_map_sizes
-from bodycam_ros.evaluate.stage_timing import StageTiming, time_stages
-from bodycam_ros.evaluate.station_timing import time_stations
-from bodycam_ros.pipeline import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.replay.replay import replay
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
+
+if TYPE_CHECKING:
+    from bodycam_ros.evaluate.endurance import Endurance
+    from bodycam_ros.evaluate.map_size_timing import MapSizeTiming
+    from bodycam_ros.evaluate.stage_timing import StageTiming
+    from bodycam_ros.pipeline import PipelineSettings
 
 _DESIGN_SOLVE_MS = 8.0
 """What the design measured for 13 segments and 16 cameras on one core of its machine."""
@@ -27,7 +25,7 @@ _DESIGN_SOLVE_MS = 8.0
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("bench", help="time every stage on a recording", description=__doc__)
+    parser = subparsers.add_parser("bench", description=__doc__)
     add_pipeline_flags(parser)
     parser.add_argument(
         "--minutes",
@@ -49,6 +47,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.body.body_file import read_body
+    from bodycam_ros.cli.bench_solver import bench_solver
+    from bodycam_ros.evaluate.map_size_timing import time_map_sizes
+    from bodycam_ros.evaluate.stage_timing import time_stages
+    from bodycam_ros.evaluate.station_timing import time_stations
+    from bodycam_ros.replay.replay import replay
+
     _check_flags(parser, arguments)
     settings = pipeline_settings(arguments)
     if arguments.solver:
@@ -109,8 +114,12 @@ def _check_flags(parser: argparse.ArgumentParser, arguments: argparse.Namespace)
 
 
 def _endurance(
-    arguments: argparse.Namespace, timing: StageTiming, settings: PipelineSettings, progress: Progress
-) -> Endurance:
+    arguments: argparse.Namespace, timing: "StageTiming", settings: "PipelineSettings", progress: Progress
+) -> "Endurance":
+    from bodycam_ros.body.body_file import read_body
+    from bodycam_ros.evaluate.endurance import endure
+    from bodycam_ros.recording.bag_reader import open_recording
+
     task = progress.add_task(f"solver, {arguments.minutes:g} min", total=None)
     with open_recording(arguments.recording) as recording:
         cameras = {camera: recording.camera_model(camera) for camera in recording.cameras}
@@ -124,7 +133,7 @@ def _endurance(
     )
 
 
-def _table(timing: StageTiming) -> Table:
+def _table(timing: "StageTiming") -> Table:
     table = Table("stage", "ms per image", "ms per call", "calls")
     for stage, seconds in timing.seconds.items():
         calls = timing.keyframes if stage == "describe" else timing.images
@@ -135,7 +144,7 @@ def _table(timing: StageTiming) -> Table:
     return table
 
 
-def _size_table(sizes: list[MapSizeTiming]) -> Table:
+def _size_table(sizes: "list[MapSizeTiming]") -> Table:
     table = Table("landmarks of a map", *(f"{size.landmarks:,}" for size in sizes), title="ms per image, lost or not")
     rows = {
         "found by photographs": [f"{size.direct_ms:.2f}" if size.direct_ms is not None else "-" for size in sizes],

@@ -6,26 +6,24 @@ With --stations static cameras measure a person who wears none: lengths and girt
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.cli import body_outside
 from bodycam_ros.cli.body_outside import check_suffix
 from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
-from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_shares import shown_shares
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.terminal import Terminal
+
+if TYPE_CHECKING:
+    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
-        "body", help="estimate skeleton and camera mounts from a range of motion", description=__doc__
-    )
+    parser = subparsers.add_parser("body", description=__doc__)
     add_recording_flags(parser, map_is_optional=True)
     parser.add_argument("--rig", type=Path, help="YAML: camera -> segment that it is strapped to, segment -> parent")
     body_outside.add_flags(parser)
@@ -41,8 +39,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="where the person faces in the N-pose, about the map's z from its x (default: by hips and shoulders)",
     )
     parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
-    add_settings_flags(parser, CalibrationSettings)
-    add_settings_flags(parser, MeasureSettings)
+    offer_settings(parser, _settings)
+    offer_settings(parser, body_outside.measure_settings)
     parser.set_defaults(run=run)
 
 
@@ -56,8 +54,11 @@ def run(arguments: argparse.Namespace) -> int:
             "a body is measured by worn cameras, with --map and --rig, or by static ones, with --stations, --start and "
             "--from or --height"
         )
+    import numpy as np
+
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
+    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
     from bodycam_ros.calibration.report.html_report import write_html_report
     from bodycam_ros.calibration.report.report_tables import body_report
     from bodycam_ros.calibration.report.terminal_report import print_report
@@ -88,6 +89,12 @@ def run(arguments: argparse.Namespace) -> int:
     print_report(calibrated.diagnosis)
     Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
     return 0
+
+
+def _settings() -> "type[CalibrationSettings]":
+    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+
+    return CalibrationSettings
 
 
 def _degrees(text: str) -> float:

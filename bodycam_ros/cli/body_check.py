@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.equipment.equipment_yaml import supplied_equipment
+from bodycam_ros.equipment.supplied_equipment import supplied_equipment
 
 _DESCRIPTION = """
 Before anything is recorded: how many ways there are for body and equipment to move while all that is held stays held,
@@ -16,7 +16,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser(
         "body check",
-        help="count what a body can do with its equipment, name what contradicts",
         description=_DESCRIPTION,
         epilog=_EXIT_CODES,
     )

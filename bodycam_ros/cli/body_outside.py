@@ -12,12 +12,12 @@ from bodycam_ros.cli.settings_flags import settings_from_flags
 from bodycam_ros.cli.shown_shares import shown_shares
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.outside.body_from_outside import MeasuredBody
+    from bodycam_ros.outside.shape_settings import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
 _MM_PER_M = 1000.0
@@ -45,6 +45,13 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     begun.add_argument(
         "--height", type=float, metavar="METRES", help="with --stations: begin with people of this height"
     )
+
+
+def measure_settings() -> "type[MeasureSettings]":
+    """Groups of settings beside those of all stages."""
+    from bodycam_ros.outside.shape_settings import MeasureSettings
+
+    return MeasureSettings
 
 
 def refuse_flags(arguments: argparse.Namespace) -> None:
@@ -85,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_file(output, arguments.force, b"segments:", "body file")
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, MeasureSettings, arguments.config)
+    settings = settings_from_flags(arguments, measure_settings(), arguments.config)
     begun = _begun(arguments, name)
     with shown_shares() as show:
         measured = measure_body(

@@ -1,33 +1,114 @@
-"""bodycam export: what was solved, or a body, in the format of another program."""
+"""bodycam export: what was solved, or a body, in the format of another program.
+
+Several recordings are written into a folder, a file each.
+"""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bodycam_ros.export.formats import FORMATS, export
+from bodycam_ros.cli.export_robot import ROBOT, run_robot
+from bodycam_ros.cli.settings_flags import offer_settings
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.errors import SettingsError
+from bodycam_ros.export.axes import UP_AXES
+from bodycam_ros.export.bone_names import BONE_NAMES
+from bodycam_ros.export.formats import FORMATS
+from bodycam_ros.export.options import HIGHEST_RATE, MotionOptions
+from bodycam_ros.export.rest_pose import REST_POSES
+from bodycam_ros.export.writing import export, export_all
+from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
+
+if TYPE_CHECKING:
+    from bodycam_ros.robot.retargeting import RobotSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "export",
-        help="write a solved recording or a body for other programs",
         description=__doc__,
-        epilog="formats: " + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items()),
+        epilog="formats: "
+        + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items())
+        + f"; {ROBOT}: a bag with the joint states of a robot that follows the person",
     )
     parser.add_argument(
-        "source", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote, or a body file, YAML or URDF"
+        "sources",
+        type=Path,
+        nargs="+",
+        metavar="OUT",
+        help="bag that 'bodycam replay' wrote, or for urdf and mjcf a body file, YAML or URDF",
     )
-    parser.add_argument("--to", choices=sorted(FORMATS), required=True, help="format to write")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="file to write")
-    parser.add_argument("--force", action="store_true", help="replace FILE if it is there already")
+    parser.add_argument("--to", choices=sorted([*FORMATS, ROBOT]), required=True, help="format to write")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="file to write; of several recordings a folder"
+    )
+    parser.add_argument("--force", action="store_true", help="replace what is there already, if it is of this format")
+    parser.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help=f"instants a second, at most {HIGHEST_RATE:g}, interpolated on SO(3); without, those that were solved"
+        f"{_heeding('rate')}",
+    )
+    parser.add_argument(
+        "--pose",
+        choices=REST_POSES,
+        help=f"rest pose: arms down (N, else), out (T), between (A){_heeding('pose')}",
+    )
+    parser.add_argument("--up", choices=UP_AXES, help=f"axis that is up{_heeding('up')}")
+    parser.add_argument(
+        "--scale", type=float, metavar="UNITS", help=f"units to a metre, 100 for centimetres{_heeding('scale')}"
+    )
+    parser.add_argument("--names", choices=BONE_NAMES, help=f"whose names bones have{_heeding('names')}")
+    parser.add_argument(
+        "--segment", metavar="NAME", help=f"segment or camera to write, or all; without, the root{_heeding('segment')}"
+    )
+    parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"robot that is to follow ({ROBOT})")
+    parser.add_argument(
+        "--mapping", type=Path, metavar="YAML", help=f"which of its links follow what, see config/robot ({ROBOT})"
+    )
+    offer_settings(parser, _robot_settings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    check_output(arguments.output, (arguments.source,), makes_folders=False)
-    written = export(arguments.source, arguments.to, arguments.output, arguments.force)
+    sources, output = arguments.sources, arguments.output
+    options = MotionOptions(
+        arguments.rate, arguments.pose, arguments.up, arguments.scale, arguments.names, arguments.segment
+    )
+    if arguments.to == ROBOT:
+        return run_robot(arguments, options)
+    if given := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is not None]:
+        raise SettingsError(f"{', '.join(given)} says nothing to {arguments.to}; {ROBOT} heeds it")
+    check_output(output, sources, makes_folders=len(sources) > 1)
+    if len(sources) == 1:
+        written = export(sources[0], arguments.to, output, arguments.force, options, _Bars())
+    else:
+        written = export_all(sources, arguments.to, output, arguments.force, options, _Bars())
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0
+
+
+class _Bars:
+    """A bar for each step, and none where there is no step: a body file is written at once."""
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        with shown_progress() as progress, progress.step(name, total) as advance:
+            yield advance
+
+
+def _robot_settings() -> "type[RobotSettings]":
+    from bodycam_ros.robot.retargeting import RobotSettings
+
+    return RobotSettings
+
+
+def _heeding(option: str) -> str:
+    return f" ({', '.join(name for name, form in FORMATS.items() if option in form.options)})"

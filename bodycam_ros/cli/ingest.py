@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.output_place import check_output
-from bodycam_ros.recording.bag_writer import check_ingested
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ Advance = Callable[[str, float], None]
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("ingest", help="make a bag of videos from ordinary cameras", description=__doc__)
+    parser = subparsers.add_parser("ingest", description=__doc__)
     parser.add_argument(
         "videos",
         type=Path,
@@ -51,13 +49,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it, and its report")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    add_settings_flags(parser, SoundSettings)
+    offer_settings(parser, lambda: SoundSettings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.ingest import find_cameras, ingest
+    from bodycam_ros.ingest.lens_check import lens_remarks
     from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
     from bodycam_ros.ingest.video_clocks import video_clocks
 
@@ -84,6 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
             on_progress=lambda share: advance("writing", share),
         )
         write_timing_report(offsets, report)
+        faults += lens_remarks(cameras, lambda done, of: advance("comparing lenses", done / max(1, of)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     console.print(timing_table(offsets))
@@ -101,6 +102,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     """Refuse what cannot be written, or must not be replaced, before the work."""
+    from bodycam_ros.recording.bag_writer import check_ingested
+
     inputs = (*arguments.videos, arguments.cameras, arguments.rig, arguments.config)
     check_output(arguments.output, inputs)
     if arguments.output.exists():

@@ -7,20 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
-from bodycam_ros.body.body_file import read_body
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.latency import STAGES, Latency, ProcessorTime, latency_of, processor_time
-from bodycam_ros.evaluate.live_run import play_live
-from bodycam_ros.evaluate.machine_estimate import estimate_machine
-from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
+
+if TYPE_CHECKING:
+    from bodycam_ros.evaluate.latency import Latency, ProcessorTime
 
 _CAMERAS_A_CORE = 2
 """That a core holds in real time; where to begin to look for a rate at which nothing queues."""
@@ -31,9 +29,7 @@ _LAPTOP_CORES, _LAPTOP_CAMERAS, _LAPTOP_HZ = 8, 16, 30.0
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
-        "latency", help="time the live graph from image to joint state (needs ROS 2)", description=__doc__
-    )
+    parser = subparsers.add_parser("latency", description=__doc__)
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
     parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument("--body", type=Path, required=True, help="body YAML, made by 'bodycam body'")
@@ -55,12 +51,15 @@ class _Played:
     cameras: int
     rate: float
     output_delay: int
-    latency: Latency
-    cost: ProcessorTime
+    latency: "Latency"
+    cost: "ProcessorTime"
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.body.body_file import read_body
+    from bodycam_ros.recording.bag_reader import open_recording
+
     mounts = list(read_body(arguments.body).mounts)
     with open_recording(arguments.recording) as recording:
         there = [camera for camera in mounts if camera in recording.cameras]
@@ -85,6 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
+    from bodycam_ros.evaluate.latency import latency_of, processor_time
+    from bodycam_ros.evaluate.live_run import play_live
+
     while True:
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
             noted = play_live(
@@ -108,6 +110,10 @@ def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, de
 
 
 def _table(played: Sequence[_Played]) -> Table:
+    import numpy as np
+
+    from bodycam_ros.evaluate.latency import STAGES
+
     columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "at 1")
     table = Table(*columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for each in played:
@@ -139,6 +145,8 @@ def _ms(seconds: float) -> str:
 
 
 def _explanation(registrations: int, played: Sequence[_Played]) -> str:
+    from bodycam_ros.evaluate.machine_estimate import estimate_machine
+
     most = max(played, key=lambda each: (each.cameras, -each.output_delay))
     cost = most.cost
     laptop = estimate_machine(cost, _LAPTOP_CORES, _LAPTOP_CAMERAS, registrations, _LAPTOP_HZ)

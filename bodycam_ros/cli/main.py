@@ -9,28 +9,36 @@ from importlib import import_module
 from io import TextIOWrapper
 
 from bodycam_ros import __version__
+from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
+from bodycam_ros.cli.the_way import THE_WAY
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.shown import printable
 
-COMMANDS = (
-    "map",
-    "map check",
-    "map extend",
-    "ingest",
-    "stations",
-    "body",
-    "body check",
-    "replay",
-    "evaluate",
-    "export",
-    "bench",
-    "latency",
-    "settings",
-    "view",
-)
-"""Modules of ``bodycam_ros.cli``; each has ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code.
+COMMANDS = {
+    "run": "all steps for a folder of recordings, in one go",
+    "board": "print a board for maps and lenses",
+    "lens": "measure a camera's lens by a video or images of a board",
+    "map": "build a reference map from photographs or a video",
+    "map check": "say and draw what a reference map covers",
+    "map extend": "let a map grow by a recording",
+    "ingest": "make a bag of videos from ordinary cameras",
+    "stations": "find where static cameras stand",
+    "doctor": "is a recording good enough? before the long run, and before going home",
+    "body": "estimate skeleton and camera mounts from a range of motion",
+    "body check": "count what a body can do with its equipment, name what contradicts",
+    "replay": "solve a recorded bag offline",
+    "evaluate": "measure and picture a solved recording",
+    "view": "look at a body in a browser, and correct it",
+    "export": "write a solved recording or a body for other programs",
+    "settings": "print all settings with their defaults",
+    "bench": "time every stage on a recording",
+    "latency": "time the live graph from image to joint state (needs ROS 2)",
+}
+"""Command -> what it is for, in the order of the way through.
 
+Each is a module of ``bodycam_ros.cli`` with ``add_parser(subparsers)``, which sets ``run``: arguments -> exit code. Its
+import and ``add_parser`` load nothing heavy, so that help is there at once.
 A command may have two words ("map check" is ``map_check``). They come one after the other, and go before what the first
 of them alone would make of the second: a folder that is really named "check" is ``./check``.
 """
@@ -67,6 +75,9 @@ def _run(argv: Sequence[str] | None, ending: Ending) -> int:
             with suppress(OSError):  # put in the place of one that could seek
                 stream.reconfigure(errors="backslashreplace")
     words = _command_joined(sys.argv[1:] if argv is None else argv)
+    if not words:
+        print(THE_WAY, end="")
+        return 0
     arguments = _parser(words).parse_args(words)
     import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
     run: Callable[[argparse.Namespace], int] = arguments.run
@@ -111,18 +122,22 @@ def _command_joined(argv: Sequence[str]) -> list[str]:
     return words
 
 
-def _parser(argv: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Knows the command that is asked for; only where there is none does it take the time to import all."""
-    parser = argparse.ArgumentParser(
+def _parser(argv: Sequence[str] = ()) -> CommandParser:
+    """Knows the flags of the command that is asked for; of the others what they are for."""
+    parser = CommandParser(
         prog="bodycam",
         description="Motion capture from body-mounted cameras: images in, a metric skeleton in the world out.",
+        epilog="'bodycam' alone shows the steps in their order, 'bodycam COMMAND --help' explains a command",
     )
     parser.add_argument("--version", action="version", version=f"bodycam {__version__}")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more about what happens")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     asked = next((word for word in argv if not word.startswith("-")), None)
-    for command in (asked,) if asked in COMMANDS else COMMANDS:
-        import_module(f"bodycam_ros.cli.{command.replace(' ', '_')}").add_parser(subparsers)
+    for command, purpose in COMMANDS.items():
+        if command == asked:
+            import_module(f"bodycam_ros.cli.{command.replace(' ', '_')}").add_parser(subparsers)
+        else:
+            subparsers.add_parser(command, help=purpose)
     return parser
 
 

@@ -10,27 +10,23 @@ from rich.table import Table
 
 from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
-from bodycam_ros.mapping.coverage import COVERAGE_FILE, Coverage, measure_coverage
-from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
-from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.output_place import check_output
-from bodycam_ros.registration.reference_map import check_replaceable
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.built_map import BuiltMap
+    from bodycam_ros.mapping.coverage import Coverage
+    from bodycam_ros.mapping.map_settings import MapSettings
 
 _MORE = "'bodycam map check MAP' says what a map covers; a folder that is named check is given as ./check."
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser(
-        "map", help="build a reference map from photographs or a video", description=__doc__, epilog=_MORE
-    )
+    parser = subparsers.add_parser("map", description=__doc__, epilog=_MORE)
     add_source_flags(parser)
     parser.add_argument(
         "--board",
@@ -44,7 +40,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    add_settings_flags(parser, MapSettings)
+    offer_settings(parser, _settings)
     parser.set_defaults(run=run)
 
 
@@ -52,7 +48,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, measure_coverage
+    from bodycam_ros.mapping.coverage_gaps import with_coverage
     from bodycam_ros.mapping.coverage_picture import draw_coverage
+    from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.registration.reference_map import check_replaceable
 
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
@@ -88,8 +88,17 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _report(built: "BuiltMap", coverage: Coverage, path: Path) -> None:
+def _settings() -> "type[MapSettings]":
+    from bodycam_ros.mapping.map_settings import MapSettings
+
+    return MapSettings
+
+
+def _report(built: "BuiltMap", coverage: "Coverage", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE
+    from bodycam_ros.mapping.coverage_gaps import coverage_lines
+
     console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
     for r in built.registrations:

@@ -1,45 +1,40 @@
 """bodycam map check: what a reference map covers, and what should be photographed too."""
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
-from bodycam_ros.mapping.coverage import CoverageSettings, measure_coverage
-from bodycam_ros.mapping.coverage_gaps import coverage_lines
-from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import whole_file
 
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.map_settings import CheckSettings
+
 _PNG = b"\x89PNG"
-
-
-@dataclass(frozen=True)
-class CheckSettings(SettingsGroups):
-    """Settings of the check alone."""
-
-    coverage: CoverageSettings = CoverageSettings()
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("map check", help="say and draw what a reference map covers", description=__doc__)
+    parser = subparsers.add_parser("map check", description=__doc__)
     parser.add_argument("map", type=Path, metavar="MAP", help="folder made by 'bodycam map'")
     parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="draw it: directions, and places from above")
     parser.add_argument("--force", action="store_true", help="replace PNG if it is there already")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    add_settings_flags(parser, CheckSettings)
+    offer_settings(parser, _settings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.mapping.coverage import measure_coverage
+    from bodycam_ros.mapping.coverage_gaps import coverage_lines
     from bodycam_ros.mapping.coverage_picture import draw_coverage
+    from bodycam_ros.mapping.map_settings import CheckSettings, MapSettings
+    from bodycam_ros.registration.reference_map import ReferenceMap
 
     if arguments.config is not None:
         check_groups(arguments.config, set(MapSettings.groups()))
@@ -58,3 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
         lines.append(f"drawn in {arguments.output}")
     Terminal().print("\n".join(lines), soft_wrap=True)
     return 0
+
+
+def _settings() -> "type[CheckSettings]":
+    from bodycam_ros.mapping.map_settings import CheckSettings
+
+    return CheckSettings

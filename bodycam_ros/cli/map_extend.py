@@ -5,14 +5,9 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
 from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
 from bodycam_ros.cli.shown_progress import shown_progress
-from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
-from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
 from bodycam_ros.output_place import check_output
-from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-from bodycam_ros.replay.extend import MapExtension
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
@@ -21,7 +16,7 @@ _PICTURE = "rounds.png"
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("map extend", help="let a map grow by a recording", description=__doc__)
+    parser = subparsers.add_parser("map extend", description=__doc__)
     parser.add_argument("map", type=Path, metavar="MAP", help="reference map, a folder made by 'bodycam map'")
     add_recording_flags(parser, with_map=False)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP2", help="map folder to write")
@@ -31,8 +26,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
     from bodycam_ros.growth.rounds_picture import draw_rounds
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
+    from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
     from bodycam_ros.mapping.coverage_picture import draw_coverage
+    from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
+    from bodycam_ros.replay.extend import MapExtension
 
     settings = pipeline_settings(arguments)
     check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))

@@ -5,14 +5,15 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.known_distance import KnownDistance
-from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, WornPhotographs, keep_worn_keyframes
 from bodycam_ros.whole_file import scratch_folder
+
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.known_distance import KnownDistance
+    from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, WornPhotographs
 
 
 def add_worn_flags(parser: argparse.ArgumentParser) -> None:
@@ -59,12 +60,15 @@ def check_worn(arguments: argparse.Namespace) -> None:
     known_distances(arguments)
 
 
-def known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
+def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
     """Those that the user has measured.
 
     Raises:
         MapError: one of them is none, or between cameras on different segments.
     """
+    from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.mapping.known_distance import KnownDistance
+
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     distances = []
     for first, second, text in arguments.known_distance:
@@ -89,13 +93,17 @@ def known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
 
 @contextmanager
 def worn_photographs_of(
-    arguments: argparse.Namespace, settings: WornKeyframeSettings, progress: Progress
-) -> Iterator[WornPhotographs]:
+    arguments: argparse.Namespace, settings: "WornKeyframeSettings", progress: Progress
+) -> "Iterator[WornPhotographs]":
     """The keyframes of the worn cameras; they are gone when the block ends.
 
     Raises:
         BodycamError: the recording cannot be read, or makes no photographs.
     """
+    from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.mapping.photographs import BOARD_FILE
+    from bodycam_ros.mapping.worn_keyframes import keep_worn_keyframes
+
     bag: Path = arguments.from_bag
     cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
     at_once = [(known.first, known.second) for known in known_distances(arguments)]

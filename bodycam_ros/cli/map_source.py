@@ -5,18 +5,18 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.map_from_bag import add_worn_flags, check_worn, worn_photographs_of
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.bag_camera import BagCamera
-from bodycam_ros.mapping.chosen_frames import check_frames_replaceable, keep_chosen_frames
-from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.moving_camera import MovingCamera
-from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.mapping.video_camera import VideoCamera
 from bodycam_ros.output_place import check_output
 from bodycam_ros.whole_file import scratch_folder
+
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.mapping.moving_camera import MovingCamera
+    from bodycam_ros.mapping.photographs import Photographs
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
 _BAG_FILE = "metadata.yaml"
@@ -61,6 +61,8 @@ def check_source(arguments: argparse.Namespace) -> None:
         MapError: there is no source, or a flag that it has no use for.
         OutputError: the frames cannot be kept where they should.
     """
+    from bodycam_ros.mapping.chosen_frames import check_frames_replaceable
+
     check_worn(arguments)
     if arguments.source is not None and not arguments.source.exists():
         raise MapError(
@@ -84,12 +86,20 @@ def check_source(arguments: argparse.Namespace) -> None:
 
 
 @contextmanager
-def photographs_of(arguments: argparse.Namespace, settings: MapSettings, progress: Progress) -> Iterator[Photographs]:
+def photographs_of(
+    arguments: argparse.Namespace, settings: "MapSettings", progress: Progress
+) -> "Iterator[Photographs]":
     """The photographs, whatever they come from; those that were taken of a recording are gone when the block ends.
 
     Raises:
         BodycamError: the source cannot be read, or makes no photographs.
     """
+    from bodycam_ros.mapping.bag_camera import BagCamera
+    from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
+    from bodycam_ros.mapping.compared_lens import compare_lens
+    from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
+    from bodycam_ros.mapping.video_camera import VideoCamera
+
     if arguments.from_bag is not None:
         with worn_photographs_of(arguments, settings.worn, progress) as worn:
             yield worn
@@ -103,6 +113,7 @@ def photographs_of(arguments: argparse.Namespace, settings: MapSettings, progres
         camera = BagCamera(source, arguments.topic, arguments.camera)
     else:
         camera = VideoCamera(source, arguments.camera)
+    compare_lens(camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         folder: Path = arguments.keep_frames or scratch / "frames"
         keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)

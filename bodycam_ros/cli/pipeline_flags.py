@@ -3,13 +3,12 @@
 import argparse
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
-from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.outside.shape_settings import MeasureSettings
-from bodycam_ros.outside.station_settings import StationsSettings
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+
+if TYPE_CHECKING:
+    from bodycam_ros.pipeline import PipelineSettings
 
 
 def add_pipeline_flags(parser: argparse.ArgumentParser, map_is_optional: bool = False) -> None:
@@ -30,10 +29,10 @@ def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True, 
         "--jobs", type=positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
     )
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    add_settings_flags(parser, PipelineSettings)
+    offer_settings(parser, _all_stages)
 
 
-def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
+def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
     """Settings of all stages from defaults, the file of --config, and flags, the later the stronger.
 
     Raises:
@@ -41,13 +40,20 @@ def pipeline_settings(arguments: argparse.Namespace) -> PipelineSettings:
     """
     if arguments.config:
         check_groups(arguments.config, known_groups())
-    return settings_from_flags(arguments, PipelineSettings, arguments.config)
+    return settings_from_flags(arguments, _all_stages(), arguments.config)
 
 
 def known_groups() -> set[str]:
     """Groups of settings that a file may have: one serves every command that works on a recording."""
-    groups = (PipelineSettings, CalibrationSettings, SoundSettings, MeasureSettings, StationsSettings)
-    return {name for settings in groups for name in settings.groups()}
+    from bodycam_ros.all_settings import all_groups
+
+    return set(all_groups())
+
+
+def _all_stages() -> "type[PipelineSettings]":
+    from bodycam_ros.pipeline import PipelineSettings
+
+    return PipelineSettings
 
 
 def positive(text: str) -> int:

@@ -1,32 +1,29 @@
 """bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.clock_lines import print_clocks
-from bodycam_ros.cli.equipment_tables import equipment_tables
-from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
 from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings, positive
-from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
-from bodycam_ros.equipment.equipment_yaml import equipment_path, supplied_equipment
+from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 from bodycam_ros.errors import StationError
-from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.output_place import check_output
-from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.bag_writer import check_replaceable
-from bodycam_ros.replay.passes import replay_in_passes
-from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.terminal import Terminal, widened
+
+if TYPE_CHECKING:
+    from bodycam_ros.growth.extension_round import ExtensionRound
+    from bodycam_ros.outside.outside_files import OutsideInput
+    from bodycam_ros.replay.replay_summary import ReplaySummary
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("replay", help="solve a recorded bag offline", description=__doc__)
+    parser = subparsers.add_parser("replay", description=__doc__)
     add_pipeline_flags(parser, map_is_optional=True)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
     parser.add_argument(
@@ -63,12 +60,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="passes over the recording: all but the last register its cameras and let the map grow by what they saw, "
         "forwards and backwards in turn (default: 1; 3 where the map shows a part of the place)",
     )
+    parser.add_argument(
+        "--slim",
+        action="store_true",
+        help="leave tracks and landmarks out of OUT, three quarters of it; nobody can see afterwards how well they fit",
+    )
     parser.add_argument("--force", action="store_true", help="replace OUT if it is there already")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    # What solves takes a second to load; --help does without.
+    from bodycam_ros.cli.extension_lines import shown_steps
+    from bodycam_ros.cli.verdict_lines import exit_code
+    from bodycam_ros.recording.bag_reader import open_recording
+    from bodycam_ros.recording.bag_writer import check_replaceable
+    from bodycam_ros.replay.passes import replay_in_passes
+
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
     equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
@@ -101,7 +110,19 @@ def run(arguments: argparse.Namespace) -> int:
             on_progress=on_progress,
             equipment=equipment,
             outside=outside,
+            slim=arguments.slim,
         )
+    _report(summary, rounds, arguments.output)
+    return exit_code(summary.verdict)
+
+
+def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", output: Path) -> None:
+    from bodycam_ros.cli.clock_lines import print_clocks
+    from bodycam_ros.cli.equipment_tables import equipment_tables
+    from bodycam_ros.cli.extension_lines import print_rounds
+    from bodycam_ros.cli.verdict_lines import print_verdict
+    from bodycam_ros.evaluate.equipment_figures import equipment_figures
+
     if rounds:
         print_rounds(rounds)
     Terminal().print(_table(summary))
@@ -120,19 +141,20 @@ def run(arguments: argparse.Namespace) -> int:
     Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
         f"any camera ({summary.bridged} without any image); {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, "
-        f"{summary.real_time_factor:.2f} of real time; written to {arguments.output}",
+        f"{summary.real_time_factor:.2f} of real time; written to {output}",
         soft_wrap=True,
     )
     print_verdict(Terminal(), summary.verdict)
-    return exit_code(summary.verdict)
 
 
-def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
+def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
     """What is said of static cameras.
 
     Raises:
         StationError: it is said for none, nothing tells where the world is, or no map is there to grow in passes.
     """
+    from bodycam_ros.outside.outside_files import OutsideInput
+
     if arguments.map is None and arguments.passes > 1:
         raise StationError("--passes lets a reference map grow before the last pass: say which with --map")
     if arguments.stations is not None:
@@ -148,7 +170,9 @@ def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
     return None
 
 
-def _table(summary: ReplaySummary) -> Table:
+def _table(summary: "ReplaySummary") -> Table:
+    from bodycam_ros.cli.verdict_lines import camera_styles
+
     table = Table(
         "camera",
         "images",
@@ -156,7 +180,8 @@ def _table(summary: ReplaySummary) -> Table:
         "skipped",
         "lost",
         "read-out [ms]",
-        caption="lost: the recording should hold them; read-out: of the rows, 0 where all are exposed together",
+        caption="registered: knew where the camera was in the map; lost: the recording should hold them; read-out: of "
+        "the rows, 0 where all are exposed together",
     )
     styles = camera_styles(summary.verdict)
     for camera, images in sorted((summary.images + summary.lost).items()):

@@ -6,11 +6,6 @@ from collections.abc import Iterator
 
 import yaml
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.outside.shape_settings import MeasureSettings
-from bodycam_ros.outside.station_settings import StationsSettings
-from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import describe
 
 _WIDTH = 120
@@ -22,7 +17,7 @@ _TITLE = """\
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("settings", help="print all settings with their defaults", description=__doc__)
+    parser = subparsers.add_parser("settings", description=__doc__)
     parser.set_defaults(run=run)
 
 
@@ -34,10 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
+    from bodycam_ros.all_settings import all_groups
+
     lines = ["/**:", "  ros__parameters:"]
-    groups = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
-    groups |= MeasureSettings.groups() | StationsSettings.groups()
-    for group, settings_type in groups.items():
+    for group, settings_type in all_groups().items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):
             lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]

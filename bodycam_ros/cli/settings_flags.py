@@ -1,16 +1,31 @@
 """Settings as flags: ``--tracker.max_track_age 2.0``."""
 
 import argparse
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, read_settings_file, settings_from_mapping
 
 G = TypeVar("G", bound=SettingsGroups)
 
 _BOOLEAN = {"true": True, "false": False}
+
+
+def offer_settings(parser: argparse.ArgumentParser, load: Callable[[], type[SettingsGroups]]) -> None:
+    """Add the flags of settings once one of them is given, where the parser can wait.
+
+    Args:
+        parser: of a command.
+        load: imports the groups, which takes a second where they are the whole pipeline's.
+    """
+    if isinstance(parser, CommandParser):
+        parser.add_later(lambda: add_settings_flags(parser, load()))
+    else:
+        add_settings_flags(parser, load())
 
 
 def add_settings_flags(parser: argparse.ArgumentParser, groups_type: type[SettingsGroups]) -> None:
@@ -30,7 +45,7 @@ def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], con
     """Settings of all groups: the defaults, over them the parameter file, over that the flags.
 
     Args:
-        arguments: parsed flags of ``add_settings_flags`` for the same groups.
+        arguments: parsed flags of ``add_settings_flags`` for the same groups, if any was given.
         config: ROS parameter file (``/**: ros__parameters:``); groups that it lacks keep their defaults.
 
     Raises:
@@ -45,7 +60,7 @@ def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], con
         flags = {
             description.name: given
             for description in describe(settings_type)
-            if (given := getattr(arguments, f"{group}.{description.name}")) is not None
+            if (given := getattr(arguments, f"{group}.{description.name}", None)) is not None
         }
         settings[group] = settings_from_mapping(settings_type, values | flags, f"--{group}")
     return groups_type(**settings)

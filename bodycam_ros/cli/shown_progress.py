@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as RichProgress
 
 from bodycam_ros.mapping.progress import Advance
@@ -34,3 +34,13 @@ def shown_progress() -> Iterator[ShownProgress]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with RichProgress(*columns, console=Terminal(stderr=True)) as bars:
         yield ShownProgress(bars)
+
+
+@contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """Say what is being done, and for how long by now, while the block lasts and nobody knows for how long it will."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    terminal = Terminal(stderr=True)
+    with RichProgress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars:
+        bars.add_task(what, total=None)
+        yield

@@ -3,39 +3,44 @@
 import argparse
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.outside.station_registration import RegisteredStation
-from bodycam_ros.outside.station_settings import StationsSettings
-from bodycam_ros.outside.stations_file import MARK, write_stations
-from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
+
+if TYPE_CHECKING:
+    from bodycam_ros.outside.station_registration import RegisteredStation
+    from bodycam_ros.outside.station_settings import StationsSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("stations", help="find where static cameras stand", description=__doc__)
+    parser = subparsers.add_parser("stations", description=__doc__)
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
     parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="YAML", help="file of cameras to write")
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="those that stand (default: all that do not move)")
     parser.add_argument("--force", action="store_true", help="replace YAML if this command wrote it")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    add_settings_flags(parser, StationsSettings)
+    offer_settings(parser, _settings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.outside.station_settings import StationsSettings
+    from bodycam_ros.outside.stations_file import MARK, write_stations
+    from bodycam_ros.recording.bag_reader import open_recording
+    from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+    from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
+
     if arguments.config is not None:
         check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, StationsSettings, arguments.config)
@@ -70,7 +75,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _table(found: Iterable[RegisteredStation]) -> Table:
+def _settings() -> "type[StationsSettings]":
+    from bodycam_ros.outside.station_settings import StationsSettings
+
+    return StationsSettings
+
+
+def _table(found: "Iterable[RegisteredStation]") -> Table:
     table = Table(title="static cameras", caption="sigma: of the pose, by its landmarks, all axes together")
     table.add_column("camera", no_wrap=True)
     for column in ("images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]"):

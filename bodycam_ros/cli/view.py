@@ -1,14 +1,19 @@
 """bodycam view: look at map, body and recording in a browser, and correct mounts and joints (A 4.2)."""
 
 import argparse
+from importlib import import_module
 from pathlib import Path
+
+from bodycam_ros.errors import ViewError
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.shown import shown
 
 PORT = 8080
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("view", help="look at a body in a browser, and correct it", description=__doc__)
+    parser = subparsers.add_parser("view", description=__doc__)
     parser.add_argument(
         "solved",
         type=Path,
@@ -19,7 +24,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--map", type=Path, metavar="MAP", help="map folder of 'bodycam map'; may be left out with --stations"
     )
-    parser.add_argument("--body", type=Path, required=True, metavar="BODY.yaml", help="body, which can be written back")
+    parser.add_argument("--body", type=Path, metavar="BODY.yaml", help="body, which can be written back")
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="show what the running graph publishes (needs ROS 2); only --map and --port go with it",
+    )
     parser.add_argument(
         "--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows what the cameras saw"
     )
@@ -32,12 +42,32 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FOLDER",
         help="a mesh a segment to show on the body (default: the folder that the body file names, else capsules)",
     )
+    parser.add_argument(
+        "--compare", type=Path, metavar="OUT2", help="another bag solved from the same recording, shown beside OUT"
+    )
+    parser.add_argument(
+        "--video", type=Path, metavar="OUT.mp4", help="write the moving body as a video, from outside, and end"
+    )
+    parser.add_argument(
+        "--from", dest="from_camera", metavar="CAMERA", help="with --video and --recording: over what this camera saw"
+    )
+    parser.add_argument("--force", action="store_true", help="replace the video")
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, usage_error=parser.error)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.live:
+        _view_live(arguments)
+        return 0
+    if arguments.body is None:
+        arguments.usage_error("the following arguments are required: --body")
+    if arguments.video is not None:
+        _write_film(arguments)
+        return 0
+    if arguments.from_camera is not None:
+        raise ViewError(f"--from {shown(arguments.from_camera)}: is for --video; say where to write it")
     # The web server takes half a second to load; the other commands and --help do without.
     from bodycam_ros.view.session import view
 
@@ -49,5 +79,43 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.port,
         arguments.stations,
         arguments.surface,
+        arguments.compare,
     )
     return 0
+
+
+def _write_film(arguments: argparse.Namespace) -> None:
+    from bodycam_ros.cli.shown_progress import shown_progress
+    from bodycam_ros.terminal import Terminal
+    from bodycam_ros.view.film import write_film
+    from bodycam_ros.view.sources import Sources
+
+    given = (arguments.solved, arguments.map, arguments.body, arguments.recording, arguments.stations)
+    check_output(arguments.video, (*given, arguments.surface), makes_folders=False)
+    check_file(arguments.video, arguments.force, b"ftyp", "video")
+    sources = Sources.read(*given, arguments.surface)
+    with shown_progress() as progress:
+        write_film(sources, arguments.from_camera, arguments.video, progress)
+    Terminal().print(f"video written to {arguments.video}", soft_wrap=True)
+
+
+def _view_live(arguments: argparse.Namespace) -> None:
+    given = {
+        "OUT": arguments.solved,
+        **{
+            f"--{flag}": getattr(arguments, flag)
+            for flag in ("body", "recording", "stations", "surface", "compare", "video")
+        },
+    }
+    if told := [name for name, value in given.items() if value is not None]:
+        raise ViewError(f"--live: the running graph says where the body is; leave out {', '.join(told)}")
+    try:
+        listener = import_module("bodycam_ros.nodes.body_listener").BodyListener
+    except ImportError as error:
+        raise ViewError(
+            f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
+            "wheels that 'make test' installs"
+        ) from error
+    from bodycam_ros.view.live_session import view_live
+
+    view_live(listener, arguments.map, arguments.port)

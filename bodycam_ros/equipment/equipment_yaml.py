@@ -58,7 +58,6 @@ optional                  true: a body without the segment does without it
 """
 
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -70,12 +69,12 @@ from bodycam_ros.body.checked_fields import check_keys, name_of, number_of, numb
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_yaml import LEAST_UNKNOWN_MM, attachment_of, lengths_of
 from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
+from bodycam_ros.equipment.supplied_equipment import equipment_path
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.yaml_file import read_yaml
 
 _MOST_PARTS = 100  # segments, joints, attachments, cameras
-_ENDINGS = (".yaml", ".yml")
 _MOST_LEANING_DEG = 90.0
 _X, _Y, _Z = np.eye(3)
 
@@ -96,39 +95,6 @@ def read_equipment(name_or_path: str | Path) -> Equipment:
         return _equipment(document)
     except BodyError as error:
         raise BodyError(f"{path}: {error}") from error
-
-
-def equipment_path(name_or_path: str | Path) -> Path:
-    """The file of a supplied piece of equipment, or the file itself; a bare name is always of a supplied one.
-
-    Raises:
-        BodyError: none of that name is supplied; the message says which are.
-    """
-    path = Path(name_or_path)
-    if path.name != str(name_or_path) or path.suffix.lower() in _ENDINGS:
-        return path
-    if path.name not in (supplied := supplied_equipment()):
-        if not path.name:
-            raise BodyError(
-                f"no equipment is named; there are {', '.join(supplied)}, or give a file that ends in .yaml"
-            )
-        if path.exists():
-            raise BodyError(f"{path}: an equipment file must end in .yaml; name it {path.stem}.yaml")
-        raise BodyError(
-            f"equipment {path.name}: none of that name is supplied; there are {', '.join(supplied)}. A file of yours "
-            f"is named with its ending: {path.name}.yaml"
-        )
-    return _supplied_folder() / f"{path.name}.yaml"
-
-
-def supplied_equipment() -> tuple[str, ...]:
-    """Names of what the package supplies."""
-    return tuple(sorted(path.stem for path in _supplied_folder().glob("*.yaml")))
-
-
-def _supplied_folder() -> Path:
-    # A link to config/equipment in the sources, a folder of the package wherever that is installed.
-    return Path(str(files("bodycam_ros.equipment"))) / "supplied"
 
 
 def _equipment(document: Any) -> Equipment:

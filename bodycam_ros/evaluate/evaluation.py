@@ -8,13 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import health
+from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
+from bodycam_ros.evaluate.agreement.agreement import Agreement
+from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
 from bodycam_ros.evaluate.brightness import Brightness, brightness
-from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.constraint.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.evaluate.walking.gait import Gait
+from bodycam_ros.evaluate.walking.gait_of import solved_gait, true_gait
 from bodycam_ros.geometry import Array
+from bodycam_ros.other_systems.read_captured import is_captured, read_captured
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
@@ -39,6 +46,10 @@ class Evaluation:
         verdict: whether the result may be used, as far as the bag says.
         comparison: with the truth, if that was given.
         true_sliding: foot -> how it slides while the true foot stands; empty without truth.
+        agreement: with the truth, or with what another system captured, if that was given.
+        gait: how the body walks; None where it does not.
+        true_gait: the same of the truth.
+        constraints: beside the same recording solved without equipment, if that was given.
     """
 
     solved: SolvedRecording
@@ -55,22 +66,36 @@ class Evaluation:
     verdict: Verdict
     comparison: Comparison | None
     true_sliding: Mapping[str, SlidingAgainstTruth]
+    agreement: Agreement | None = None
+    gait: Gait | None = None
+    true_gait: Gait | None = None
+    constraints: WithAndWithout | None = None
 
 
-def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: Path | None = None) -> Evaluation:
+def evaluate(
+    solved_path: Path,
+    truth_path: Path | None = None,
+    recording_path: Path | None = None,
+    options: AgreementOptions | None = None,
+    without_path: Path | None = None,
+) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
     Args:
         solved_path: the bag.
-        truth_path: folder of the recording, or of its truth, to score against.
+        truth_path: folder of the recording, or of its truth, or what another system captured, to score against.
         recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses,
             and which shows how bright it was.
+        options: how that is compared; by default by a similarity, and by the same clock if it is a recording's truth.
+        without_path: bag of the same recording solved without the equipment.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
         LensError: the recording's intrinsics cannot be used.
     """
-    truth = None if truth_path is None else read_true_motion(truth_path)
+    is_other = truth_path is not None and is_captured(truth_path)
+    captured = read_captured(truth_path) if truth_path is not None and is_other else None
+    truth = None if truth_path is None or is_other else read_true_motion(truth_path)
     solved = read_solved(solved_path)
     cameras = health.camera_healths(solved)
     models = {} if recording_path is None else health.camera_models(solved, recording_path)
@@ -78,7 +103,14 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         reprojection = health.reprojection_errors(solved, models)
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
     judged = solved_verdict(solved, models, VerdictSettings())
-    comparison = None if truth is None else compare(solved, truth)
+    agreement = comparison = None
+    if captured is not None:
+        agreement = agree(solved, captured, options or AgreementOptions())
+    elif truth is not None:
+        comparison, agreement = compare_with_truth(solved, truth, options or AgreementOptions(shares_clock=True))
+    constraints = None
+    if without_path is not None:
+        constraints = with_and_without(solved, read_solved(without_path), truth, comparison)
     position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
     return Evaluation(
         solved=solved,
@@ -95,4 +127,8 @@ def evaluate(solved_path: Path, truth_path: Path | None = None, recording_path: 
         verdict=Verdict.of((*judged.findings, *equipment_findings(solved.equipment))),
         comparison=comparison,
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
+        agreement=agreement,
+        gait=solved_gait(solved),
+        constraints=constraints,
+        true_gait=None if comparison is None else true_gait(solved, comparison),
     )

@@ -10,9 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bodycam_ros.drawing.picture_style import FAINT, QUIET, TRUTH, TYPOGRAPHY, side_colour
+from bodycam_ros.drawing.picture_style import QUIET, TRUTH, TYPOGRAPHY, side_colour
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.sliding import feet_of, sole_of
+from bodycam_ros.evaluate.space_axes import frame_space
 from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.evaluate.time_panels import broken_at_gaps
 from bodycam_ros.geometry import Array
@@ -21,13 +22,8 @@ _BALL = 1  # of heel and ball
 _TURNS_DEG = {"from ahead and the right": 55.0, "from ahead and the left": -40.0}
 """View -> by how much less than ahead of the body it stands, clockwise from above."""
 
-_ELEVATION_DEG = 16.0
-_FOCAL_LENGTH = 0.6  # of matplotlib's camera: the nearer foot is seen to be larger
 _SIZE_INCHES = (14.0, 7.0)
 _DOTS_PER_INCH = 110
-_SMALLEST_MM = 20.0  # of an axis: a foot that rests shall look so
-_MOST_TICKS = 5
-_LABEL_PAD = 9.0
 
 
 def has_feet(evaluation: Evaluation) -> bool:
@@ -50,7 +46,7 @@ def draw_feet(evaluation: Evaluation, path: Path) -> None:
         FigureCanvasAgg(figure)
         for number, (name, turn_deg) in enumerate(_TURNS_DEG.items()):
             axes: Any = figure.add_axes((0.02 + 0.49 * number, 0.0, 0.46, 0.97), projection="3d")
-            _frame(axes, every, ahead_deg - turn_deg)
+            frame_space(axes, every, ahead_deg - turn_deg)
             for way in true.values():
                 axes.plot(*way.T, color=TRUTH, linewidth=3.5, alpha=0.75)
             for foot, way in ours.items():
@@ -97,19 +93,3 @@ def _note(ours: Mapping[str, Array], true: Mapping[str, Array]) -> str:
         off = off[np.isfinite(off)]
         note += f"; {off.mean():.1f} mm from the truth on average, {off.max():.1f} mm at most"
     return note
-
-
-def _frame(axes: Any, points: Array, azimuth_deg: float) -> None:
-    """A box around points (N, 3) [mm] with the same scale along all axes, seen from an azimuth."""
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, _SMALLEST_MM / 2.0) * 1.06
-    axes.set_proj_type("persp", focal_length=_FOCAL_LENGTH)
-    axes.view_init(elev=_ELEVATION_DEG, azim=azimuth_deg)
-    for name, centre, reach in zip("xyz", middle.tolist(), half.tolist(), strict=True):
-        getattr(axes, f"set_{name}lim")(centre - reach, centre + reach)
-        getattr(axes, f"set_{name}label")(f"{name} [mm]", labelpad=_LABEL_PAD)
-        side = getattr(axes, f"{name}axis")
-        side.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        side._axinfo["grid"].update(color=FAINT, linewidth=0.7)
-        axes.locator_params(axis=name, nbins=max(2, round(_MOST_TICKS * reach / float(half.max()))))
-    axes.set_box_aspect(half, zoom=0.88)

@@ -111,7 +111,7 @@ class CameraHealth:
         sights: what it knew -> share of them.
         longest_lost_s: the longest time without a pose [s].
         tracks: mean of feature tracks per image; NaN where the bag does not say.
-        landmarks: mean of tracks with a landmark per image.
+        landmarks: mean of tracks with a landmark per image; NaN where the bag does not say.
         image_motion: of the picture from image to image, which blurs it [px].
         position_gap: distance of the registered from the solved position of the camera [m].
         rotation_gap: angle between the two orientations [rad].
@@ -211,6 +211,7 @@ def reprojection_errors(solved: SolvedRecording, models: Mapping[str, CameraMode
 def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
     distances, angles = pose_gaps(solved, record)
     known = record.tracks[record.tracks >= 0]
+    said = record.landmarks.any() or not record.registered.any()  # nobody registers by no landmark
     return CameraHealth(
         camera=record.camera,
         images=len(record.stamps_ns),
@@ -218,7 +219,7 @@ def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:
         sights={sight: float(np.mean(record.sights == sight)) for sight in CameraSight},
         longest_lost_s=longest_lost(record.stamps_ns, record.registered, solved.frame_ns),
         tracks=float(known.mean()) if len(known) else float("nan"),
-        landmarks=float(record.landmarks.mean()),
+        landmarks=float(record.landmarks.mean()) if said else float("nan"),
         image_motion=Distribution.of(image_motion(record)),
         position_gap=Distribution.of(distances),
         rotation_gap=Distribution.of(angles),

@@ -28,9 +28,9 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.camera_evidence import MountedCameras, evidence_floor
 from bodycam_ros.solving.contact import FootContacts
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.frame_assembler import FrameAssembler
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 from bodycam_ros.solving.smoother_settings import OFFLINE
 from bodycam_ros.solving.start_poses import first_poses

@@ -7,14 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.blur import blur_classes
 from bodycam_ros.evaluate.brightness import Brightness
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.constraint.constraint_section import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.sliding import Sliding
+from bodycam_ros.evaluate.walking.gait_figures import gait_figures
 from bodycam_ros.solved.station_record import StationRecord
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.verdict.verdict import Verdict
@@ -58,6 +61,13 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             foot: {"solved": _sliding(of.solved), "true": _sliding(of.true), "beyond": _sliding(of.beyond)}
             for foot, of in evaluation.true_sliding.items()
         }
+    if evaluation.agreement is not None:
+        figures["agreement"] = agreement_figures(evaluation.agreement)
+    if evaluation.constraints is not None:
+        figures["constraints"] = constraint_figures(evaluation.constraints)
+    for name, gait in (("gait", evaluation.gait), ("true_gait", evaluation.true_gait)):
+        if gait is not None:
+            figures[name] = gait_figures(gait)
     known: dict[str, Any] = _without_nan(figures)
     return known
 

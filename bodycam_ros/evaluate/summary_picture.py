@@ -125,7 +125,8 @@ def _cameras(evaluation: Evaluation) -> list[tuple[str, str]]:
         images = [health.images for health in evaluation.cameras]
         registered = np.average([health.registered for health in evaluation.cameras], weights=images)
         landmarks = np.mean([health.landmarks for health in evaluation.cameras])
-        return [(f"{100.0 * registered:.1f} %", "cameras registered"), (f"{landmarks:.0f}", "landmarks per image")]
+        seen = [(f"{landmarks:.0f}", "landmarks per image")] if np.isfinite(landmarks) else []  # not in a slim bag
+        return [(f"{100.0 * registered:.1f} %", "cameras registered"), *seen]
     segments = np.concatenate([record.segments for record in evaluation.solved.stations])
     return [(f"{100.0 * np.mean(segments > 0):.1f} %", "body seen"), (f"{segments.mean():.1f}", "segments per image")]
 

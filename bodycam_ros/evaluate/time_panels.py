@@ -40,6 +40,8 @@ _MOST_DECADES = 3  # with a tick each; more would touch
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
 _DASHED = (0, (3, 2))
+_LONG_S = 15.0  # recordings whose curves would cover each other as thick lines
+_THINNEST = 0.35
 
 
 @dataclass(frozen=True)
@@ -109,17 +111,27 @@ def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     )
 
 
+def _thinner(solved: SolvedRecording) -> float:
+    """By how much lines are to be thinner: a minute has as many strides on the same paper as a few seconds have."""
+    duration_s = 1e-9 * (solved.end_ns - solved.start_ns)
+    return float(np.clip(_LONG_S / max(duration_s, 1e-9), _THINNEST, 1.0))
+
+
 def _draw_joint(axes: Axes, evaluation: Evaluation, joint: LimbJoint) -> None:
     solved = evaluation.solved
+    thinner = _thinner(solved)
     parent = solved.urdf.parent_segments()[joint.segment]
     world_R_parent, world_R_child = (solved.world_T_link[segment][:, :3, :3] for segment in (parent, joint.segment))
     angle = np.degrees(flexion(joint.name, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
     curve = broken_at_gaps(solved, solved.stamps_ns, angle)
-    axes.plot(*curve, color=side_colour(joint.segment), linewidth=1.6, marker=_lone_marker(curve))
+    axes.plot(*curve, color=side_colour(joint.segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
     if evaluation.comparison is not None and joint.segment in evaluation.comparison.joints:
         true = np.degrees(flexion(joint.name, evaluation.comparison.joints[joint.segment].true))
         axes.plot(
-            *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true), color=INK, linewidth=0.8, linestyle=_DASHED
+            *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true),
+            color=INK,
+            linewidth=0.8 * thinner,
+            linestyle=_DASHED,
         )
 
 

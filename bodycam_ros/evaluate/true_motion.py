@@ -2,21 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+from bodycam_ros.geometry import Array
+from bodycam_ros.other_systems.tum_file import read_tum
 from bodycam_ros.solved.trajectory import interpolated
-from bodycam_ros.yaml_file import read_text, read_yaml
+from bodycam_ros.yaml_file import read_yaml
 
-_NANOSECONDS = Decimal(10**9)
 _TRUTH = "truth"
-_TUM_COLUMNS = 8
-_LONGEST_TOLD = 200
 _EDGE_NS = 1000
 """A stamp this far outside counts as the first or the last frame's: stamps are rounded on their way."""
 
@@ -75,7 +72,7 @@ def read_true_motion(path: Path) -> TrueMotion:
     if not files:
         raise RecordingError(f"{path}: no ground truth; expected segments/*.tum in it or in its folder truth")
     root, parents = _tree(truth)
-    trajectories = {file.stem: _read_tum(file) for file in files}
+    trajectories = {file.stem: read_tum(file) for file in files}
     if not {root, *parents} & set(trajectories):
         raise RecordingError(f"{truth / 'segments'}: none of its files is named as a segment of rig.yaml")
     stamps_ns = next(iter(trajectories.values()))[0]
@@ -94,7 +91,7 @@ def read_true_camera(truth: TrueMotion, camera: str) -> Array | None:
     path = truth.path / "cameras" / f"{camera}.tum"
     if not path.is_file():
         return None
-    stamps_ns, poses = _read_tum(path)
+    stamps_ns, poses = read_tum(path)
     return interpolated(stamps_ns, poses, np.clip(truth.stamps_ns, stamps_ns[0], stamps_ns[-1]))
 
 
@@ -116,28 +113,3 @@ def _tree(truth: Path) -> tuple[str, dict[str, str]]:
             f"{path}: one segment has no parent (null), not {len(roots)}: {', '.join(map(str, roots))}"
         )
     return str(roots[0]), {str(segment): str(parent) for segment, parent in segments.items() if parent}
-
-
-def _read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
-    """Stamps (K,) [ns] and poses (K, 4, 4) [m] of a TUM file: time [s], x y z [m], quaternion x y z w per line.
-
-    Stamps are read as decimals: a float of today's seconds is 0.2 microseconds coarse.
-    """
-    text = read_text(path, "trajectory", RecordingError)
-    try:
-        lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
-        if any(len(words) != _TUM_COLUMNS for words in lines):
-            raise ValueError(f"expected {_TUM_COLUMNS} numbers per line")
-        stamps = np.array([int((Decimal(words[0]) * _NANOSECONDS).to_integral_value()) for words in lines], np.int64)
-        rows = np.array([[float(word) for word in words[1:]] for words in lines])
-        if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(stamps) > 0).all():
-            raise ValueError("expected two lines or more, finite, with increasing stamps")
-        return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
-    except (ValueError, InvalidOperation) as error:
-        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {_told(error)}") from error
-
-
-def _told(error: Exception) -> str:
-    """What an error says, but not the whole of a damaged line, which it may quote."""
-    text = str(error)
-    return text if len(text) <= _LONGEST_TOLD else f"{text[:_LONGEST_TOLD]}..."

@@ -1,111 +1,24 @@
 """What ``bodycam export`` writes: a new format is a new line of the table."""
 
 import logging
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from textwrap import indent
 
-from bodycam_ros.body.body_file import read_body
-from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.body_yaml import joints_from_yaml, joints_text
-from bodycam_ros.body.joint import Joint, default_sigmas
-from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.body.urdf_document import LOOPS, said_loops
-from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError, OutputError, RecordingError
-from bodycam_ros.export.mjcf import mjcf_text
-from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.solved.topics import ROBOT, ROBOT_TYPE, published_robot
-from bodycam_ros.whole_file import whole_file
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.export import bvh, c3d, csv, glb, mot, npz, osim, ply, robot_files, trc, tum, usd
+from bodycam_ros.export.options import MotionOptions
+from bodycam_ros.export.sampled_motion import SampledMotion, sampled
+from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.solved.solved_body import read_solved_body
 
 logger = logging.getLogger(__name__)
 
-LOOPS_SUFFIX = ".loops.yaml"
-"""Of the file beside a URDF that has the joints that close loops."""
+Content = Mapping[str, str | bytes]
+"""What is in a file, under "", and in files beside it, under the suffix that they have instead of the file's own."""
 
-_BAG_SUFFIXES = (".mcap", ".db3")
-_LOOPS_HEADER = "# Joints that close loops, which the URDF beside this leaves open, as in a body file of bodycam.\n"
-
-
-def robot_description(source: Path) -> dict[str, str]:
-    """The URDF of a source: what a bag says on ``/robot_description``, or made of a body file; and its loops.
-
-    What URDF cannot carry is said, in a warning that names it.
-
-    Raises:
-        BodyError: a body file that is missing or describes no body.
-        RecordingError: a bag that cannot be read, or that nobody solved.
-    """
-    if not _is_bag(source):
-        body = read_body(source)
-        _warn_of_sigmas(body, source)
-        return {"": urdf_text(body), **_loops_file(body.loop_joints, source)}
-    text = _published(source)
-    with _named(source):
-        loops = said_loops(text)
-        return {"": text, **_loops_file(joints_from_yaml(loops) if loops else (), source)}
-
-
-def mjcf(source: Path) -> dict[str, str]:
-    """The MJCF of a source, a solved bag or a body file, with its loops.
-
-    Raises:
-        BodyError: a body file that is missing or describes no body, or one that MJCF cannot hold.
-        RecordingError: a bag that cannot be read, or that nobody solved.
-    """
-    if not _is_bag(source):
-        body = read_body(source)
-        with _named(source):
-            return {"": mjcf_text(body)}
-    text = _published(source)
-    with _named(source):
-        return {"": mjcf_text(body_from_urdf(text))}
-
-
-def _is_bag(source: Path) -> bool:
-    return source.is_dir() or source.suffix in _BAG_SUFFIXES
-
-
-def _published(path: Path) -> str:
-    with BagFile(path) as bag:
-        if text := published_robot(bag):
-            return text
-        raise RecordingError(
-            f"{path}: nothing on {ROBOT} ({ROBOT_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
-            f"there are: {', '.join(bag.topics) or 'no topics at all'}"
-        )
-
-
-@contextmanager
-def _named(source: Path) -> Iterator[None]:
-    """Say where a body is from that is wrong."""
-    try:
-        yield
-    except BodyError as error:
-        raise BodyError(f"{source}: {error}") from error
-
-
-def _loops_file(loops: Sequence[Joint], source: Path) -> dict[str, str]:
-    if not loops:
-        return {}
-    logger.warning(
-        "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which other "
-        "programs pass over, and in a file *%s beside it",
-        source,
-        ", ".join(joint.name for joint in loops),
-        LOOPS,
-        LOOPS_SUFFIX,
-    )
-    return {LOOPS_SUFFIX: f"{_LOOPS_HEADER}joints:\n{indent(joints_text(loops), '  ')}"}
-
-
-def _warn_of_sigmas(body: BodyModel, path: Path) -> None:
-    own = [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]
-    if own:
-        logger.warning("%s: joints %s have sigmas of their own, which no URDF carries", path, ", ".join(own))
+Make = Callable[[Path, MotionOptions, Progress], Content]
+"""Makes the content of a solved bag or, of formats that hold no motion, of a body file."""
 
 
 @dataclass(frozen=True)
@@ -115,66 +28,126 @@ class Format:
     Attributes:
         what: for whom it is, and what it holds.
         mark: what every such file has near its beginning.
-        content: makes, of a solved bag or a body file, the content of the file, under "", and of files beside it, under
-            the suffix that they have instead of the file's own.
+        content: what makes it.
+        options: fields of ``MotionOptions`` that it heeds.
+        beside: end of the names of files beside it -> the mark of such a file, and what it is.
     """
 
     what: str
-    mark: str
-    content: Callable[[Path], Mapping[str, str]]
+    mark: bytes
+    content: Make
+    options: frozenset[str] = frozenset()
+    beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
 
 
-FORMATS: Mapping[str, Format] = {
-    "urdf": Format("the body, for RViz and every tool that reads robots", "<robot", robot_description),
-    "mjcf": Format("the body with its loops closed, for MuJoCo", "<mujoco", mjcf),
-}
-
-
-def export(source: Path, format_name: str, output: Path, force: bool) -> list[Path]:
-    """Write a solved bag or a body file in a format, whole or not at all.
+def _of_motion(
+    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content], even: bool, alone: bool = True
+) -> Make:
+    """What makes the content of the motion in a solved bag.
 
     Args:
-        source: what to export.
-        format_name: key of ``FORMATS``.
-        output: file to write.
-        force: replace earlier files of the same kind.
-
-    Returns:
-        The files that were written.
-
-    Raises:
-        BodycamError: the source cannot be read or lacks what the format needs, or the output cannot be written.
+        write: makes it.
+        even: the file says a rate and no times.
+        alone: it has the body without the equipment beside it.
     """
-    chosen = FORMATS[format_name]
-    check_file(output, force, chosen.mark.encode(), format_name)
-    contents = {
-        output.with_suffix(suffix) if suffix else output: text for suffix, text in chosen.content(source).items()
-    }
-    stale = _stale_loops(output, contents) if force and format_name == "urdf" else None
-    with ExitStack() as stack:
-        for path, text in contents.items():
-            if path != output:
-                check_output(path, (source,), makes_folders=False)
-                check_file(path, force, _LOOPS_HEADER.encode(), "loops of a URDF")
-            stack.enter_context(whole_file(path)).write_bytes(text.encode())
-    if stale is not None:
-        _remove(stale)
-    return list(contents)
+
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
+        motion = sampled(read_solved_body(source, progress), options.rate, even)
+        if alone and motion.body.equipment_segments:
+            logger.warning(
+                "%s: %s, which are no part of the body, are left out; csv, npz, tum and ply have them",
+                source,
+                ", ".join(sorted(motion.body.equipment_segments)),
+            )
+        written = write(motion, options)
+        return {"": written} if isinstance(written, str | bytes) else written
+
+    return _of_bag(content)
 
 
-def _stale_loops(output: Path, written: Collection[Path]) -> Path | None:
-    """The loops of an earlier URDF of this name, if the one to be has none: they would be taken for its own."""
-    path = output.with_suffix(LOOPS_SUFFIX)
-    try:
-        is_ours = path not in written and path.is_file() and path.read_bytes().startswith(_LOOPS_HEADER.encode())
-    except OSError:
-        return None
-    return path if is_ours else None
+def _of_bag(make: Make) -> Make:
+    """The same, of bags alone."""
+
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
+        if source.is_file() and not robot_files.is_bag(source):
+            raise RecordingError(f"{source}: holds no motion; give a bag that 'bodycam replay' wrote")
+        return make(source, options, progress)
+
+    return content
 
 
-def _remove(path: Path) -> None:
-    try:
-        path.unlink()
-    except OSError as error:
-        raise OutputError(f"{path}: is of an earlier URDF, and cannot be removed: {error.strerror or error}") from error
-    logger.warning("%s: removed; it was of an earlier URDF, and the one beside it closes no loops", path)
+def _of_body(make: Callable[[Path], Mapping[str, str]]) -> Make:
+    return lambda source, options, progress: make(source)
+
+
+_RATE = frozenset({"rate"})
+_FIGURE = frozenset({"rate", "pose", "names"})
+_MODEL = {mot.OSIM_SUFFIX: (osim.MARK.encode(), "OpenSim model")}
+
+FORMATS: Mapping[str, Format] = {
+    "urdf": Format(
+        "the body, for RViz and every tool that reads robots",
+        b"<robot",
+        _of_body(robot_files.robot_description),
+        beside={robot_files.LOOPS_SUFFIX: (robot_files.LOOPS_HEADER.encode(), "loops of a URDF")},
+    ),
+    "mjcf": Format("the body with its loops closed, for MuJoCo", b"<mujoco", _of_body(robot_files.mjcf)),
+    "bvh": Format(
+        "the motion as bones, for Blender, MotionBuilder, Maya",
+        bvh.MARK.encode(),
+        _of_motion(bvh.bvh, even=True),
+        options=_FIGURE | {"up", "scale"},
+    ),
+    "trc": Format(
+        "virtual markers, with a model (.osim) beside them, for OpenSim",
+        trc.MARK.encode(),
+        _of_motion(trc.trc, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "mot": Format(
+        "joint angles, with the model (.osim) that they move beside them, for OpenSim",
+        mot.MARK.encode(),
+        _of_motion(mot.mot, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "c3d": Format(
+        "virtual markers, for the programs of motion laboratories",
+        c3d.SOFTWARE.encode(),
+        _of_motion(c3d.c3d, even=True),
+        options=_RATE | {"up"},
+    ),
+    "glb": Format(
+        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web",
+        glb.MARK.encode(),
+        _of_motion(glb.glb, even=False),
+        options=_FIGURE,
+    ),
+    "csv": Format(
+        "places, quaternions and joint angles, a row an instant, for spreadsheets",
+        csv.MARK.encode(),
+        _of_motion(csv.csv, even=False, alone=False),
+        options=_RATE,
+    ),
+    "tum": Format(
+        "the trajectory of the root, a segment or a camera, for evo",
+        tum.MARK.encode(),
+        _of_motion(tum.tum, even=False, alone=False),
+        options=_RATE | {"segment"},
+        beside={".tum": (tum.MARK.encode(), "trajectory")},
+    ),
+    "npz": Format("everything as NumPy arrays", npz.MARK, _of_motion(npz.npz, even=False, alone=False), options=_RATE),
+    "ply": Format(
+        "landmarks and the ways of segments as a cloud of points, for MeshLab, CloudCompare",
+        ply.MARK.encode(),
+        _of_bag(ply.ply),
+        options=_RATE,
+    ),
+    "usd": Format(
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya",
+        usd.MARK.encode(),
+        _of_motion(usd.usd, even=True),
+        options=_FIGURE,
+    ),
+}

@@ -69,20 +69,25 @@ def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, sett
     if family not in FAMILIES:
         raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    return refined_tags(gray, camera, FAMILIES[family], settings)
+
+
+def refined_tags(gray: NDArray[np.uint8], camera: CameraModel, family: int, settings: TagSettings) -> list[TagView]:
+    """As ``detect_tags``, of a grey picture (rows, columns) and a family by its number in ``cv2.aruco``."""
     # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
     spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
     views: dict[int, TagView] = {}
-    for tag, rough in find_tags(gray, camera, FAMILIES[family]):
-        breadths = _breadths(rough)
+    for tag, rough in find_tags(gray, camera, family):
+        breadths = breadths_of(rough)
         if tag in views or breadths.min() < settings.min_breadth:
             continue
-        corners = _corners_of_edges(spline, rough, breadths, camera, settings.line_tolerance)
+        corners = corners_of_edges(spline, rough, breadths, camera, settings.line_tolerance)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)
     return list(views.values())
 
 
-def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def breadths_of(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Breadths (2,) of a quadrilateral (4, 2): its area over the mean length of either pair of sides."""
     diagonals = corners[2:] - corners[:2]
     area = 0.5 * abs(diagonals[0, 0] * diagonals[1, 1] - diagonals[0, 1] * diagonals[1, 0])
@@ -90,14 +95,22 @@ def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([2.0 * area / (left + right), 2.0 * area / (upper + lower)])
 
 
-def _corners_of_edges(
+def corners_of_edges(
     spline: NDArray[np.float32],
     rough: NDArray[np.float64],
     breadths: NDArray[np.float64],
     camera: CameraModel,
     tolerance: float,
 ) -> NDArray[np.float64] | None:
-    """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line."""
+    """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line.
+
+    Args:
+        spline: coefficients of the picture (H, W), of ``scipy.ndimage.spline_filter``.
+        rough: (4, 2) about where the corners are, dark on the right of who goes from each to the next.
+        breadths: (2,) of the tag.
+        camera: the lens.
+        tolerance: median distance of an edge's points from its line that is clean [px].
+    """
     lines = []
     # Upper and lower edges are looked for across the tag's height, the others across its width.
     reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])

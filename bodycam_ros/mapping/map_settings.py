@@ -66,3 +66,10 @@ class MapSettings(SettingsGroups):
     worn: WornKeyframeSettings = WornKeyframeSettings()
     known_distance: KnownDistanceSettings = KnownDistanceSettings()
     floor: FloorSettings = FloorSettings()
+
+
+@dataclass(frozen=True)
+class CheckSettings(SettingsGroups):
+    """Settings of ``bodycam map check`` alone."""
+
+    coverage: CoverageSettings = CoverageSettings()

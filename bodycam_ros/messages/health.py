@@ -117,19 +117,30 @@ def clock_values(clock: ClockState) -> dict[str, object]:
 
 
 def timing_health(
-    camera: str, share: float, late: int, silent: bool, apart_s: float | None, timing: ClockHistory | None
+    camera: str,
+    share: float,
+    missed: int,
+    late: int,
+    silent: bool,
+    apart_s: float | None,
+    timing: ClockHistory | None,
 ) -> Health:
     """How one camera goes with the others.
 
     Args:
         camera: its name.
         share: share of the body's instants that it speaks of, 0 to 1.
+        missed: instants of which it did not speak, but half of all cameras did.
         late: registrations that came after their instant had gone.
         silent: whether it is not waited for any more.
         apart_s: how far its stamps are ahead of the body's present, or behind if negative [s]; None if it says nothing.
         timing: what is known of its clock; None while nothing is.
     """
-    values: dict[str, object] = {"share of instants [%]": round(100 * share), "late registrations": late}
+    values: dict[str, object] = {
+        "share of instants [%]": round(100 * share),
+        "instants missed": missed,
+        "late registrations": late,
+    }
     level, text = HealthLevel.OK, "in time with the others"
     if timing is not None:
         values |= clock_values(timing.latest)

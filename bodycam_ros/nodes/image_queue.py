@@ -72,6 +72,11 @@ class ImageQueue:
         """The oldest; there is one."""
         return self._waiting[0]
 
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the latest; there is one."""
+        return self._waiting[-1].item.image.stamp_ns
+
     def take(self, since_s: float) -> CameraImage | None:
         """Take the oldest; None where it is left out, because the machine does not keep up.
 

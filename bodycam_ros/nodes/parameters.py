@@ -10,14 +10,13 @@ from typing import Any, Final, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from bodycam_ros.all_settings import OF_COMMANDS
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.nodes.common_parameters import CommonParameters
 from bodycam_ros.nodes.region_parameters import RegionTrackerParameters
-from bodycam_ros.outside.shape_settings import MeasureSettings
-from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
 
 P = TypeVar("P")
@@ -177,7 +176,23 @@ class PlayerParameters(CommonParameters):
     )
 
 
-ALL: Final = (TrackerParameters, RegionTrackerParameters, RegistrationParameters, SolverParameters, PlayerParameters)
+@dataclass(frozen=True)
+class RetargetParameters(CommonParameters):
+    """Of the node ``retarget``."""
+
+    urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and where ROS knows them")
+    mapping: str = setting("", reason="YAML of which links of the robot follow what, as config/robot/talos.yaml")
+    robot: str = setting("robot", reason="namespace of what is published of the robot, and prefix of its root's frame")
+
+
+ALL: Final = (
+    TrackerParameters,
+    RegionTrackerParameters,
+    RegistrationParameters,
+    SolverParameters,
+    RetargetParameters,
+    PlayerParameters,
+)
 """One parameter file serves all nodes, so each must know what is meant for another."""
 
 
@@ -204,19 +219,35 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
     Raises:
         SettingsError: an unknown name, a wrong type, a value out of range, or one that only a recording can have.
     """
-    grouped: defaultdict[str, dict[str, Any]] = defaultdict(dict)
-    for name, value in given.items():
-        group, dot, setting_name = name.partition(".")
-        if dot:
-            grouped[group][setting_name] = value
+    grouped = _grouped(given)
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
-    # One file serves all commands; no node listens to sound, or finds out where static cameras stand.
-    for of_commands in (SoundSettings, MeasureSettings, StationsSettings):
+    # One file serves all commands; no stage listens to sound, or finds out where static cameras stand.
+    for of_commands in OF_COMMANDS:
         own = of_commands.groups().keys() - PipelineSettings.groups().keys()
         of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, _SOURCE)
     pipeline = PipelineSettings.from_mapping(grouped, _SOURCE)
     pipeline.smoother.check_live()
     return pipeline, CalibrationSettings.from_mapping(calibration, _SOURCE)
+
+
+def robot_settings(given: dict[str, Any]) -> RobotSettings:
+    """Settings of a robot that follows.
+
+    Raises:
+        SettingsError: an unknown name, a wrong type, or a value out of range.
+    """
+    grouped = _grouped(given)
+    return RobotSettings.from_mapping({group: grouped[group] for group in RobotSettings.groups()}, _SOURCE)
+
+
+def _grouped(given: dict[str, Any]) -> defaultdict[str, dict[str, Any]]:
+    """Group -> its settings, of parameters named ``group.setting``."""
+    grouped: defaultdict[str, dict[str, Any]] = defaultdict(dict)
+    for name, value in given.items():
+        group, dot, setting_name = name.partition(".")
+        if dot:
+            grouped[group][setting_name] = value
+    return grouped
 
 
 def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:

@@ -29,7 +29,11 @@ class RegionTrackerParameters(CommonParameters):
     )
     transport: str = setting("compressed", reason="as of the tracker")
     image_queue: int = setting(
-        60, unit="images", limits=(1, 10000), reason="how far it may fall behind before images are lost: 2 s"
+        150,
+        unit="images",
+        limits=(1, 10000),
+        reason="how far it may fall behind before images are lost: 5 s, for at first limbs are looked for; those that "
+        "the solver has not waited for are left out anyway",
     )
     most_ahead: int = setting(
         1,

@@ -32,7 +32,7 @@ from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
-_NOBODY = f"no worn camera says on {SEGMENTS_NOW} where the body is, and there is no start file"
+_NOBODY = f"nothing on {SEGMENTS_NOW} says where the body is, and there is no start file"
 _PATIENCE_S = 2.0
 """Images may come slowly, from a bag that is played slowly; none for so long is an error."""
 
@@ -93,7 +93,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         tracker = RegionTracker(with_usual_limits(self._body), self._surface, alone, self.settings.region)
         self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.region, self.settings.motion)
         self._answers.forget()
-        self._answered_ns = 0
+        self._answered_ns = self._solved_ns = 0
         self._restarts += 1
         self._asked_since_s: float | None = None
         self._looking_since_s: float | None = None
@@ -105,6 +105,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             self.skipped.add("bodies skipped", f"{SEGMENTS_NOW}: {error}; is it the solver of another body?")
             return
         self._alone.hear(now)
+        self._solved_ns = now.stamp_ns
         self._answered_ns = now.stamp_ns + round(1e9 * self.settings.assembler.sync_tolerance)
         self._answers.answered_until(self._answered_ns)
         self.soon(self._look_next)
@@ -120,10 +121,10 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
             self._begin()
         self._asked_since_s = self._asked_since_s or time.monotonic()
-        if self._waits_for():
+        if self._images.next.item.image.stamp_ns <= self._solved_ns <= self._images.newest_ns:
+            self._leave_out()
             return
-        if self._placed is None and not self._alone.knows(self._images.next.item.image.stamp_ns):
-            self._say_nothing(self._images.take(time.monotonic()))
+        if self._waits_for():
             return
         self._looking_since_s = self._looking_since_s or time.monotonic()
         came_s = self._images.next.item.seconds
@@ -139,16 +140,17 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             return f"nobody reads {self.camera}{SEGMENT_POSES}"
         if self._answers.must_wait():
             return "the solver has not answered yet"
-        if self._placed is None or self._alone.knows(self._images.next.item.image.stamp_ns):
+        if self._alone.knows(self._images.next.item.image.stamp_ns):
             return ""
+        if self._placed is None:
+            return _NOBODY
         asked_s = time.monotonic() - (self._asked_since_s or time.monotonic())
         return "" if asked_s >= self.parameters.start_wait else "a moment, for the solver may know where the body is"
 
-    def _say_nothing(self, image: CameraImage | None) -> None:
-        """Nobody knows where the body is: whoever waits for this station need not wait."""
-        if image is not None:
-            self.skipped.add("images without a body", f"camera {self.camera}: {_NOBODY}")
-            self._said.publish(segment_poses_message(self.make, image.stamp_ns, self.camera, (), {}))
+    def _leave_out(self) -> None:
+        """The solver has been there already: whatever the next image shows, it would be said too late."""
+        if self._images.take(time.monotonic()) is not None:
+            self.skipped.add("images late", f"camera {self.camera}: the solver has gone on without one of its images")
         self.soon(self._look_next)
 
     def _look_at(self, image: CameraImage, came_s: float) -> None:

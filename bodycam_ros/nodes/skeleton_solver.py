@@ -167,6 +167,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
                 equipment=self._held,
                 onlookers=self._stations.reports(self._body) if self._stations else None,
                 stations=self._stations.stations if self._stations else (),
+                placed=bool(self.parameters.start),
             )
             self._hints.begin(self._body)
             self._judge_anew()
@@ -190,7 +191,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._hints.hear(heard)
         if self._pipeline is not None:
             begun = self.moments.now()
-            said = self._pipeline.add_said(heard) if isinstance(heard, SaidSegments) else self._pipeline.add(heard)
+            said = self._pipeline.add_static(heard) if isinstance(heard, SaidSegments) else self._pipeline.add(heard)
             self._publish(said, begun)
 
     def _on_corrected(self, matches: LandmarkMatches) -> None:
@@ -253,7 +254,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _publish(self, outputs: Iterable[BodyOutput], begun: Instant | None = None) -> None:
         # First of all: stations look at their next image when they have heard it.
         if self._stations is not None and self._pipeline is not None and self._body is not None:
-            self._stations.tell(self._pipeline.now, self._body)
+            self._stations.tell(self._pipeline.lately, self._body)
         for output in outputs:
             if self._body is not None:
                 self._topics.publish(output, self._body)

@@ -139,6 +139,7 @@ class SolverHealth:
             timing_health(
                 camera,
                 share,
+                assembler.synchrony.missed[camera],
                 assembler.late_of[camera],
                 camera in silent,
                 assembler.apart_s(camera),

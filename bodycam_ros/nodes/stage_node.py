@@ -46,6 +46,7 @@ class StageNode(Node, Generic[P]):
         groups: the groups of settings that it uses; a parameter file may hold others too.
 
     Attributes:
+        given: what parameter files and the command line say, by name.
         parameters: its own parameters.
         settings: of all stages.
         calibration_settings: of the calibration of a body.
@@ -64,9 +65,9 @@ class StageNode(Node, Generic[P]):
     def __init__(self, name: str, parameters_type: type[P], groups: Sequence[str] = ()) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.made.append(self)
-        given = given_parameters(self)
-        self.parameters = own_parameters(given, parameters_type)
-        self.settings, self.calibration_settings = settings_from_parameters(given)
+        self.given = given_parameters(self)
+        self.parameters = own_parameters(self.given, parameters_type)
+        self.settings, self.calibration_settings = settings_from_parameters(self.given)
         declare(self, self.parameters)
         for group in groups:
             of = self.calibration_settings if group in CalibrationSettings.groups() else self.settings

@@ -10,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "player")
+NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player")
 
 
 def tracker() -> NoReturn:
@@ -31,6 +31,11 @@ def registration() -> NoReturn:
 def skeleton_solver() -> NoReturn:
     """Run the solver of the body."""
     _run("skeleton_solver")
+
+
+def retarget() -> NoReturn:
+    """Run a robot that follows the body."""
+    _run("retarget")
 
 
 def player() -> NoReturn:

@@ -1,6 +1,6 @@
 """Static cameras as the solver meets them live: what they say of the body, and where it tells them that the body is."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -95,11 +95,16 @@ class Stations:
         placed = placed_body(Path(self._start), self._file, self.stations, body, of.region) if self._start else None
         return StationReports(with_usual_limits(body), placed, of.region, of.motion)
 
-    def tell(self, now: BodyNow | None, body: BodyModel) -> None:
-        """Where the body is at the latest instant; said once."""
-        if now is not None and now.stamp_ns != self._told_ns:
-            self._told_ns = now.stamp_ns
-            self._now.publish(segments_now_message(self._node.make, now, body))
+    def tell(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
+        """Where the body is at the latest instant, once; and at the one before, of which more is known by now.
+
+        What a limb did in between is its velocity. What was said at the time would not do: that the body is found to be
+        elsewhere than it was expected is no motion.
+        """
+        if lately and lately[-1].stamp_ns != self._told_ns:
+            self._told_ns = lately[-1].stamp_ns
+            for now in lately:
+                self._now.publish(segments_now_message(self._node.make, now, body))
 
     def _hear(self, station: str, message: Message) -> None:
         try:

@@ -60,9 +60,14 @@ class LoneStation:
         return SaidSegments(self._name, image.stamp_ns, tuple(seen.evidence[self._name]), confidence)
 
     def _heard(self, stamp_ns: int) -> BodyNow | None:
-        """What a solver says that cameras see; a guess of what none sees is no place to begin."""
+        """What a solver says that cameras see; a guess of what none sees is no place to begin.
+
+        Nor is a single instant: limbs that are looked for hang on a trunk whose motion must be known.
+        """
         heard = self._carried.heard_by(stamp_ns)
-        return heard if heard is not None and heard.observed.any() else None
+        if heard is None or not heard.observed.any() or self._carried.heard_by(heard.stamp_ns - 1) is None:
+            return None
+        return heard
 
     def _look_on(self, frame: BodyFrame) -> SeenBody | None:
         expected = self._carried.at(frame.stamp_ns)

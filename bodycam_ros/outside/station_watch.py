@@ -38,7 +38,7 @@ class StationWatch:
         placed: (S, 4, 4) where the body is at the first image, as a person placed it; None where nobody did.
         settings: how well it was placed.
         motion: how suddenly segments change their motion.
-        on_seen: told what an instant's images said, and their latest stamp [ns].
+        on_seen: told what an instant's images said, and the stamp of each station's [ns].
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class StationWatch:
         placed: Array | None,
         settings: RegionSettings,
         motion: MotionSettings,
-        on_seen: Callable[[int, SeenBody], None] = lambda stamp_ns, seen: None,
+        on_seen: Callable[[Mapping[str, int], SeenBody], None] = lambda stamps_ns, seen: None,
     ) -> None:
         self._tracker, self._placed = tracker, placed
         self._settings, self._motion, self._on_seen = settings, motion, on_seen
@@ -74,7 +74,7 @@ class StationWatch:
             expected = self._tracker.find_limbs(pictures, expected, known)
             self._has_colours = True
         seen = self._tracker.look(pictures, followed(expected, dt_s, self._motion), known)
-        self._on_seen(max(frame.images[name].stamp_ns for name in pictures), seen)
+        self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
         return seen
 
     def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:

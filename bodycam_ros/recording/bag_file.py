@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
@@ -14,6 +14,9 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.bag_fault import check_files, fault_of
 from bodycam_ros.recording.typestore import recording_typestore
+
+_SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
+"""Of a stamp, behind the four bytes in which CDR says its byte order."""
 
 logger = logging.getLogger(__name__)
 
@@ -90,6 +93,24 @@ class BagFile:
                 logger.debug("%s: a message on %s at %d ns cannot be decoded", self.path, connection.topic, stamp_ns)
                 continue
             yield connection.topic, stamp_ns, message
+
+    def header_stamps(self, topics: Collection[str]) -> Iterator[tuple[str, int, int]]:
+        """Yield topic, time of recording [ns] and stamp [ns] of messages that begin with one, in order of the former.
+
+        Nothing is decoded: a header's stamp, as that of a foxglove message, is the first eight bytes of a message.
+        """
+        connections = self._connections(topics)
+        stream = self._reader.messages(connections) if connections else iter(())
+        while True:
+            with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
+                item = next(stream, None)
+            if item is None:
+                return
+            connection, recorded_ns, cdr = item
+            if len(cdr) >= _NANOSECONDS.stop:
+                order: Literal["little", "big"] = "little" if cdr[1] & 1 else "big"
+                seconds, nanoseconds = (int.from_bytes(cdr[part], order) for part in (_SECONDS, _NANOSECONDS))
+                yield connection.topic, recorded_ns, seconds * 1_000_000_000 + nanoseconds
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
         return [c for c in self._reader.connections if c.topic in topics]

@@ -7,6 +7,9 @@ from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.readout import Readout
@@ -148,6 +151,14 @@ class Recording:
     def encoded_between(self, cameras: Collection[str], start_ns: int, stop_ns: int) -> list[CameraImage]:
         """As ``encoded_images``, of those recorded between two times [ns], the second not included; whatever stamps."""
         return list(self._messages(cameras, start_ns, stop_ns))
+
+    def image_times(self) -> dict[str, NDArray[np.int64]]:
+        """Camera -> (N, 2) when its images were recorded, and their stamps [ns], in order of the former."""
+        cameras = {topic: camera for camera, topic in self._image_topic.items()}
+        times: dict[str, list[tuple[int, int]]] = {camera: [] for camera in self.cameras}
+        for topic, recorded_ns, stamp_ns in self._bag.header_stamps(cameras):
+            times[cameras[topic]].append((recorded_ns, stamp_ns))
+        return {camera: np.array(rows, np.int64).reshape(-1, 2) for camera, rows in times.items()}
 
     def first_image(self, camera: str, from_ns: int) -> CameraImage | None:
         """A camera's first image that is not before a time; of a video no more is decoded than it takes."""

@@ -1,7 +1,7 @@
 """What the registrar says about one image."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,19 @@ class LandmarkMatches:
     readout_time: float = 0.0
     readout_sigma: float = math.nan
     grown: int = 0
+
+    def bare(self) -> "LandmarkMatches":
+        """The same without the landmarks: the pose by them, and whether most of them were grown (as one, or none)."""
+        nothing = slice(0)
+        return replace(
+            self,
+            track_ids=self.track_ids[nothing],
+            landmark_ids=self.landmark_ids[nothing],
+            pixels=self.pixels[nothing],
+            points_world=self.points_world[nothing],
+            shifts=None,
+            grown=int(2 * self.grown > len(self.landmark_ids)),
+        )
 
     @property
     def shown(self) -> NDArray[np.float32]:

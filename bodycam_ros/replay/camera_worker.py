@@ -120,6 +120,7 @@ class RegistrationTask:
         settings: of the pipeline.
         max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
         with_messages: make the messages that a bag keeps of each image.
+        slim: of these none of tracks, and none of the landmarks but the pose by them.
         backwards: register the last image first. Then time is mirrored: stamps, what comes of them, and the read-out of
             the rows count from the end; ``mirrored_ns`` turns stamps back.
         hints: of the body that a pass before this one gave; not for one that goes backwards.
@@ -131,6 +132,7 @@ class RegistrationTask:
     settings: PipelineSettings
     max_rate: float = math.inf
     with_messages: bool = True
+    slim: bool = False
     backwards: bool = False
     hints: BodyHints = BodyHints()
     readouts: Mapping[str, Readout] = field(default_factory=dict)
@@ -221,7 +223,7 @@ def register_images(
             except RecordingError as error:
                 yield SkippedImage(image.camera, stamp_ns, str(error))
                 continue
-            messages = _serialised(image.camera, tracks, matches) if task.with_messages else ()
+            messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted(recording.dropped.items()):
             if count:
@@ -241,12 +243,12 @@ def _readout(recording: Recording, camera: str, task: RegistrationTask) -> Reado
     return Readout(-known.seconds, known.sigma) if task.backwards and known is not None else known
 
 
-def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches) -> tuple[SerializedMessage, ...]:
+def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:
     """The messages that a bag keeps of one image."""
     make = recorded_messages()
     messages = {
-        "tracks": tracks_message(make, tracks),
-        "landmarks": landmarks_message(make, matches),
+        "tracks": None if slim else tracks_message(make, tracks),
+        "landmarks": landmarks_message(make, matches.bare() if slim else matches),
         "pose": camera_pose_message(make, matches),
     }
     return tuple(

@@ -1,7 +1,7 @@
 """What a user says of static cameras, and the watch that is made of it."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
@@ -58,7 +58,7 @@ def station_watch(
     body: BodyModel,
     body_path: Path,
     settings: PipelineSettings,
-    on_seen: Callable[[int, SeenBody], None],
+    on_seen: Callable[[Mapping[str, int], SeenBody], None],
 ) -> StationWatch:
     """What asks the stations where a body is.
 
@@ -68,7 +68,7 @@ def station_watch(
         body: with its equipment, if any.
         body_path: its file.
         settings: of all stages.
-        on_seen: told what they say.
+        on_seen: told what they say, and the stamp of each station's image [ns].
 
     Raises:
         BodyError: the body's surface, or the start, cannot be used.

@@ -31,12 +31,13 @@ def replay_in_passes(
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
     outside: OutsideInput | None = None,
+    slim: bool = False,
 ) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
     """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
 
     Args:
         recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment, outside: as of
-            ``replay``.
+            ``replay``, and so is slim.
         passes: over the recording, the last one included.
         on_step: called with each step before the last pass or beside it, and the share of it that is done.
 
@@ -57,6 +58,7 @@ def replay_in_passes(
             equipment,
             on_step,
             outside,
+            slim,
         )
         return summary, ()
     person = read_body(body_path)
@@ -82,6 +84,7 @@ def replay_in_passes(
             held,
             on_step,
             outside,
+            slim,
         )
     summary.elapsed_s += extension.elapsed_s
     return summary, extension.rounds

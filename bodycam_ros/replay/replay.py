@@ -63,6 +63,7 @@ def replay(
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
     outside: OutsideInput | None = None,
+    slim: bool = False,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -79,6 +80,7 @@ def replay(
         equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
         outside: what is known of static cameras, if there are any.
+        slim: write no tracks, and of landmarks the poses by them alone.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -94,7 +96,7 @@ def replay(
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
-    seen: deque[tuple[int, SeenBody]] = deque()
+    seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
     onlookers = None
     if outside is not None:
         onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
@@ -117,7 +119,7 @@ def replay(
         known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
         rows = ReadoutLog(cameras, settings.readout, known)
         task = RegistrationTask(
-            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints()
+            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints(), slim=slim
         )
         clocks = CameraClocks([*cameras, *stations])
         start_ns = None
@@ -131,7 +133,7 @@ def replay(
             summary.images[item.camera] += 1
             clocks.add(item.camera, item.stamp_ns)
             if isinstance(item, CameraImage):
-                out.write_states(skeleton.add_image(item))
+                out.write_states(skeleton.add_static(item))
             else:
                 rows.add(item.matches)
                 out.write_registration(item)

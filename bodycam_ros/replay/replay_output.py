@@ -93,15 +93,15 @@ class ReplayOutput:
             self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
             self.write_health(image.stamp_ns)
 
-    def write_seen(self, stamp_ns: int, seen: SeenBody) -> None:
-        """What static cameras say of the segments at an instant."""
+    def write_seen(self, stamps_ns: Mapping[str, int], seen: SeenBody) -> None:
+        """What static cameras say of the segments at an instant, each with the stamp of its own image."""
         names = self._body.segments
         self.seen.add(each.segment for each in seen.together)
         for station, evidence in seen.evidence.items():
             self._summary.registered[station] += bool(evidence)
             confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))
-            message = segment_poses_message(self._make, stamp_ns, station, evidence, confidence)
-            self._writer.write(f"/{station}{SEGMENT_POSES}", stamp_ns, message)
+            message = segment_poses_message(self._make, stamps_ns[station], station, evidence, confidence)
+            self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
 
     def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""

@@ -19,9 +19,9 @@ from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import adjoint, inverse
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 
 _VAGUE = np.repeat([1.0, 1.0], 3)  # [rad], [m] a body that begins: known by its cameras alone
 _VELOCITY_SIGMA = np.repeat([6.0, 2.0], 3)  # [rad/s], [m/s] of people's segments, before anything is known of it

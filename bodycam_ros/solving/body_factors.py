@@ -10,9 +10,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.joint_poses import JointPoses
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 
 _NO_OPINION_M = 10.0
 """Sigma of the translation of a factor that speaks of rotation only."""

@@ -36,12 +36,13 @@ from bodycam_ros.solving.camera_trust import CameraTrust, Trusted, TrustSettings
 from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.coupling import Coupling
 from bodycam_ros.solving.equipment_recorded import RecordedEquipment
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.forward_states import ForwardStates
 from bodycam_ros.solving.going_on import GoingOn
 from bodycam_ros.solving.held_joint import HeldJoint
 from bodycam_ros.solving.looking_on import LookingOn
 from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory, PoseMemorySettings
+from bodycam_ros.solving.pose_memory import PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
 from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.seen_body import Onlookers
@@ -126,9 +127,9 @@ class BodySmoother:
         return self._window.restarts
 
     @property
-    def now(self) -> BodyNow | None:
-        """The body at the latest instant; None before the first."""
-        return self._window.now
+    def lately(self) -> list[BodyNow]:
+        """The body at the latest two instants, as far as there are, oldest first."""
+        return self._window.lately
 
     def _begin_anew(self) -> None:
         """An empty window: at the start, and after a pause that nothing reaches across."""
@@ -181,16 +182,14 @@ class BodySmoother:
         evidence = trusted.evidence | self._weak_evidence(frame, trusted, path)
         observed = self.body.named(seen.segment for seen in evidence.values())
         joints_seen = observed[self.body.joint_ends].all(axis=1)
-        known = observed | self.body.named(turn.segment for _, turn in turns)
+        known = observed | self._looking_on.rows | self.body.named(turn.segment for _, turn in turns)
         known[list(self._beside)] = True
-        known |= self._looking_on.rows
         turning = known[self.body.joint_ends].all(axis=1)
         self._memory.machine_is_known = bool(self._coupling and self._coupling.placed)
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         self._looking_on.look(frame, path, dt_s, [*evidence.values(), *placed])
-        told = self._looking_on.told(observed)
-        expected = expected.told(told)
+        expected = expected.told(told := self._looking_on.told(observed))
         start = seated(self._looking_on.path(path, observed), trusted.seats)
         self._jumped = trusted.jumped | self._looking_on.seen.jumped
         said = [*evidence.values(), *placed, *self._looking_on.evidence]

@@ -129,12 +129,12 @@ class BodyWindow:
         self._solved_from = instant.index + 1
 
     @property
-    def now(self) -> BodyNow | None:
-        """The body at the latest instant; None before the first."""
-        if not self.instants:
-            return None
-        latest = self.instants[-1]
-        return BodyNow(latest.stamp_ns, latest.world_T_segment, latest.uncertainty.segments, latest.observed)
+    def lately(self) -> list[BodyNow]:
+        """The body at the latest two instants, as far as there are, oldest first, as they are known by now."""
+        return [
+            BodyNow(instant.stamp_ns, self.poses(instant), instant.uncertainty.segments, instant.observed)
+            for instant in list(self.instants)[-2:]
+        ]
 
     def reaches(self, index: int) -> bool:
         """Whether an instant's variables are in the back end, so that factors may speak of them."""

@@ -44,6 +44,13 @@ class AssemblerSettings:
         reason="a camera that is silent while another goes on for this long, in time of the recording, is not waited "
         "for any more until it speaks again",
     )
+    first_wait: float = setting(
+        10.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="live, a static camera that hears where the body is looks for its limbs first, which takes a second of "
+        "a core, and more of a busy one; so much longer than 'max_wait' its first word is waited for",
+    )
 
 
 @dataclass
@@ -126,10 +133,11 @@ class FrameAssembler:
             return None
         return 1e-9 * (stream.heard_ns - self._assembled_ns)
 
-    def join(self, camera: str) -> None:
-        """Wait for one more camera from now on."""
+    def join(self, camera: str, longer_s: float = 0.0) -> None:
+        """Wait for one more camera from now on; for its first word, live, so much longer than for others'."""
         if camera not in self._streams:
-            self._streams[camera] = _Stream(others_run_ns=self._runs_ns())
+            begun_s = time.monotonic() + longer_s
+            self._streams[camera] = _Stream(others_run_ns=self._runs_ns(), heard_s=begun_s)
             self.synchrony.join(camera)
 
     def add(self, matches: Heard) -> list[BodyFrame]:

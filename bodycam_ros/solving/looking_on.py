@@ -1,15 +1,16 @@
 """Static cameras beside worn ones: what each instant takes from them, and what it leaves to the worn."""
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.pose_memory import ToldJoints
+from bodycam_ros.solving.expected_joints import ToldJoints
 from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 
 _SEEN_RAD = 0.2
@@ -50,11 +51,28 @@ class LookingOn:
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
-        asked = self._onlookers if frame.images or frame.said else None
+        asked, before = self._onlookers if frame.images or frame.said else None, self.seen.world_T_segment
         seen = asked.look(frame, path, dt_s, known) if asked else None
+        if seen and dt_s > 0.0:
+            seen = self._at_instant(seen, frame, log_se3(inverse(before) @ path) / dt_s)
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
+
+    def _at_instant(self, seen: SeenBody, frame: BodyFrame, velocities: Array) -> SeenBody:
+        """What each says carried from its own image's time to the instant, at the segments' velocities (S, 6)."""
+        stamps_ns = {name: image.stamp_ns for name, image in frame.images.items()}
+        stamps_ns |= {name: said.stamp_ns for name, said in frame.said.items()}
+        evidence = dict(seen.evidence)
+        for name, shown in seen.evidence.items():
+            if late_ns := stamps_ns.get(name, frame.stamp_ns) - frame.stamp_ns:
+                rows = [self._body.segment_index[each.segment] for each in shown]
+                steps = exp_se3(-1e-9 * late_ns * velocities[rows])
+                evidence[name] = [
+                    replace(each, world_T_segment=each.world_T_segment @ step)
+                    for each, step in zip(shown, steps, strict=True)
+                ]
+        return replace(seen, evidence=evidence)
 
     @property
     def evidence(self) -> list[SegmentPose]:

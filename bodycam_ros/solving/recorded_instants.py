@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_state import BodyState
-from bodycam_ros.solving.pose_memory import ExpectedJoints, ToldJoints
+from bodycam_ros.solving.expected_joints import ExpectedJoints, ToldJoints
 
 Array = NDArray[np.float64]
 

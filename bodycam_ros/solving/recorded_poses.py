@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
+from bodycam_ros.solving.expected_joints import ExpectedJoints
+from bodycam_ros.solving.pose_memory import PoseMemory
 
 _TURN_S = 0.1  # [s] before and after, between which a turn is a velocity, and by which it counts like an angle
 _LASTS_S = 0.5  # for which a joint stays beside where it is told to be

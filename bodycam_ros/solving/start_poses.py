@@ -9,8 +9,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, inverse, log_so3, rigid
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.motion import orthonormal
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """On how many of the body's instants each camera speaks."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 
 from bodycam_ros.solving.body_frame import BodyFrame
@@ -14,11 +14,16 @@ class Synchrony:
 
     Args:
         cameras: their names.
+
+    Attributes:
+        missed: camera -> instants so far of which it did not speak, but half of all did: images that were dropped or
+            left out, words that came too late.
     """
 
     def __init__(self, cameras: Iterable[str]) -> None:
         self._cameras = list(cameras)
         self._frames: deque[frozenset[str]] = deque(maxlen=_REMEMBERED)
+        self.missed: Counter[str] = Counter()
 
     def join(self, camera: str) -> None:
         """One more camera."""
@@ -26,7 +31,10 @@ class Synchrony:
 
     def add(self, frame: BodyFrame) -> None:
         """Note who speaks of an instant."""
-        self._frames.append(frozenset((*frame.matches, *frame.images, *frame.said)))
+        speaking = frozenset((*frame.matches, *frame.images, *frame.said))
+        self._frames.append(speaking)
+        if 2 * len(speaking) >= len(self._cameras):
+            self.missed.update(camera for camera in self._cameras if camera not in speaking)
 
     def shares(self) -> dict[str, float]:
         """Camera -> share of the latest instants at which it spoke, 0 to 1; empty before the first instant.

@@ -22,8 +22,9 @@ from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.bridge import bridge
 from bodycam_ros.solving.camera_evidence import SegmentTurn
 from bodycam_ros.solving.equipment_recorded import RecordedEquipment
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import ExpectedJoints, PoseMemory
+from bodycam_ros.solving.pose_memory import PoseMemory
 from bodycam_ros.solving.recorded_instants import RecordedInstant, border, known_by_turns
 from bodycam_ros.solving.recorded_poses import RecordedPoses
 from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion

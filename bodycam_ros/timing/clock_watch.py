@@ -45,12 +45,7 @@ class ClockWatch:
     """
 
     def __init__(
-        self,
-        body: BodyModel,
-        cameras: Iterable[str],
-        settings: ClockSettings,
-        floor: NDArray[np.float64],
-        live: bool,
+        self, body: BodyModel, cameras: Iterable[str], settings: ClockSettings, floor: NDArray[np.float64], live: bool
     ) -> None:
         self._body, self._settings, self._floor = body, settings, floor
         self._lookahead_ns = 0 if live else round(1e9 * settings.lookahead)
@@ -94,6 +89,11 @@ class ClockWatch:
     def moves(self) -> int:
         """How often the time of most cameras went elsewhere."""
         return self._time.moves
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether cameras speak, but nothing of it has gone on yet."""
+        return self.beat is None and self._first_ns >= 0
 
     @property
     def sharing(self) -> frozenset[str]:

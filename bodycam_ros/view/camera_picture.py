@@ -37,10 +37,12 @@ class CameraPicture:
         pixels: (H, W, 3) red, green, blue.
         error_px: median distance between where landmarks were seen and where the body's camera sees them [px]; NaN
             without landmarks.
+        landmarks_world: (N, 3) those that the camera saw [m].
     """
 
     pixels: NDArray[np.uint8]
     error_px: float
+    landmarks_world: Array
 
 
 def draw_picture(
@@ -82,7 +84,8 @@ def draw_picture(
     for centre in [] if contour is None else _fixed((contour + 0.5) * scale - 0.5):
         cv2.circle(pixels, centre.tolist(), _CONTOUR_PX << _SHIFT, rgb(CONTOUR), cv2.FILLED, cv2.LINE_AA, _SHIFT)
     known = errors[np.isfinite(errors)]
-    return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"))
+    seen = np.zeros((0, 3)) if matches is None else matches.points_world.astype(np.float64)
+    return CameraPicture(pixels, float(np.median(known)) if len(known) else float("nan"), seen)
 
 
 class PicturePanel:

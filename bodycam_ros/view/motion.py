@@ -107,7 +107,7 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
     unplaced_ns = set()
     with BagFile(path) as bag:
-        _check_topics(bag)
+        check_topics(bag)
         robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
         beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
         joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
@@ -146,7 +146,12 @@ def _in_order(poses: dict[int, Array]) -> tuple[NDArray[np.int64], Array]:
     return np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 4, 4)
 
 
-def _check_topics(bag: BagFile) -> None:
+def check_topics(bag: BagFile) -> None:
+    """Refuse a bag without a body's motion.
+
+    Raises:
+        RecordingError: so it is.
+    """
     for topic, wanted in MOTION_TOPICS.items():
         kind = bag.topics.get(topic)
         if kind != wanted or bag.message_count(topic) == 0:

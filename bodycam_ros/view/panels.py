@@ -29,13 +29,14 @@ _UNKNOWN = ((UNKNOWN, "camera"),)
 
 
 class Playback:
-    """Where playing is, in seconds of the recording; it begins again at the end."""
+    """Where playing is, in seconds of the recording; at the end it begins again, or stops if it is told to."""
 
     def __init__(self, duration_s: float, now: Callable[[], float]) -> None:
         self._speed = 1.0
         self._duration_s = duration_s
         self._now = now
         self._since: float | None = None
+        self.loops = True
 
     @property
     def is_playing(self) -> bool:
@@ -61,7 +62,12 @@ class Playback:
         now = self._now()
         seconds += (now - self._since) * self._speed
         self._since = now
-        return seconds if seconds <= self._duration_s else 0.0
+        if seconds <= self._duration_s:
+            return seconds
+        if self.loops:
+            return 0.0
+        self.pause()
+        return self._duration_s
 
 
 class TimePanel:
@@ -85,11 +91,13 @@ class TimePanel:
             )
             self._button = gui.add_button(_PLAY, disabled=not moves)
             speed = gui.add_dropdown("speed", tuple(_SPEEDS), disabled=not moves)
+            loop = gui.add_checkbox("loop", True, disabled=not moves)
             self._follow = gui.add_checkbox("follow the body", True)
 
         on_input(self._slider, lambda: inbox.put(on_time, "time"))
-        self._button.on_click(lambda _: inbox.put(self._play_or_pause))
+        self._button.on_click(lambda _: inbox.put(self.play_or_pause))
         on_input(speed, lambda: inbox.put(lambda: playback.change_speed(_SPEEDS[speed.value])))
+        on_input(loop, lambda: inbox.put(lambda: setattr(playback, "loops", bool(loop.value))))
         on_input(self._follow, lambda: inbox.put(on_follow))
 
     @property
@@ -105,13 +113,22 @@ class TimePanel:
     def show(self, seconds: float) -> None:
         """Move the slider to a time."""
         set_value(self._slider, min(round(seconds, _DECIMALS), self._slider.max))
+        self._label()
 
-    def _play_or_pause(self) -> None:
+    def play_or_pause(self) -> None:
+        """Let time go on, or hold it; at the end it begins again."""
         if self._playback.is_playing:
             self._playback.pause()
         else:
             self._playback.play()
-        self._button.label = _PAUSE if self._playback.is_playing else _PLAY
+            if self.seconds >= self._slider.max:
+                set_value(self._slider, 0.0)
+        self._label()
+
+    def _label(self) -> None:
+        label = _PAUSE if self._playback.is_playing else _PLAY
+        if self._button.label != label:
+            self._button.label = label
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """All that is seen: the place, the body at one instant, its cameras, and from where a browser looks at first."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -10,25 +9,20 @@ from viser import SceneApi, SceneNodeHandle, ViserServer
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.surface import Surface
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.camera_scene import CameraScene
 from bodycam_ros.view.correction import Part
 from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.motion import Motion
-from bodycam_ros.view.scene_nodes import GRID, GRID_FINE, WORLD, rgb
-from bodycam_ros.view.skeleton_scene import EquipmentScene, SkeletonScene, limbs_of
+from bodycam_ros.view.name_scene import NameScene
+from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
+from bodycam_ros.view.other_motion import OtherMotion
+from bodycam_ros.view.scene_nodes import COMPARED, GRID, GRID_FINE, WORLD, rgb
+from bodycam_ros.view.seen_scene import SeenScene
+from bodycam_ros.view.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.view.station_scene import StationScene
-from bodycam_ros.view.surface_scene import SurfaceScene
-
-FIELD_OF_VIEW = float(np.radians(40.0))
-"""Of the browser's camera, from bottom to top [rad]."""
-
-_TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
-_ELEVATION = np.radians(12.0)
-_FILLED = 0.72  # share of the window's height that the body takes
-_SMALLEST_M = 0.5  # of a body that is hardly one
+from bodycam_ros.view.surface_scene import SurfaceReader, SurfaceScene
 
 _POINT_M = 0.012
 _CELL_M, _SECTION_M = 0.5, 1.0
@@ -46,7 +40,8 @@ class Scene:
         motion: Motion,
         on_click: Callable[[Part], None],
         stations: Mapping[str, Station] = MappingProxyType({}),
-        read_surfaces: Callable[[], Mapping[str, Surface]] = dict,
+        read_surfaces: SurfaceReader = lambda body: {},
+        other: OtherMotion | None = None,
     ) -> None:
         self._server = server
         self._motion = motion
@@ -54,10 +49,17 @@ class Scene:
         self._world = server.scene.add_frame(WORLD, show_axes=False)
         self._landmarks = _add_map(server.scene, reference_map)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
-        self._equipment = EquipmentScene(server.scene, len(motion.equipment))
+        self._equipment = LineScene(server.scene, "equipment", len(motion.equipment))
+        self._other = other
+        self._other_lines = LineScene(server.scene, "other", len(other.lines) if other else 0, COMPARED)
+        self._shows_other = True
         self._cameras = CameraScene(server.scene, body, on_click)
+        self._seen = SeenScene(server.scene)
         self._stations = StationScene(server.scene, stations)
         self._surface = SurfaceScene(server.scene, read_surfaces)
+        self._shows_surface = False
+        self._is_selected = False
+        self._names = NameScene(server.scene, body)
 
     def show(self, body: BodyModel, instant: int, *, follow: bool) -> None:
         """Show a body at an instant, and if it is followed, at the middle of the scene."""
@@ -68,26 +70,39 @@ class Scene:
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, world_T_segment)
             self._equipment.show(self._motion.equipment_at(instant))
+            if self._other is not None:
+                at_ns, within_ns = int(self._motion.stamps_ns[instant]), self._motion.frame_ns // 2
+                lines = self._other.lines_at(at_ns, within_ns) if self._shows_other else []
+                self._other_lines.show(lines)
             for camera in self._motion.registered:
                 self._cameras.show_registered(camera, self._motion.registered_at(camera, instant) is not None)
+
+    def move(self, motion: Motion) -> None:
+        """Take over another motion of the same body and equipment, as a running graph tells it."""
+        self._motion = motion
 
     def reshape(self, body: BodyModel) -> None:
         """Show the lengths, joints and mounts of a body."""
         with self._server.atomic():
             self._skeleton.reshape(body)
             self._cameras.remount(body)
+            self._names.reshape(body)
+            self._refresh_surface(body)
 
     def select(self, body: BodyModel, part: Part | None) -> None:
         """Show which part is selected."""
         self._skeleton.select(body, part)
         self._cameras.select(part)
+        self._is_selected = part is not None
+        self._refresh_surface(body)
 
     def look_at_body(self, body: BodyModel, instant: int) -> None:
         """Let browsers look at the body at an instant when they open the view."""
         world_T_segment = self._motion.segments_at(body, instant)
-        ends_world = np.concatenate([[limb.start[0], limb.end[0]] for limb in limbs_of(body, world_T_segment)])
+        surfaces = self._surface.surfaces(body) if self._shows_surface else {}
+        points_world = points_to_see(body, surfaces, world_T_segment)
         root = world_T_segment[body.segment_index[body.root]]
-        opening = OpeningView.of_body(root, ends_world + np.array(self._world.position))
+        opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
         camera = self._server.initial_camera
         camera.fov, camera.look_at, camera.position = FIELD_OF_VIEW, opening.look_at, opening.position
 
@@ -100,6 +115,7 @@ class Scene:
             RecordingError: the image cannot be decoded.
         """
         picture = None if footage is None else self._picture(body, instant, footage)
+        self._seen.show(None if picture is None else picture.landmarks_world)
         pixels, is_static = None if picture is None else picture.pixels, camera in self._stations.stations
         self._cameras.show_image(*((None, None) if is_static else (camera, pixels)))
         self._stations.show_image(*((camera, pixels) if is_static else (None, None)))
@@ -119,18 +135,32 @@ class Scene:
         if self._landmarks is not None:
             self._landmarks.visible = visible
 
-    def show_surface(self, visible: bool) -> None:
-        """Show or hide the body's surface.
+    def show_surface(self, body: BodyModel, visible: bool) -> None:
+        """Show or hide the body's surface; while a part is selected, it is out of the way.
 
         Raises:
             BodyError: it cannot be used.
         """
-        self._surface.show(visible)
+        self._shows_surface = visible
+        self._refresh_surface(body)
 
     def show_cameras(self, visible: bool) -> None:
         """Show or hide the cameras."""
         self._cameras.show(visible)
         self._stations.show(visible)
+        self._names.show_cameras(visible)
+
+    def show_other(self, body: BodyModel, instant: int, visible: bool) -> None:
+        """Show or hide the solution that is compared with."""
+        self._shows_other = visible
+        self.show(body, instant, follow=False)
+
+    def show_names(self, visible: bool) -> None:
+        """Show or hide what joints and cameras are called."""
+        self._names.show(visible)
+
+    def _refresh_surface(self, body: BodyModel) -> None:
+        self._surface.show(body, self._shows_surface and not self._is_selected)
 
     def _picture(self, body: BodyModel, instant: int, footage: Footage) -> CameraPicture | None:
         at_ns = int(self._motion.stamps_ns[instant])
@@ -142,39 +172,9 @@ class Scene:
         world_T_camera = self.world_T_camera(body, instant, footage.camera)
         contour = None
         if footage.camera in self._stations.stations:
-            contour = self._stations.contour(footage.camera, body, self._surface.surfaces, world_T_segment)
+            contour = self._stations.contour(footage.camera, body, self._surface.surfaces(body), world_T_segment)
         matches = footage.matches.get(image.stamp_ns)
         return draw_picture(image, footage.model, world_T_camera, limbs, matches, contour)
-
-
-@dataclass(frozen=True, eq=False)
-class OpeningView:
-    """A camera whose up is z: half from the front, half from the body's left, a little from above.
-
-    Attributes:
-        position: (3,) in the scene [m].
-        look_at: (3,) what is in the middle of the window [m].
-    """
-
-    position: Array
-    look_at: Array
-
-    @classmethod
-    def of_body(cls, scene_T_root: Array, ends_scene: Array) -> "OpeningView":
-        """The view of a body.
-
-        Args:
-            scene_T_root: (4, 4) pose of its root, whose x is forward [m].
-            ends_scene: (N, 3) ends of its bones [m].
-        """
-        low, high = ends_scene.min(axis=0), ends_scene.max(axis=0)
-        size = max(float((high - low).max()), _SMALLEST_M)
-        distance = size / _FILLED / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
-        azimuth = np.arctan2(scene_T_root[1, 0], scene_T_root[0, 0]) + _TURN
-        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        away = np.cos(_ELEVATION) * level + np.sin(_ELEVATION) * np.array([0.0, 0.0, 1.0])
-        centre = (low + high) / 2.0
-        return cls(centre + distance * away, centre)
 
 
 def _add_map(scene: SceneApi, reference_map: ReferenceMap | None) -> SceneNodeHandle | None:

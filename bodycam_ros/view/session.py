@@ -10,11 +10,14 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.terminal import Terminal
+from bodycam_ros.view.camera_bands import load_bands
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
+from bodycam_ros.view.curve_panel import CurvePanel
 from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
+from bodycam_ros.view.keys import Keys
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.panels import CorrectionActions, CorrectionPanel, Playback, ShowPanel, TimePanel
 from bodycam_ros.view.scene import Scene
@@ -24,7 +27,7 @@ _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
 
 _NOTICE_S = 6.0
-_SURFACE = "surface"
+_NAMES = "names"
 _STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that is taken without being moved
 _GREEN: Literal["green"] = "green"
 _RED: Literal["red"] = "red"
@@ -38,6 +41,7 @@ def view(
     port: int,
     stations: Path | None = None,
     surface: Path | None = None,
+    compare: Path | None = None,
 ) -> None:
     """Show a body in a browser until the program is interrupted.
 
@@ -49,11 +53,12 @@ def view(
         port: of this machine; 0 takes any free one.
         stations: file that says where static cameras stand.
         surface: folder of the body's meshes; None for the body's own, or capsules.
+        compare: another bag that was solved from the same recording.
 
     Raises:
         BodycamError: an input is missing or damaged, they do not fit each other, or the port cannot be used.
     """
-    sources = Sources.read(solved, map_path, body_path, recording, stations, surface)
+    sources = Sources.read(solved, map_path, body_path, recording, stations, surface, compare)
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
         session = Session(server, sources)
@@ -89,24 +94,31 @@ class Session:
             sources.motion,
             self._click,
             sources.stations,
-            lambda: surfaces_of(sources.body, sources.body_file.path, sources.surface),
+            lambda body: surfaces_of(body, sources.body_file.path, sources.surface),
+            sources.other,
         )
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)
+        if duration_s > 0.0:
+            Keys(gui, inbox, self._time.play_or_pause, self._step, self._go)
         actions = CorrectionActions(self._select, self._enter, self._undo, self._reset, self._write)
         self._panel = CorrectionPanel(gui, inbox, self._correction.parts(), sources.body_file.path.name, actions)
         self._loader: FootageLoader | None = None
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture, self._complain)
+        self._curves = CurvePanel(gui, inbox, sources.motion, sources.other) if duration_s > 0.0 else None
+        if self._curves is not None and sources.solved is not None:
+            first_ns = int(sources.motion.stamps_ns[0])
+            mounts = tuple(sources.body.mounts)
+            load_bands(sources.solved, first_ns, mounts, inbox, self._curves.show_bands, self._complain)
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
-        # Who has worn cameras alone does not look at a surface.
-        hidden = set() if sources.stations or sources.surface else {_SURFACE}
-        if not hidden:
-            self._scene.show_surface(True)
-        switches = {"cameras": self._scene.show_cameras, _SURFACE: self._scene.show_surface}
+        self._show_surface(True)
+        switches = {"cameras": self._scene.show_cameras, "surface": self._show_surface, _NAMES: self._scene.show_names}
         if sources.reference_map is not None:
             switches = {"map": self._scene.show_map, **switches}
-        ShowPanel(gui, inbox, switches, hidden, knows_registration=bool(sources.motion.registered))
+        if sources.other is not None:
+            switches[sources.other.path.name] = self._show_other
+        ShowPanel(gui, inbox, switches, {_NAMES}, knows_registration=bool(sources.motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
         self._scene.look_at_body(sources.body, 0)
@@ -133,10 +145,47 @@ class Session:
     def _instant(self) -> int:
         return self._sources.motion.instant_at(self._time.seconds)
 
+    @property
+    def _last(self) -> int:
+        return len(self._sources.motion.stamps_ns) - 1
+
     def _show_instant(self) -> None:
         """Show the body at the time of the slider."""
         self._scene.show(self._correction.body, self._instant, follow=self._time.follows)
+        if self._curves is not None:
+            self._curves.show(self._time.seconds, self._apart())
         self._show_picture()
+
+    def _step(self, instants: int) -> None:
+        """Go so many instants on, or back, and hold time there."""
+        self._go(float(self._sources.motion.seconds[np.clip(self._instant + instants, 0, self._last)]))
+
+    def _go(self, seconds: float) -> None:
+        """Go to a time, and hold it there."""
+        if self._playback.is_playing:
+            self._time.play_or_pause()
+        self._time.show(min(seconds, float(self._sources.motion.seconds[-1])))
+        self._show_instant()
+
+    def _show_other(self, visible: bool) -> None:
+        self._scene.show_other(self._correction.body, self._instant, visible)
+
+    def _apart(self) -> str:
+        """How far the joints are from where the recording that is compared with has them."""
+        motion, other = self._sources.motion, self._sources.other
+        if other is None:
+            return ""
+        body = self._correction.body
+        poses = motion.segments_at(body, self._instant)
+        places = dict(zip(body.segments, poses[:, :3, 3], strict=True))
+        apart = other.apart_m(places, int(motion.stamps_ns[self._instant]), motion.frame_ns // 2)
+        if not len(apart):
+            return f"{other.path.name} knows nothing at this time"
+        median_mm, most_mm = 1e3 * float(np.median(apart)), 1e3 * float(apart.max())
+        return f"dashed: {other.path.name}; joints {median_mm:.1f} mm apart (median), {most_mm:.1f} mm at most"
+
+    def _show_surface(self, visible: bool) -> None:
+        self._scene.show_surface(self._correction.body, visible)
 
     def _show_picture(self) -> None:
         """Show what the chosen camera saw at that time."""

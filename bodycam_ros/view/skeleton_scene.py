@@ -8,6 +8,7 @@ from viser import CylinderHandle, FrameHandle, IcosphereHandle, SceneApi
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_shape import bone_ends
 from bodycam_ros.drawing.picture_style import EQUIPMENT
 from bodycam_ros.drawing.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
@@ -78,6 +79,11 @@ def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
         segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])
         start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
         lines.append((bone.segment, start, end))
+    # A last segment whose tip nobody knows, as the shin of legs alone, is drawn as far as its cameras tell.
+    drawn = {segment for segment, _, _ in lines}
+    for segment in body.segments:
+        if segment not in drawn and segment not in body.equipment_segments:
+            lines.append((segment, np.zeros(3), (bone_ends(body, segment) or [np.zeros(3)])[0]))
     return lines
 
 
@@ -85,17 +91,19 @@ def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
     """The lines of the body at one instant [m]."""
     limbs = []
     for segment, start, end in segment_bones(body):
+        if np.linalg.norm(end - start) < _SHORTEST_M:
+            continue
         ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
         limbs.append(Bone(segment, ends[:1], ends[1:], segment in body.equipment_segments))
     return limbs
 
 
-class EquipmentScene:
-    """Draws so many lines of what stands beside the body."""
+class LineScene:
+    """Draws so many lines of what stands beside the body, or of another one."""
 
-    def __init__(self, scene: SceneApi, count: int) -> None:
+    def __init__(self, scene: SceneApi, name: str, count: int, colour: str = EQUIPMENT) -> None:
         self._rods = [
-            scene.add_cylinder(f"{WORLD}/equipment/line_{number}", _EQUIPMENT_RADIUS_M, 1.0, rgb(EQUIPMENT))
+            scene.add_cylinder(f"{WORLD}/{name}/line_{number}", _EQUIPMENT_RADIUS_M, 1.0, rgb(colour))
             for number in range(count)
         ]
 

@@ -18,6 +18,7 @@ from bodycam_ros.solved.topics import ROBOT, published_robot
 from bodycam_ros.solved.urdf_tree import UrdfTree
 from bodycam_ros.view.correction import BodyFile
 from bodycam_ros.view.motion import Motion, read_motion
+from bodycam_ros.view.other_motion import OtherMotion, read_other_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,7 @@ class Sources:
         cameras: of the body, and static ones, that have images.
         stations: static cameras.
         surface: folder of the body's meshes, if another is wanted than the body's own.
+        other: another solution of the recording, to be compared with.
     """
 
     body_file: BodyFile
@@ -45,6 +47,7 @@ class Sources:
     cameras: tuple[str, ...]
     stations: Mapping[str, Station] = field(default_factory=dict)
     surface: Path | None = None
+    other: OtherMotion | None = None
 
     @classmethod
     def read(
@@ -55,6 +58,7 @@ class Sources:
         recording: Path | None,
         stations_path: Path | None = None,
         surface: Path | None = None,
+        compare: Path | None = None,
     ) -> "Sources":
         """Read them all.
 
@@ -67,6 +71,8 @@ class Sources:
                 f"{recording}: without OUT nobody knows where the body was in these images; solve them first with "
                 f"'bodycam replay {recording} {place} --body {body_path} -o OUT', then name OUT here too"
             )
+        if compare is not None and solved is None:
+            raise ViewError(f"--compare {compare}: name OUT too, the bag that it is compared with")
         if map_path is None and stations_path is None:
             raise ViewError("nothing to stand in: give the place's reference map with --map, or --stations")
         body_file = BodyFile(body_path)
@@ -86,7 +92,8 @@ class Sources:
                         f"{', '.join(body.mounts) or 'none'}"
                         + (f", {stations_path} {', '.join(stations)}" if stations else "")
                     )
-        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
+        other = None if compare is None else read_other_motion(compare, motion)
+        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface, other)
 
 
 def _has_hands(solved: Path | None, stations: Path | None) -> bool:

@@ -1,13 +1,21 @@
-"""The body's surface as static cameras look for it: half transparent on the skeleton, each mesh on its segment."""
+"""The body's surface: half transparent around the skeleton, each mesh on its segment, with a head and hands."""
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
 from viser import MeshHandle, SceneApi
 
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.surface import Surface
 from bodycam_ros.view.scene_nodes import segment_name, segment_rgb
 
 _OPACITY = 0.45
+
+SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
+"""Segment -> its surface, of a body as it is corrected now."""
 
 
 class SurfaceScene:
@@ -15,41 +23,76 @@ class SurfaceScene:
 
     Args:
         scene: that it is added to.
-        read: gives segment -> its surface; asked at most once if it does.
+        read: gives the surface of a body; asked once for each body that is shown.
     """
 
-    def __init__(self, scene: SceneApi, read: Callable[[], Mapping[str, Surface]]) -> None:
+    def __init__(self, scene: SceneApi, read: SurfaceReader) -> None:
         self._scene, self._read = scene, read
         self._surfaces: Mapping[str, Surface] | None = None
+        self._of: BodyModel | None = None
         self._meshes: list[MeshHandle] = []
+        self._is_old = True
 
-    @property
-    def surfaces(self) -> Mapping[str, Surface]:
+    def surfaces(self, body: BodyModel) -> Mapping[str, Surface]:
         """Segment -> its surface.
 
         Raises:
             BodyError: it cannot be used.
         """
-        if self._surfaces is None:
-            self._surfaces = self._read()
+        if self._surfaces is None or self._of is not body:
+            self._surfaces, self._of, self._is_old = self._read(body), body, True
         return self._surfaces
 
-    def show(self, visible: bool) -> None:
-        """Show or hide it.
+    def show(self, body: BodyModel, visible: bool) -> None:
+        """Show the surface of a body, or hide it.
 
         Raises:
             BodyError: it cannot be used.
         """
-        if visible and not self._meshes:
-            self._meshes = [
-                self._scene.add_mesh_simple(
-                    f"{segment_name(segment)}/surface",
-                    surface.vertices,
-                    surface.faces,
-                    color=segment_rgb(segment),
-                    opacity=_OPACITY,
-                )
-                for segment, surface in self.surfaces.items()
-            ]
+        if visible:
+            self._refresh(body)
         for mesh in self._meshes:
             mesh.visible = visible
+
+    def _refresh(self, body: BodyModel) -> None:
+        surfaces = self.surfaces(body)
+        if not self._is_old:
+            return
+        for mesh in self._meshes:
+            mesh.remove()
+        shown = [
+            *(("surface", segment, surface) for segment, surface in surfaces.items()),
+            *(("hand", forearm, hand) for forearm, hand in hands_beyond(body, surfaces)),
+        ]
+        self._meshes = [
+            self._scene.add_mesh_simple(
+                f"{segment_name(segment)}/{name}",
+                surface.vertices,
+                surface.faces,
+                color=segment_rgb(segment),
+                opacity=_OPACITY,
+            )
+            for name, segment, surface in shown
+        ]
+        self._is_old = False
+
+
+def surface_points(surfaces: Mapping[str, Surface], body: BodyModel, world_T_segment: Array) -> Array:
+    """(N, 3) vertices of a body's surface at poses (S, 4, 4) [m]."""
+    poses = dict(zip(body.segments, world_T_segment, strict=True))
+    points = [transform_points(poses[segment], surface.vertices) for segment, surface in surfaces.items()]
+    return np.concatenate(points) if points else np.zeros((0, 3))
+
+
+def hands_beyond(body: BodyModel, surfaces: Mapping[str, Surface]) -> list[tuple[str, Surface]]:
+    """Forearm, and a stretched hand in its frame, where nobody followed one: a body without looks cut off."""
+    whole = with_hands(body)
+    wrists = [joint for joint in whole.joints if joint.child not in body.segments and joint.parent in surfaces]
+    of_whole = capsule_surfaces(whole) if wrists else {}
+    hands = []
+    for wrist in wrists:
+        hand = of_whole[wrist.child]
+        hands.append(
+            (wrist.parent, Surface(wrist.child, transform_points(wrist.parent_T_joint, hand.vertices), hand.faces))
+        )
+    return hands

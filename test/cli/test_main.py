@@ -26,7 +26,7 @@ def run_with(monkeypatch: pytest.MonkeyPatch, run: Callable[[argparse.Namespace]
         def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
             subparsers.add_parser("probe").set_defaults(run=run)
 
-    monkeypatch.setattr(command_line, "COMMANDS", ("probe",))
+    monkeypatch.setattr(command_line, "COMMANDS", {"probe": "probe"})
     monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)
     before = [signal.getsignal(number) for number in SIGNALS]
     code = command_line.main(["probe"])
@@ -65,7 +65,7 @@ def test_a_command_may_have_two_words(
     class ProbeDeep(Probe):
         name, prefix = "probe deep", "deep: "
 
-    monkeypatch.setattr(command_line, "COMMANDS", ("probe", "probe deep"))
+    monkeypatch.setattr(command_line, "COMMANDS", {"probe": "probe", "probe deep": "probe deeper"})
     monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)
     monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe_deep", ProbeDeep)
     assert command_line.main(words) == 0
@@ -169,7 +169,7 @@ def test_version() -> None:
     assert (result.returncode, result.stdout) == (0, f"bodycam {bodycam_ros.__version__}\n")
 
 
-@pytest.mark.parametrize("arguments", [(), ("juggle",), ("--juggle",)])
+@pytest.mark.parametrize("arguments", [("-v",), ("juggle",), ("--juggle",)])
 def test_wrong_usage_is_2_and_shows_usage(arguments: tuple[str, ...]) -> None:
     result = bodycam(*arguments)
     assert result.returncode == 2

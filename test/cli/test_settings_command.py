@@ -4,11 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.all_settings import all_groups
 from bodycam_ros.cli.main import main
-from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.outside.shape_settings import MeasureSettings
-from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import read_settings_file, settings_from_mapping
 
@@ -23,8 +20,7 @@ def test_the_committed_file_is_what_the_command_prints(capsys: pytest.CaptureFix
 
 def test_the_file_of_all_settings_holds_the_defaults() -> None:
     given = read_settings_file(CONFIG / "all_settings.yaml")
-    groups = PipelineSettings.groups() | CalibrationSettings.groups() | SoundSettings.groups()
-    groups |= MeasureSettings.groups() | StationsSettings.groups()
+    groups = all_groups()
     assert given.keys() == groups.keys()
     for group, settings_type in groups.items():
         assert settings_from_mapping(settings_type, given[group], "all_settings.yaml") == settings_type()

@@ -14,7 +14,8 @@ from bodycam_ros.camera import camera_from_info
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
-from bodycam_ros.equipment.equipment_yaml import equipment_path, read_equipment, supplied_equipment
+from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

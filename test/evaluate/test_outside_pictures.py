@@ -90,7 +90,15 @@ def share_of(colour: str, picture: Path, within: int = 20) -> float:
 def test_the_command_draws_them_all(watched: Watched, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(watched.command(tmp_path / "report", "--video", "ext_01")) == 0
     written = sorted(path.name for path in (tmp_path / "report").iterdir())
-    assert written == ["feet.png", "outside.mp4", "outside.png", "summary.json", "summary.png"]
+    assert written == [
+        "feet.png",
+        "outside.mp4",
+        "outside.png",
+        "report.html",
+        "report.md",
+        "summary.json",
+        "summary.png",
+    ]
     assert share_of(CONTOUR, tmp_path / "report" / "outside.png") > 1e-3
     assert "static cameras" in capsys.readouterr().out
     facts = read_facts(tmp_path / "report" / "outside.mp4")

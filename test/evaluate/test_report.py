@@ -56,7 +56,15 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
     figures = json.loads((tmp_path / "report" / "summary.json").read_text())
     assert figures["truth"]["position_cm"]["mean"] < 1e-6
     assert figures["cameras"]["shin"]["registered"] == pytest.approx(1.0 - len(LOST["shin"]) / 60)
-    assert sorted(p.name for p in (tmp_path / "report").iterdir()) == ["summary.json", "summary.png"]
+    assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
+        "bland_altman.png",
+        "joints.png",
+        "report.html",
+        "report.md",
+        "summary.json",
+        "summary.png",
+        "ways.png",
+    ]
 
 
 def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
@@ -64,7 +72,13 @@ def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
     result = bodycam("evaluate", solved, "--recording", recording, "-o", tmp_path / "report")
     assert (result.returncode, result.stderr) == (0, "")
     assert "error [px]" in result.stdout
-    assert sorted(p.name for p in (tmp_path / "report").iterdir()) == ["overlay.png", "summary.json", "summary.png"]
+    assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
+        "overlay.png",
+        "report.html",
+        "report.md",
+        "summary.json",
+        "summary.png",
+    ]
 
 
 def test_errors_are_one_line(tmp_path: Path) -> None:

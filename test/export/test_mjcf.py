@@ -19,7 +19,8 @@ from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.cli.main import main
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_yaml import read_equipment, supplied_equipment
+from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.supplied_equipment import supplied_equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.export.mjcf import mjcf_text
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, quaternion_xyzw, rigid

@@ -33,10 +33,10 @@ def timing(offset_s: float, sigma_s: float = 0.001) -> ClockHistory:
 def test_a_camera_that_is_off_is_named(
     share: float, silent: bool, apart_s: float | None, clock: ClockHistory | None, level: HealthLevel, told: str
 ) -> None:
-    health = timing_health("head", share, late=3, silent=silent, apart_s=apart_s, timing=clock)
+    health = timing_health("head", share, missed=7, late=3, silent=silent, apart_s=apart_s, timing=clock)
     assert (health.name, health.level) == ("camera head", level)
     assert told in health.text
-    assert health.values["late registrations"] == 3
+    assert (health.values["late registrations"], health.values["instants missed"]) == (3, 7)
 
 
 def moving_at(twist: np.ndarray, readout_sigma: float) -> RegistrationHealth:
@@ -73,7 +73,7 @@ def test_what_is_known_of_a_clock_is_said_in_figures() -> None:
         "clock drift [ppm]": -32.0,
         "clock drift sigma [ppm]": 4.0,
     }
-    health = timing_health("head", 1.0, 0, False, 0.0, ClockHistory("head", (state,)))
+    health = timing_health("head", 1.0, 0, 0, False, 0.0, ClockHistory("head", (state,)))
     assert told.items() <= health.values.items()
 
 

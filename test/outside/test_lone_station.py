@@ -61,15 +61,15 @@ def followed(
     alone = {name: station_of(dressed, name, placed) for name in dressed.stations}
     reports = StationReports(dressed.body, placed, SETTINGS.region, SETTINGS.motion)
     pipeline = SkeletonPipeline(dressed.body, {}, SETTINGS, live=True, onlookers=reports, stations=[*alone])
-    on_the_way: list[BodyNow | None] = [None] * late
+    on_the_way: list[list[BodyNow]] = [[]] * late
     outputs = []
     for of_instant in images:
         for image in of_instant:
             said = alone[image.camera].look(image)
             assert said is not None and set(said.confidence) == set(dressed.body.segments)
-            outputs += pipeline.add_said(said)
-        on_the_way.append(pipeline.now)
-        if (heard := on_the_way.pop(0)) is not None:
+            outputs += pipeline.add_static(said)
+        on_the_way.append(pipeline.lately)
+        for heard in on_the_way.pop(0):
             for station in alone.values():
                 station.hear(heard)
     return [output.state for output in (*outputs, *pipeline.flush())]

@@ -1,6 +1,7 @@
 """Images on their way from a recording to the region tracker: what cannot be used is named once, and left out."""
 
 import logging
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
@@ -52,17 +53,21 @@ def frame_of(images: dict[str, CameraImage]) -> BodyFrame:
 
 
 def watch_of(
-    dressed: DressedBody, placed: NDArray[np.float64] | None, told: list[tuple[int, SeenBody]] | None = None
+    dressed: DressedBody,
+    placed: NDArray[np.float64] | None,
+    told: list[tuple[Mapping[str, int], SeenBody]] | None = None,
 ) -> StationWatch:
     tracker = RegionTracker(dressed.body, BodySurface.of(dressed.body, dressed.surfaces), dressed.stations, SETTINGS)
     told = [] if told is None else told
-    return StationWatch(tracker, placed, SETTINGS, MotionSettings(), lambda ns, seen: told.append((ns, seen)))
+    return StationWatch(
+        tracker, placed, SETTINGS, MotionSettings(), lambda stamps_ns, seen: told.append((stamps_ns, seen))
+    )
 
 
 def test_the_first_images_place_the_body_and_the_next_are_asked(
     dressed: DressedBody, truth: NDArray[np.float64], images: Images
 ) -> None:
-    told: list[tuple[int, SeenBody]] = []
+    told: list[tuple[Mapping[str, int], SeenBody]] = []
     watch = watch_of(dressed, truth, told)
     placed = watch.begin(frame_of(images))
     assert [each.segment for each in placed] == list(dressed.body.segments)
@@ -70,7 +75,7 @@ def test_the_first_images_place_the_body_and_the_next_are_asked(
     assert not told
     seen = watch.look(frame_of(images), truth, 0.0, [])
     assert seen is not None and {each.segment for each in seen.together} >= {"torso", "head", "thigh_left"}
-    assert [ns for ns, _ in told] == [1001] and told[0][1] is seen  # the latest of both stamps
+    assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000, "ext_01": 1001}] and told[0][1] is seen
     assert np.linalg.norm((seen.world_T_segment - truth)[:, :3, 3], axis=1).mean() < 0.008
 
 
@@ -109,7 +114,7 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     damaged = images | {"ext_01": CameraImage("ext_01", 1001, content)}
-    told: list[tuple[int, SeenBody]] = []
+    told: list[tuple[Mapping[str, int], SeenBody]] = []
     watch = watch_of(dressed, truth, told)
     with caplog.at_level(logging.WARNING):
         watch.begin(frame_of(damaged))
@@ -119,7 +124,7 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
     warnings = [record.getMessage() for record in caplog.records if record.name.startswith("bodycam_ros.outside")]
     assert len(warnings) == 1
     assert complaint in warnings[0] and "it is left out, and so will be others like it" in warnings[0]
-    assert [ns for ns, _ in told] == [1000, 1000]
+    assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000}] * 2
     # One that is whole again is taken again.
     seen = watch.look(frame_of(images), truth, 0.03, [])
     assert seen is not None and set(seen.evidence) == set(STATIONS)
@@ -128,7 +133,7 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
 def test_without_any_usable_image_it_is_not_known_where_the_body_is(
     dressed: DressedBody, truth: NDArray[np.float64]
 ) -> None:
-    told: list[tuple[int, SeenBody]] = []
+    told: list[tuple[Mapping[str, int], SeenBody]] = []
     watch = watch_of(dressed, truth, told)
     damaged = {name: CameraImage(name, 1000, b"") for name in STATIONS}
     assert watch.begin(frame_of(damaged)) == [] and watch.look(frame_of(damaged), truth, 0.0, []) is None and not told

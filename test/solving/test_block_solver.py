@@ -12,8 +12,8 @@ from bodycam_ros.solving.back_end import BackEndError
 from bodycam_ros.solving.block_solver import Block, solve_block
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.smooth_motion import MotionLimits, SmoothMotion
 
 FRAMES = 30

@@ -8,7 +8,8 @@ from known_motion import BODY
 
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_yaml import read_equipment, supplied_equipment
+from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.equipment.supplied_equipment import supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3, rigid
 from bodycam_ros.solving.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.solving.equipment_place import EquipmentPlace

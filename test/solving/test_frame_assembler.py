@@ -213,6 +213,8 @@ def test_shares_say_who_misses_instants() -> None:
     shares = assembler.synchrony.shares()
     assert shares["a"] == 1.0 and shares["b"] > 0.9 and shares["c"] == 0.0
     assert shares["d"] == pytest.approx(0.5, abs=0.1)
+    missed = assembler.synchrony.missed
+    assert missed["a"] == 0 and 50 <= missed["d"] <= 60
 
 
 def test_a_silent_camera_has_no_share() -> None:

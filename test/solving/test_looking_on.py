@@ -14,8 +14,8 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.looking_on import LookingOn
-from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.solving.smoother_settings import OFFLINE, SmootherSettings
 
@@ -151,6 +151,30 @@ def test_without_images_the_states_are_those_without_static_cameras(body: BodyMo
         np.testing.assert_array_equal(state.world_T_segment, before[number].world_T_segment)
         np.testing.assert_array_equal(state.observed, before[number].observed)
         assert state.cameras_used == before[number].cameras_used == 2
+
+
+def test_what_an_image_shows_is_brought_from_its_time_to_the_instants(body: BodyModel) -> None:
+    """Six milliseconds are one instant, in which a wrist makes a centimetre."""
+    late_ns, wrist = 6_000_000, body.segment_index["forearm"]
+
+    class LateOnlookers(ExactOnlookers):
+        def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
+            then = true_poses(self.body, frame.images["door"].stamp_ns / STEP_NS - 1)
+            return SeenBody({"door": self._poses(ARM, then)}, [], then, {"door": np.ones(len(then))})
+
+    looking_on = LookingOn(body, LateOnlookers(body, ARM))
+    apart, brought = [], []
+    for number in range(20):
+        stamp_ns = (number + 1) * STEP_NS
+        frame = BodyFrame(stamp_ns, {}, {"door": CameraImage("door", stamp_ns + late_ns, b"")})
+        truth = true_poses(body, number)
+        looking_on.look(frame, truth, 1e-9 * STEP_NS if number else 0.0, [])
+        shown = true_poses(body, number + late_ns / STEP_NS)
+        apart.append(np.linalg.norm((shown - truth)[wrist, :3, 3]))
+        brought.append(np.linalg.norm((looking_on.evidence[1].world_T_segment - truth)[:3, 3]))
+    assert max(apart) > 0.01
+    assert max(brought[1:]) < 0.4 * max(apart)
+    assert np.mean(brought[1:]) < 0.3 * np.mean(apart)
 
 
 @pytest.fixture

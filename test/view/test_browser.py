@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.view.correction import Correction, Move, Part, place_of
 from bodycam_ros.view.gizmo import SIZE_M
 from bodycam_ros.view.motion import Motion, read_motion
-from bodycam_ros.view.scene import FIELD_OF_VIEW, OpeningView
+from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.view.scene_nodes import REGISTERED, SELECTED, rgb, segment_rgb
 from bodycam_ros.view.skeleton_scene import limbs_of
 
@@ -57,8 +58,8 @@ class Expected:
         self.motion = motion
         self.left, self.top, self.width, self.height = view.canvas()
         root = motion.world_T_root[0]
-        ends = np.concatenate([[limb.start[0], limb.end[0]] for limb in limbs_of(body, motion.segments_at(body, 0))])
-        opening = OpeningView.of_body(root, ends - root[:3, 3] * [1, 1, 0])
+        points = points_to_see(body, capsule_surfaces(body), motion.segments_at(body, 0))
+        opening = OpeningView.of_body(root, points - root[:3, 3] * [1, 1, 0])
         forward = opening.look_at - opening.position
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -114,6 +115,37 @@ def test_a_person_sees_the_body_where_it_is(view: BrowserView, motion: Motion, b
     view.press("Play")
     view.wait_until(lambda: view.value("seconds") != "1", "time goes on")
     view.press("Pause")
+
+    keys_play_and_step_and_leave_the_view_where_it_is(view, motion, expected, body)
+
+
+def keys_play_and_step_and_leave_the_view_where_it_is(
+    view: BrowserView, motion: Motion, expected: Expected, body: BodyModel
+) -> None:
+    press = view.page.keyboard.press
+
+    def at(instant: int) -> None:
+        view.wait_until(lambda: view.value("seconds") == f"{round(motion.seconds[instant], 3):g}", f"instant {instant}")
+
+    press("Home")
+    at(0)
+    press("ArrowRight")
+    press("ArrowRight")
+    at(2)
+    press("Shift+ArrowRight")
+    at(17)
+    press("ArrowLeft")
+    at(16)
+    places = np.concatenate([expected.limbs(body, side, 16) for side in ("_left",)])
+    view.wait_until(lambda: share(view.picture(), places, LEFT) > _SEEN, "the body, seen from where it was")
+    press("End")
+    at(len(motion.stamps_ns) - 1)
+    press("Space")
+    view.page.get_by_role("button", name="Pause").wait_for()
+    press("Space")
+    view.page.get_by_role("button", name="Play").wait_for()
+    press("Home")
+    at(0)
 
 
 def test_cameras_show_that_they_are_registered_and_what_they_saw(

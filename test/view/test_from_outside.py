@@ -43,7 +43,7 @@ def body(sample: Path) -> BodyModel:
 
 @pytest.fixture
 def scene(server: LocalServer, body: BodyModel) -> Scene:
-    return Scene(server, body, None, Motion.standing(body), lambda part: None, STATIONS, lambda: capsule_surfaces(body))
+    return Scene(server, body, None, Motion.standing(body), lambda part: None, STATIONS, capsule_surfaces)
 
 
 @pytest.fixture
@@ -55,14 +55,40 @@ def stations(tmp_path: Path) -> Path:
 def test_the_surface_is_on_the_segments_and_can_be_hidden(server: LocalServer, scene: Scene, body: BodyModel) -> None:
     name = f"{segment_name('shin_left')}/surface"
     assert server.scene.get_handle_by_name(name) is None  # until somebody wants it
-    scene.show_surface(True)
+    scene.show_surface(body, True)
     mesh = server.scene.get_handle_by_name(name)
     np.testing.assert_allclose(mesh.vertices, capsule_surfaces(body)["shin_left"].vertices, atol=1e-6)
     assert mesh.visible and 0.0 < mesh.opacity < 1.0
-    scene.show_surface(False)
+    scene.show_surface(body, False)
     assert not mesh.visible
-    scene.show_surface(True)
+    scene.show_surface(body, True)
     assert mesh.visible and server.scene.get_handle_by_name(name) is mesh
+
+
+def test_the_surface_is_out_of_the_way_of_a_correction_and_follows_it(
+    server: LocalServer, scene: Scene, body: BodyModel
+) -> None:
+    knee, name = Part("joint", "knee_left"), f"{segment_name('thigh_left')}/surface"
+    scene.show_surface(body, True)
+    scene.select(body, knee)
+    assert not server.scene.get_handle_by_name(name).visible
+    longer = Correction(body).moved_by(knee, Move(np.array([0.0, 0.0, -50.0]), np.zeros(3))).body
+    scene.reshape(longer)
+    scene.select(longer, None)
+    mesh = server.scene.get_handle_by_name(name)
+    assert mesh.visible
+    np.testing.assert_allclose(mesh.vertices, capsule_surfaces(longer)["thigh_left"].vertices, atol=1e-6)
+    assert np.ptp(mesh.vertices[:, 2]) > np.ptp(capsule_surfaces(body)["thigh_left"].vertices[:, 2]) + 0.03
+
+
+def test_hands_that_nobody_followed_end_the_forearms(server: LocalServer, scene: Scene, body: BodyModel) -> None:
+    scene.show_surface(body, True)
+    whole = with_hands(body)
+    hand, forearm = (
+        server.scene.get_handle_by_name(f"{segment_name('forearm_left')}/{n}") for n in ("hand", "surface")
+    )
+    length = np.ptp(capsule_surfaces(whole)["hand_left"].vertices[:, 2])
+    assert hand.vertices[:, 2].min() == pytest.approx(forearm.vertices[:, 2].min() - length, abs=0.08)
 
 
 def test_stations_stand_where_the_file_says(server: LocalServer, scene: Scene) -> None:

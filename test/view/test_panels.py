@@ -54,3 +54,12 @@ def test_who_waits_is_woken() -> None:
     assert action is not None
     action()
     assert done == [True]
+
+
+def test_playing_stops_at_the_end_unless_it_loops() -> None:
+    clock = Clock()
+    playback = Playback(2.0, clock)
+    playback.loops = False
+    playback.play()
+    clock.seconds += 3.0
+    assert playback.advance(0.5) == 2.0 and not playback.is_playing

@@ -14,12 +14,15 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.drawing.picture_style import EQUIPMENT
 from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
+from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.correction import Correction, Move, Part
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.motion import Motion
+from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.view.scene import Scene
 from bodycam_ros.view.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
+from bodycam_ros.view.skeleton_scene import limbs_of
 
 KNEE = Part("joint", "knee_left")
 FLOAT32 = 1e-6
@@ -156,3 +159,42 @@ def test_equipment_is_not_shown_while_nobody_knows_where_it_is(
     for instant, is_shown in ((0, False), (1, True), (0, False)):
         scene.show(body, instant, follow=False)
         assert rod.visible == is_shown
+
+
+def test_legs_alone_are_drawn_to_their_tips_and_fill_the_opening_view(body: BodyModel) -> None:
+    """Last segments without a joint below them had no line, and the window ended at the knees."""
+    kept = {"pelvis", "thigh_left", "shin_left", "thigh_right"}
+    legs = replace(
+        body,
+        segments=tuple(segment for segment in body.segments if segment in kept),
+        joints=tuple(joint for joint in body.joints if joint.child in kept),
+        mounts={camera: mount for camera, mount in body.mounts.items() if mount.segment in kept},
+    )
+    poses = Motion.standing(legs).segments_at(legs, 0)
+    lines = limbs_of(legs, poses)
+    assert {line.segment for line in lines} == kept
+    shin = next(line for line in lines if line.segment == "shin_left")
+    assert shin.start[0, 2] - shin.end[0, 2] > 0.1
+    points = points_to_see(legs, capsule_surfaces(legs), poses)
+    view = OpeningView.of_body(poses[0], points)
+    forward = (view.look_at - view.position) / np.linalg.norm(view.look_at - view.position)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    x, y, z = np.stack([right, np.cross(right, forward), forward]) @ (points - view.position).T
+    edge = np.tan(FIELD_OF_VIEW / 2.0)
+    assert z.min() > 0.0 and np.abs(y / z).max() < edge and np.abs(x / z).max() < edge
+    assert np.ptp(y / z) > edge  # half of the window's height at least
+
+
+def test_names_are_shown_with_what_they_name(server: LocalServer, scene: Scene, body: BodyModel) -> None:
+    joint = server.scene.get_handle_by_name("/world/body/thigh_left/name_knee_left")
+    camera = server.scene.get_handle_by_name("/world/body/shin_left/camera_name_shin_left")
+    assert (joint.text, joint.visible, camera.text, camera.visible) == ("knee left", False, "shin left", False)
+    scene.show_names(True)
+    assert joint.visible and camera.visible
+    scene.show_cameras(False)
+    assert joint.visible and not camera.visible
+    longer = Correction(body).moved_by(KNEE, Move(np.array([0.0, 0.0, -50.0]), np.zeros(3))).body
+    scene.reshape(longer)
+    knee = next(joint for joint in longer.joints if joint.name == "knee_left")
+    assert_allclose(joint.position, knee.parent_T_joint[:3, 3], atol=FLOAT32)

@@ -94,7 +94,7 @@ def key_figures(diagnosis: CalibrationDiagnosis) -> list[tuple[str, str]]:
 def _draw_warnings(figure: Figure, lines: list[str]) -> None:
     """At the foot of the figure, the last line above its edge."""
     from_bottom = _LINE * (len(lines) + 1)
-    title, colour = ("Look at", WARNING) if lines else ("Nothing to look at", QUIET)
+    title, colour = ("Look at", WARNING) if lines else ("No warnings", QUIET)
     height = figure.get_figheight()
     figure.text(_MARGIN, (from_bottom + _TITLE) / height, title, fontsize=10.0, weight="bold", color=colour, va="top")
     for number, line in enumerate(lines):
@@ -141,10 +141,10 @@ def draw_singular_values(axes: Axes, joints: Sequence[JointDiagnosis]) -> None:
         axes.plot(values, np.full(len(values), row), "o", color=colour, markersize=5.0, alpha=0.75, clip_on=False)
     axes.set_xlim(0.0, max([1.0, *(float(joint.singular_values.max()) for joint in joints)]))
     axes.xaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0]))
-    axes.set_xlabel("0: nothing tells")
+    axes.set_xlabel("0: not at all")
     _rows(axes, len(joints))
     _without_names(axes)
-    panel_title(axes, "Singular values")
+    panel_title(axes, "Place known")
 
 
 def draw_gaps(axes: Axes, joints: Sequence[JointDiagnosis]) -> None:
@@ -165,7 +165,7 @@ def draw_gaps(axes: Axes, joints: Sequence[JointDiagnosis]) -> None:
     axes.set_xlabel("[mm] \N{WHITE CIRCLE} before \N{BLACK CIRCLE} after")
     _rows(axes, len(joints))
     _without_names(axes)
-    panel_title(axes, "Gap", "median")
+    panel_title(axes, "Joint gap")
 
 
 def _ends(values: Array) -> tuple[float, float]:

@@ -1,7 +1,6 @@
 """The body in the N-pose, as seen from the front and from the right."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,11 +8,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Ellipse
 from matplotlib.patheffects import withStroke
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import LEFT as LEFT_SIDE
 from bodycam_ros.calibration.anatomy import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis
+from bodycam_ros.calibration.report.standing_body import StandingBody
 from bodycam_ros.drawing.picture_style import (
     CENTRE,
     FAINT,
@@ -25,7 +24,7 @@ from bodycam_ros.drawing.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.drawing.stick_figure import HEAD, Bone, body_bones
+from bodycam_ros.drawing.stick_figure import HEAD
 from bodycam_ros.geometry import Array
 
 _FRONT, _RIGHT = (1, 2), (0, 2)
@@ -34,8 +33,9 @@ _FRONT, _RIGHT = (1, 2), (0, 2)
 _HEAD_RADIUS_M = 0.10
 _AXIS_M = 0.065  # half the length that a hinge's axis is drawn with
 _AXIS_END_ON_M = 0.02  # an axis that looks shorter is seen from its end
-_LOOK_M = 0.05  # how far ahead of a camera its mark points
 _LABEL_ROOM_M = 0.13  # between the body and the column of labels beside it
+_LABEL_IN = 0.95  # [in] that a name takes
+_BEYOND_M = 0.06  # above and below everything
 _LABEL_STEP_M = 0.052  # between two labels of a column
 _BONE_LABEL_M = 0.032  # from a bone to its label
 _SIGMAS = 3.0
@@ -44,48 +44,41 @@ _LARGEST_RING_M = 0.15
 _MAGNIFICATIONS = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Standing:
-    """The body in the N-pose, in the root's frame.
-
-    Attributes:
-        lines: of the skeleton.
-        joints: joint -> (3,) [m].
-        cameras: camera -> (4, 4) pose of its optical frame [m].
-    """
-
-    lines: list[Bone]
-    joints: dict[str, Array]
-    cameras: dict[str, Array]
-
-    @classmethod
-    def of(cls, body: BodyModel) -> "_Standing":
-        root_T_segment = n_pose(body, np.eye(4))
-        poses = dict(zip(body.segments, root_T_segment, strict=True))
-        return cls(
-            lines=body_bones(body, root_T_segment),
-            joints={joint.name: (poses[joint.parent] @ joint.parent_T_joint)[:3, 3] for joint in body.joints},
-            cameras={camera: poses[mount.segment] @ mount.segment_T_camera for camera, mount in body.mounts.items()},
-        )
-
-
 def draw_views(front: Axes, side: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
     """Draw both; from the front cameras and bones are named, from the right joints are."""
-    standing = _Standing.of(body)
+    standing = StandingBody.of(body)
     magnification = _magnification(diagnosis)
     for axes, screen in ((side, _RIGHT), (front, _FRONT)):
         _draw_skeleton(axes, standing, screen)
         _draw_rings(axes, standing, diagnosis, screen, magnification)
         _draw_hinges(axes, standing, diagnosis, screen)
         _draw_cameras(axes, standing, diagnosis, screen)
-        axes.set_aspect("equal", adjustable="datalim")
         axes.axis("off")
+    _frame(front, side, standing)
     _label_bones(front, standing, diagnosis.bones)
     _label_cameras(front, standing, diagnosis)
     _label_joints(side, standing)
     panel_title(front, "N-pose from the front", "its left is on the right")
     panel_title(side, "and from its right")
-    _draw_key(front, magnification)
+    _draw_key(front, magnification, bool(standing.unknown))
+
+
+def _frame(front: Axes, side: Axes, standing: StandingBody) -> None:
+    """One scale for both, so that the whole body and its labels have room, whatever part of a body it is."""
+    figure = front.get_figure(root=True)
+    assert figure is not None
+    inches = figure.get_size_inches()
+    sizes = {axes: np.array(axes.get_position().size) * inches for axes in (front, side)}
+    low, high = standing.extent(2)
+    behind, ahead = standing.extent(0)[0] - _BEYOND_M, standing.extent(0)[1] + _LABEL_ROOM_M
+    m_per_in = max(
+        (high - low + 2.0 * _BEYOND_M) / sizes[front][1],
+        2.0 * (standing.reach + _LABEL_ROOM_M) / (sizes[front][0] - 2.0 * _LABEL_IN),
+        (ahead - behind) / sizes[side][0],
+    )
+    front.set_ylim(0.5 * (low + high) + 0.5 * m_per_in * sizes[front][1] * np.array([-1.0, 1.0]))
+    for axes, middle in ((front, 0.0), (side, 0.5 * (behind + ahead))):
+        axes.set_xlim(middle + 0.5 * m_per_in * sizes[axes][0] * np.array([-1.0, 1.0]))
 
 
 def _magnification(diagnosis: CalibrationDiagnosis) -> float:
@@ -95,7 +88,7 @@ def _magnification(diagnosis: CalibrationDiagnosis) -> float:
     return next((times for times in _MAGNIFICATIONS if times * usual <= _RING_M), 1.0)
 
 
-def _draw_skeleton(axes: Axes, standing: _Standing, screen: tuple[int, int]) -> None:
+def _draw_skeleton(axes: Axes, standing: StandingBody, screen: tuple[int, int]) -> None:
     across = 3 - sum(screen)
     # The far side first; what is nearer covers it. The viewer stands where x is large, or y small.
     towards = 1.0 if screen == _FRONT else -1.0
@@ -107,11 +100,14 @@ def _draw_skeleton(axes: Axes, standing: _Standing, screen: tuple[int, int]) -> 
                 Circle(tuple(line[1]), _HEAD_RADIUS_M, facecolor="white", edgecolor=colour, linewidth=1.8, zorder=2)
             )
         axes.plot(*line.T, color=colour, linewidth=3.0, solid_capstyle="round", alpha=0.55, zorder=2)
+    for bone in standing.unknown:
+        line = np.stack([bone.start[0], bone.end[0]])[:, screen]
+        axes.plot(*line.T, color=side_colour(bone.segment), linewidth=2.0, linestyle=":", alpha=0.55, zorder=2)
 
 
 def _draw_rings(
     axes: Axes,
-    standing: _Standing,
+    standing: StandingBody,
     diagnosis: CalibrationDiagnosis,
     screen: tuple[int, int],
     magnification: float,
@@ -129,7 +125,7 @@ def _draw_rings(
         axes.plot(*place, "o", color=colour, markersize=4.0, zorder=4)
 
 
-def _draw_hinges(axes: Axes, standing: _Standing, diagnosis: CalibrationDiagnosis, screen: tuple[int, int]) -> None:
+def _draw_hinges(axes: Axes, standing: StandingBody, diagnosis: CalibrationDiagnosis, screen: tuple[int, int]) -> None:
     for joint in diagnosis.joints:
         if joint.axis is None or joint.name not in standing.joints:
             continue
@@ -141,18 +137,18 @@ def _draw_hinges(axes: Axes, standing: _Standing, diagnosis: CalibrationDiagnosi
             axes.plot(*np.stack([place - half, place + half]).T, color=INK, linewidth=1.5, zorder=4)
 
 
-def _draw_cameras(axes: Axes, standing: _Standing, diagnosis: CalibrationDiagnosis, screen: tuple[int, int]) -> None:
+def _draw_cameras(axes: Axes, standing: StandingBody, diagnosis: CalibrationDiagnosis, screen: tuple[int, int]) -> None:
     """A square where a camera is, and a line to where it looks."""
     segments = {camera.camera: camera for camera in diagnosis.cameras}
-    for name, pose in standing.cameras.items():
+    for name, look in standing.looks.items():
         known = segments.get(name)
         colour = WARNING if known is not None and known.warning else INK
-        place, ahead = pose[list(screen), 3], pose[list(screen), 2]
-        axes.plot(*np.stack([place, place + _LOOK_M * ahead]).T, color=colour, linewidth=1.0, zorder=5)
-        axes.plot(*place, "s", color=colour, markersize=3.6, zorder=5)
+        line = np.stack(look)[:, screen]
+        axes.plot(*line.T, color=colour, linewidth=1.0, zorder=5)
+        axes.plot(*line[0], "s", color=colour, markersize=3.6, zorder=5)
 
 
-def _label_bones(axes: Axes, standing: _Standing, measured: Sequence[BoneDiagnosis]) -> None:
+def _label_bones(axes: Axes, standing: StandingBody, measured: Sequence[BoneDiagnosis]) -> None:
     """Lengths [cm] along the bones of limbs, and of those of the trunk that run upright or across."""
     for bone in measured:
         if not _is_labelled(bone) or {bone.start, bone.end} - set(standing.joints):
@@ -180,13 +176,11 @@ def _is_labelled(bone: BoneDiagnosis) -> bool:
     return limb or breadth or not (SegmentName(bone.start).side or SegmentName(bone.end).side)
 
 
-def _label_cameras(axes: Axes, standing: _Standing, diagnosis: CalibrationDiagnosis) -> None:
+def _label_cameras(axes: Axes, standing: StandingBody, diagnosis: CalibrationDiagnosis) -> None:
     """Names in two columns beside the body, in the order of height, each tied to its camera."""
     warned = {camera.camera for camera in diagnosis.cameras if camera.warning}
     places = {name: pose[list(_FRONT), 3] for name, pose in standing.cameras.items()}
-    reach = max(
-        [*(abs(place[0]) for place in places.values()), *(abs(place[1]) for place in standing.joints.values()), 0.0]
-    )
+    reach = standing.reach
     for sign in (-1.0, 1.0):
         column = sorted(
             (name for name in places if (places[name][0] > 0.0) == (sign > 0.0)), key=lambda n: places[n][1]
@@ -203,14 +197,14 @@ def _label_cameras(axes: Axes, standing: _Standing, diagnosis: CalibrationDiagno
             )  # fmt: skip
 
 
-def _label_joints(axes: Axes, standing: _Standing) -> None:
+def _label_joints(axes: Axes, standing: StandingBody) -> None:
     """Names without sides in a column in front of the body: left and right cover each other."""
     kinds: dict[str, list[Array]] = {}
     for name, place in standing.joints.items():
         kinds.setdefault(SegmentName(name).kind, []).append(place)
     places = {kind: np.mean(found, axis=0)[list(_RIGHT)] for kind, found in kinds.items()}
     ordered = sorted(places, key=lambda kind: float(places[kind][1]))
-    reach = max([0.0, *(float(pose[0, 3]) for pose in standing.cameras.values())]) + _LABEL_ROOM_M
+    reach = standing.extent(0)[1] + _LABEL_ROOM_M
     for kind, height in zip(ordered, _spread([float(places[kind][1]) for kind in ordered]), strict=True):
         tie = np.array([places[kind], [reach, height]])
         axes.plot(*tie.T, color=QUIET, linewidth=0.5, alpha=0.7, zorder=1)
@@ -233,10 +227,12 @@ def _spread(heights: Sequence[float]) -> list[float]:
     return [mean + _LABEL_STEP_M * index for index, mean in enumerate(shifted)]
 
 
-def _draw_key(axes: Axes, magnification: float) -> None:
+def _draw_key(axes: Axes, magnification: float, has_unknown: bool) -> None:
     times = "" if magnification == 1.0 else f", {magnification:g} times as large"
     sides = (("left", LEFT), ("right", RIGHT), ("centre", CENTRE))
     handles = [Line2D([], [], color=colour, linewidth=3.0, alpha=0.55, label=name) for name, colour in sides]
+    if has_unknown:
+        handles.append(Line2D([], [], color=CENTRE, linewidth=2.0, linestyle=":", label="length unknown"))
     handles += [
         Line2D([], [], color=INK, linewidth=1.5, label="hinge axis"),
         Line2D([], [], color=INK, marker="s", markersize=3.6, linewidth=1.0, label="camera"),

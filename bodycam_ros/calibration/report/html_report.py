@@ -62,7 +62,7 @@ def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:
 
 def _warnings(warnings: tuple[str, ...]) -> list[str]:
     if not warnings:
-        return ["<p>Nothing to look at.</p>"]
+        return ["<p>No warnings.</p>"]
     listed = [f"<li>{escape(warning)}</li>" for warning in warnings]
     return ["<h2>Look at</h2>", '<ol class="warnings">', *listed, "</ol>"]
 

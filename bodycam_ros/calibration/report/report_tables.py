@@ -83,8 +83,9 @@ def _joint_motions(joints: tuple[JointDiagnosis, ...]) -> ReportTable:
     ]
     return ReportTable(
         "joints: motion",
-        "exercised: range about its own three axes; limits: extremes of each joint angle",
-        ("joint", "moves", "exercised [deg]", "limits [deg]", "instants", "cameras"),
+        "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; limits: "
+        "extremes of each joint angle; moments: at which cameras on both sides knew where they were",
+        ("joint", "moves", "exercised [deg]", "limits [deg]", "moments", "cameras"),
         frozenset({0, 1, 3, 5}),
         tuple(rows),
         _flagged(joint.advice for joint in joints),
@@ -105,9 +106,10 @@ def _joint_places(joints: tuple[JointDiagnosis, ...]) -> ReportTable:
     ]
     return ReportTable(
         "joints: place",
-        "singular values: 0 where nothing tells the place; gap: between its two segments, median, before and after "
-        "the refinement; sigma: forward, left, up",
-        ("joint", "singular values", "placed by", "gap before [mm]", "gap after [mm]", "sigma [mm]"),
+        "place known: how well the motion tells it along three axes, 0 not at all (singular values, A eq. 14); gap: "
+        "between where the segment above and the one below have the joint, median, before and after the refinement; "
+        "sigma: standard deviation forward, left, up",
+        ("joint", "place known", "placed by", "gap before [mm]", "gap after [mm]", "sigma [mm]"),
         frozenset({0, 2}),
         tuple(rows),
         _flagged(joint.advice for joint in joints),
@@ -164,7 +166,8 @@ def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> ReportTable:
     ]
     return ReportTable(
         "cameras",
-        "gap: from where a camera was to where the body puts it, median; moved, turned: lasting change on its segment",
+        "registered: images in which it knew where it was in the map; gap: from there to where the body puts it, "
+        "median; moved, turned: lasting change on its segment",
         (
             "camera",
             "segment",
@@ -209,8 +212,9 @@ def _clocks(cameras: tuple[CameraDiagnosis, ...]) -> list[ReportTable]:
 def _refinement(gain: RefinementGain) -> ReportTable:
     return ReportTable(
         "refinement",
-        f"{gain.landmarks} landmarks in {gain.instants} instants, {gain.iterations} iterations; joints moved by "
-        f"{_number(MM_PER_M * gain.moved_m, 1)} mm, median, {_number(MM_PER_M * gain.moved_most_m, 1)} mm at most",
+        f"landmarks observed {gain.landmarks} times at {gain.instants} moments, {gain.iterations} iterations; joints "
+        f"moved by {_number(MM_PER_M * gain.moved_m, 1)} mm, median, {_number(MM_PER_M * gain.moved_most_m, 1)} mm at "
+        "most",
         ("median of", "before", "after"),
         frozenset({0}),
         (("reprojection error [px]", _number(gain.before_px, 2), _number(gain.after_px, 2)),),

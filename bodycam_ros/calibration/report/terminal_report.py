@@ -25,10 +25,11 @@ def print_report(diagnosis: CalibrationDiagnosis, console: Console | None = None
     console = console or Terminal()
     if not console.is_terminal:
         console.width = max(console.width, WIDTH)
-    console.print(terminal_report(diagnosis))
+    for part in terminal_report(diagnosis).renderables:
+        console.print(part)
 
 
-def terminal_report(diagnosis: CalibrationDiagnosis) -> RenderableType:
+def terminal_report(diagnosis: CalibrationDiagnosis) -> Group:
     """What ``print_report`` prints."""
     parts: list[RenderableType] = [Text(summary_line(diagnosis))]
     for table in report_tables(diagnosis):
@@ -54,7 +55,7 @@ def _table(content: ReportTable) -> Table:
 
 def _warnings(diagnosis: CalibrationDiagnosis) -> list[RenderableType]:
     if not diagnosis.warnings:
-        return [Text("nothing to look at", style="green")]
+        return [Text("no warnings", style="green")]
     listed = Table.grid(padding=(0, 1))
     for number, warning in enumerate(diagnosis.warnings, start=1):
         listed.add_row(Text(f"{number}.", style=_LOOK_HERE), Text(warning))

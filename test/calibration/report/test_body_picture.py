@@ -14,11 +14,12 @@ from known_calibration import (
 )
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.text import Text
+from matplotlib.text import Annotation, Text
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_figure, body_png
+from bodycam_ros.calibration.report.standing_body import StandingBody
 from bodycam_ros.drawing.picture_style import WARNING
 
 
@@ -30,6 +31,18 @@ def body() -> BodyModel:
 @pytest.fixture(scope="module")
 def worrying(body: BodyModel) -> Figure:
     return body_figure(body, worrying_diagnosis(body))
+
+
+@pytest.fixture(scope="module")
+def legs(body: BodyModel) -> BodyModel:
+    """A pelvis with a leg and a thigh, as the range of motion that the repository carries shows them."""
+    kept = ("pelvis", "thigh_left", "shin_left", "thigh_right")
+    return replace(
+        body,
+        segments=kept,
+        joints=tuple(joint for joint in body.joints if {joint.parent, joint.child} <= set(kept)),
+        mounts={camera: mount for camera, mount in body.mounts.items() if mount.segment in kept},
+    )
 
 
 def texts(figure: Figure) -> list[Text]:
@@ -122,3 +135,29 @@ def test_the_file_is_a_picture(body: BodyModel) -> None:
 
 def test_the_same_diagnosis_gives_the_same_file(body: BodyModel) -> None:
     assert body_png(body, good_diagnosis(body)) == body_png(body, good_diagnosis(body))
+
+
+@pytest.mark.parametrize("of", ["body", "legs"])
+def test_both_views_show_all_of_whatever_body_it_is(of: str, request: pytest.FixtureRequest) -> None:
+    """Matplotlib leaves out a label that is tied to a place beyond the ends of its axes."""
+    shown: BodyModel = request.getfixturevalue(of)
+    figure = body_figure(shown, good_diagnosis(shown))
+    figure.canvas.draw()
+    for axes in figure.axes[:2]:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for label in (text for text in axes.texts if isinstance(text, Annotation) and text.xycoords == "data"):
+            assert left <= label.xy[0] <= right and low <= label.xy[1] <= high, label
+            box = label.get_window_extent()
+            assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width, label
+        lines = np.concatenate([line.get_xydata() for line in axes.lines])
+        assert left <= lines[:, 0].min() and lines[:, 0].max() <= right
+        assert low <= lines[:, 1].min() and lines[:, 1].max() <= high
+        box = axes.get_window_extent()
+        assert (right - left) / box.width == pytest.approx((high - low) / box.height)
+
+
+def test_a_last_segment_is_drawn_though_nobody_knows_how_long_it_is(body: BodyModel, legs: BodyModel) -> None:
+    standing = StandingBody.of(legs)
+    assert {bone.segment for bone in standing.unknown} == {"shin_left", "thigh_right"}
+    assert {bone.segment for bone in (*standing.lines, *standing.unknown)} == set(legs.segments)
+    assert StandingBody.of(body).unknown == []

@@ -45,8 +45,8 @@ def test_every_joint_is_there_with_its_figures_in_the_units_of_the_headings(diag
             pytest.approx(np.degrees(pair), abs=0.5) for pair in joint.limits
         ]
         assert column(motion, "cameras")[index].split() == list(joint.cameras)
-        assert column(motion, "instants")[index] == str(joint.frames)
-        assert numbers(column(place, "singular values")[index]) == pytest.approx(joint.singular_values, abs=0.005)
+        assert column(motion, "moments")[index] == str(joint.frames)
+        assert numbers(column(place, "place known")[index]) == pytest.approx(joint.singular_values, abs=0.005)
         assert float(column(place, "gap before [mm]")[index]) == pytest.approx(1e3 * joint.residual_m, abs=0.05)
         assert float(column(place, "gap after [mm]")[index]) == pytest.approx(1e3 * joint.refined_residual_m, abs=0.05)
         assert numbers(column(place, "sigma [mm]")[index]) == pytest.approx(1e3 * joint.sigma_m, abs=0.05)

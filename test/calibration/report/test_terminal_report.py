@@ -46,7 +46,7 @@ def test_warnings_come_last_all_of_them() -> None:
     assert len(diagnosis.warnings) == 3
     for warning in diagnosis.warnings:
         assert warning in tail
-    assert printed(good_diagnosis(calibrated_body())).rstrip().endswith("nothing to look at")
+    assert printed(good_diagnosis(calibrated_body())).rstrip().endswith("no warnings")
 
 
 def test_only_rows_with_a_warning_are_coloured() -> None:

@@ -1,0 +1,28 @@
+"""Every group of settings that there is: one file serves all commands and nodes, each of which reads its own of it."""
+
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.doctor.doctor_settings import DoctorGroups
+from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.lens.lens_settings import LensCalibrationSettings
+from bodycam_ros.outside.shape_settings import MeasureSettings
+from bodycam_ros.outside.station_settings import StationsSettings
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.robot.retargeting import RobotSettings
+from bodycam_ros.settings import SettingsGroups
+
+OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
+    SoundSettings,
+    MeasureSettings,
+    StationsSettings,
+    DoctorGroups,
+    LensCalibrationSettings,
+    RobotSettings,
+)
+"""Those that commands alone read."""
+
+ALL: tuple[type[SettingsGroups], ...] = (PipelineSettings, CalibrationSettings, *OF_COMMANDS)
+
+
+def all_groups() -> dict[str, type]:
+    """Name of a group in a file -> its dataclass."""
+    return {name: group for settings in ALL for name, group in settings.groups().items()}

@@ -1,0 +1,77 @@
+"""The parser of a command: its help is short, and what is heavy to know, the settings of stages, is asked for."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn
+
+ALL_SETTINGS = "--help-settings"
+
+
+class CommandParser(argparse.ArgumentParser):
+    """Says in its usage what must be given, and loads the settings of stages only where one of them is named.
+
+    Settings of the whole pipeline are hundreds of lines of help, and take a second to import.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._later: list[Callable[[], None]] = []
+
+    def add_later(self, add: Callable[[], None]) -> None:
+        """Add flags of settings (``--group.field``) once one is given, or all are asked for."""
+        if not self._later:
+            self.add_argument(
+                ALL_SETTINGS, action=_AllHelp, nargs=0, help="explain the settings of all stages too, and exit"
+            )
+        self._later.append(add)
+
+    def add_all(self) -> None:
+        """Add now what was to be added later."""
+        later, self._later = self._later, []
+        for add in later:
+            add()
+
+    def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """As argparse does."""
+        words = list(sys.argv[1:] if args is None else args)
+        if any(_names_setting(word) for word in words):
+            self.add_all()
+        self.usage = self.usage or " ".join(("%(prog)s", *self._needed()))
+        return super().parse_known_args(words, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Print what must be given and what is wrong, and exit with 2."""
+        self.print_usage(sys.stderr)
+        self.exit(2, f"{self.prog}: error: {message}\n'{self.prog} --help' explains it\n")
+
+    def _needed(self) -> list[str]:
+        """Flags and arguments that must be given, as they are written."""
+        places = [action for action in self._actions if not action.option_strings]
+        flags = [action for action in self._actions if action.option_strings and action.required]
+        written = [_place(action) for action in places]
+        written += [f"{action.option_strings[0]} {_value(action)}" for action in flags]
+        return [*written, "[options]"]
+
+
+class _AllHelp(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        parser.print_help()
+        parser.exit()
+
+
+def _names_setting(word: str) -> bool:
+    return word == ALL_SETTINGS or (word.startswith("--") and "." in word.partition("=")[0])
+
+
+def _place(action: argparse.Action) -> str:
+    name = _value(action)
+    return {"?": f"[{name}]", "*": f"[{name} ...]", "+": f"{name} ..."}.get(str(action.nargs), name)
+
+
+def _value(action: argparse.Action) -> str:
+    if isinstance(action.metavar, tuple):
+        return " ".join(action.metavar)
+    return action.metavar or (
+        "{" + ",".join(map(str, action.choices)) + "}" if action.choices is not None else action.dest.upper()
+    )

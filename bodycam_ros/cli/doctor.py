@@ -1,0 +1,104 @@
+"""bodycam doctor: is a recording good enough? Before the long run, and before everybody goes home; takes seconds."""
+
+import argparse
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.shown import printable
+from bodycam_ros.terminal import Terminal
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bodycam_ros.doctor.doctor_settings import DoctorGroups
+    from bodycam_ros.doctor.finding import Finding
+
+_EXIT_CODES = (
+    "Exit code: 0 if nothing is red, 3 if something is: mend it and record again; 1 if a file cannot be used. It looks "
+    "at samples: what is green may still fail, what is red will."
+)
+_STYLES = ("green", "yellow", "bold red")
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
+    parser.add_argument(
+        "recording", type=Path, metavar="RECORDING", help="ros2 bag folder or .mcap file, or a folder with videos"
+    )
+    parser.add_argument("--map", type=Path, help="reference map: how many images will find themselves?")
+    parser.add_argument("--body", type=Path, help="body YAML: are all its cameras there?")
+    parser.add_argument(
+        "--rig",
+        type=Path,
+        help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: does it begin "
+        "with the N-pose, was every joint moved?",
+    )
+    parser.add_argument("--board", type=Path, help="AprilTag board, is it seen? (default: board.yaml beside RECORDING)")
+    parser.add_argument("--cameras", type=Path, metavar="DIR", help="lens YAMLs of videos (default: beside them)")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    offer_settings(parser, _settings)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from bodycam_ros.cli.pipeline_flags import known_groups
+    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
+    from bodycam_ros.doctor.doctor import DoctorInput, examine, notes
+    from bodycam_ros.doctor.finding import Light, worst
+
+    if arguments.config is not None:
+        check_groups(arguments.config, known_groups())
+    settings = settings_from_flags(arguments, _settings(), arguments.config)
+    given = DoctorInput(
+        arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.cameras
+    )
+    with shown_progress() as progress:
+        findings = examine(given, settings, max(1, arguments.jobs), progress)
+    light = worst(findings)
+    if arguments.json:
+        said = [{**asdict(finding), "light": finding.light.word} for finding in findings]
+        print(json.dumps({"light": light.word, "findings": said}, indent=1))
+    else:
+        _print(findings)
+        for note in notes(given):
+            Terminal().print(f"not looked at: {note}", soft_wrap=True)
+        verdict = {
+            Light.GREEN: "green: nothing speaks against it",
+            Light.AMBER: "amber: it can be used, and would be better with what is said above",
+            Light.RED: "red: mend what is red and record again",
+        }[light]
+        Terminal().print(Text(verdict, _STYLES[light]))
+    return WRONG_RESULT if light is Light.RED else 0
+
+
+def _settings() -> "type[DoctorGroups]":
+    from bodycam_ros.doctor.doctor_settings import DoctorGroups
+
+    return DoctorGroups
+
+
+def _print(findings: "Sequence[Finding]") -> None:
+    """A line or more per check: what is wrong, or that nothing is."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for check in dict.fromkeys(finding.check for finding in findings):
+        of_check = [finding for finding in findings if finding.check == check]
+        for finding in sorted(of_check, key=lambda finding: -finding.light):
+            if finding.light or finding is of_check[-1]:
+                style = _STYLES[finding.light]
+                table.add_row(check, Text(finding.light.word, style), Text(printable(finding.text)))
+    Terminal().print(table)

@@ -1,0 +1,62 @@
+"""bodycam export --to robot: a bag with a robot that follows the person, and how well it does."""
+
+import argparse
+import math
+
+import numpy as np
+from rich.table import Table
+
+from bodycam_ros.cli.settings_flags import settings_from_flags
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.errors import SettingsError
+from bodycam_ros.export.options import MotionOptions
+from bodycam_ros.output_place import check_output
+from bodycam_ros.robot.retargeting import RobotSettings
+from bodycam_ros.robot.robot_recording import RobotSummary, write_robot
+from bodycam_ros.shown import printable
+from bodycam_ros.terminal import Terminal
+
+ROBOT = "robot"
+
+
+def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
+    """Run the command.
+
+    Raises:
+        SettingsError: the robot or the mapping is not given, or something that says nothing to it is.
+        BodycamError: as of ``write_robot``.
+    """
+    if lacking := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is None]:
+        raise SettingsError(f"--to {ROBOT} needs {' and '.join(lacking)}: which robot, and which links follow what")
+    if options.given:
+        raise SettingsError(f"{', '.join(f'--{name}' for name in options.given)} says nothing to {ROBOT}")
+    if len(arguments.sources) > 1:
+        raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
+    check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping))
+    settings = settings_from_flags(arguments, RobotSettings)
+    with shown_progress() as progress:
+        summary = write_robot(
+            arguments.sources[0],
+            arguments.urdf,
+            arguments.mapping,
+            arguments.output,
+            settings.retarget,
+            arguments.force,
+            progress,
+        )
+    Terminal().print(_table(summary))
+    nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
+    print(f"{summary.instants} instants at {summary.scale:.2f} of the person's size; between its links {nearest}")
+    if summary.held:
+        print(f"at {summary.held} of them it could not move on: its limits would not let it")
+    each_ms = 1e3 * summary.cpu_s / summary.instants
+    print(f"{each_ms:.1f} ms of inverse kinematics an instant; written to {printable(str(arguments.output))}")
+    return 0
+
+
+def _table(summary: RobotSummary) -> Table:
+    table = Table("hand or foot", "mean [cm]", "95 % [cm]", "most [cm]", caption="from where it should be, scaled")
+    for link, errors_m in summary.errors_m.items():
+        errors = 100.0 * np.array(errors_m)
+        table.add_row(link, f"{errors.mean():.2f}", f"{np.percentile(errors, 95):.2f}", f"{errors.max():.2f}")
+    return table

@@ -1,0 +1,129 @@
+"""bodycam lens: the lens of a camera, measured by pictures of a board, as a camera_info YAML."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Column, Table
+
+from bodycam_ros.cli.pipeline_flags import known_groups
+from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.lens.lens_settings import LensCalibrationSettings
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.terminal import Terminal
+
+if TYPE_CHECKING:
+    from bodycam_ros.lens.lens_calibration import LensCalibration
+
+_MODELS = ("fov", "equidistant", "plumb_bob", "rational_polynomial")
+_MARK = "# lens measured by bodycam"
+
+_EPILOG = """
+Film in the mode that will be recorded in, stabilisation off, for a minute: the board still while the camera looks, near
+enough to fill a third of the picture, in every part of it out to the corners, straight and tilted by 30 to 45 deg to
+all sides. Exit code: 0 if LENS.yaml was written, 3 if the lens would hurt and was not, 1 if something cannot be used.
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("lens", description=__doc__, epilog=_EPILOG)
+    parser.add_argument(
+        "pictures", type=Path, nargs="+", metavar="VIDEO_OR_IMAGES", help="a video, images, or a folder with images"
+    )
+    parser.add_argument(
+        "--board", type=Path, required=True, metavar="YAML", help="what the board is; see docs/board.md"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="LENS.yaml", help="file to write, and beside it LENS.png"
+    )
+    parser.add_argument(
+        "--model",
+        choices=("auto", *_MODELS),
+        default="auto",
+        help="camera model; auto: the one that explains pictures left out best (%(default)s)",
+    )
+    parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
+    parser.add_argument("--force", action="store_true", help="replace LENS.yaml if bodycam lens wrote it, and LENS.png")
+    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    offer_settings(parser, lambda: LensCalibrationSettings)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
+    from bodycam_ros.lens.board_detector import LensBoard
+    from bodycam_ros.lens.calibration_picture import calibration_picture
+    from bodycam_ros.lens.lens_calibration import calibrate_lens
+    from bodycam_ros.lens.lens_pictures import lens_pictures
+    from bodycam_ros.whole_file import write_whole
+
+    if arguments.config is not None:  # one file serves every command
+        check_groups(arguments.config, known_groups())
+    settings = settings_from_flags(arguments, LensCalibrationSettings, arguments.config).lens
+    output: Path = arguments.output
+    picture = output.with_suffix(".png")
+    for path, mark, what in ((output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")):
+        check_output(path, (*arguments.pictures, arguments.board, arguments.config))
+        check_file(path, arguments.force, mark, what)
+    board = LensBoard.from_yaml(arguments.board)
+    models = _MODELS if arguments.model == "auto" else (arguments.model,)
+    name = arguments.name or output.stem
+    with shown_progress() as progress:
+        pictures = lens_pictures(arguments.pictures, settings.looked_at)
+        calibration = calibrate_lens(pictures, board, models, settings, progress)
+    console = Terminal()
+    console.print(_table(calibration))
+    _print_found(console, calibration)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(picture, calibration_picture(calibration, f"Lens {name}: {calibration.chosen.model}"))
+    if calibration.objections:
+        for why, mend in calibration.objections:
+            console.print(f"refused: {why}; {mend}", style="red", soft_wrap=True)
+        console.print(f"no lens was written; {picture} shows where the board was seen", soft_wrap=True)
+        return WRONG_RESULT
+    write_whole(output, _text(calibration, name, board.name))
+    console.print(f"written to {output}; {picture} shows coverage and errors", soft_wrap=True)
+    return 0
+
+
+def _text(calibration: "LensCalibration", name: str, board: str) -> str:
+    from bodycam_ros.camera.camera_info_yaml import camera_info_yaml
+
+    camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
+    camera.name = name
+    count = len(calibration.chosen.fit.sights)
+    return (
+        f"{_MARK} by {count} pictures of {Path(board).name}; those left out are off by\n"
+        f"# {validation.median_px:.3f} px (median), rays up to 90 % of the image radius by "
+        f"{validation.worst_ray_px:.2f} px at most\n{camera_info_yaml(camera)}"
+    )
+
+
+def _table(calibration: "LensCalibration") -> Table:
+    table = Table(
+        Column("model", no_wrap=True), "focal lengths [px]", "centre [px]", "fitted [px]", "left out [px]", "rays [px]"
+    )
+    for trial in calibration.trials:
+        camera = trial.fit.camera
+        table.add_row(
+            trial.model,
+            f"{camera.fx:.1f} {camera.fy:.1f}",
+            f"{camera.cx:.1f} {camera.cy:.1f}",
+            f"{trial.fit.median_px:.3f}",
+            f"{trial.validation.median_px:.3f}",
+            f"{trial.validation.worst_ray_px:.2f}",
+            style="bold" if trial is calibration.chosen else None,
+        )
+    return table
+
+
+def _print_found(console: Terminal, calibration: "LensCalibration") -> None:
+    area, sights = calibration.area, calibration.chosen.fit.sights
+    console.print(
+        f"{calibration.looked_at} pictures looked at, {calibration.found} show the board, {len(sights)} taken; it was "
+        f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways",
+        soft_wrap=True,
+    )

@@ -1,0 +1,36 @@
+"""Whether every camera has a lens, and images of the size that this is for."""
+
+from collections.abc import Iterator
+
+from bodycam_ros.doctor.finding import Finding, Light
+from bodycam_ros.doctor.sampled_recording import SampledCamera, SampledRecording
+
+_CHECK = "lens"
+_OFF_CENTRE = 0.25  # of the picture, by which a principal point is off; more is of a picture that was cut
+
+
+def check_lens(recording: SampledRecording) -> Iterator[Finding]:
+    """Compare sizes; what a field of view should look like is for whoever knows tracks."""
+    for camera in recording.cameras:
+        yield from _of(camera)
+    known = [camera.lens for camera in recording.cameras if camera.lens is not None]
+    if known:
+        models = sorted({lens.distortion_model for lens in known})
+        yield Finding(_CHECK, Light.GREEN, f"{len(known)} lenses ({', '.join(models)}) for images of their size")
+
+
+def _of(camera: SampledCamera) -> Iterator[Finding]:
+    of = f"camera {camera.name}"
+    if camera.lens is None:
+        yield Finding(_CHECK, Light.RED, camera.lens_fault, of=of)
+        return
+    lens = camera.lens
+    sizes = {(grey.shape[1], grey.shape[0]) for grey in camera.images.values()} - {(lens.width, lens.height)}
+    for width, height in sorted(sizes):
+        what = f"its images have {width} x {height} px, its lens is for {lens.width} x {lens.height}"
+        remedy = "calibrate the lens in the mode that it records in, or set it to the mode that was calibrated"
+        yield Finding(_CHECK, Light.RED, what, remedy, of)
+    off = max(abs(lens.cx / lens.width - 0.5), abs(lens.cy / lens.height - 0.5))
+    if off > _OFF_CENTRE:
+        what = f"its lens's middle is {off:.0%} of the picture off"
+        yield Finding(_CHECK, Light.AMBER, what, "was the picture cut after it was calibrated?", of)

@@ -1,0 +1,128 @@
+"""A solved recording beside what another system captured of the same motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import Array
+from bodycam_ros.other_systems.clock_search import Clock
+
+SIMILARITY, RIGID, NONE = ALIGNMENTS = ("similarity", "rigid", "none")
+"""How our world is brought to the other system's: with a scale (A section 5.1), without, or not at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointAgreement:
+    """A joint, a marker or a camera over T instants, in the other system's world.
+
+    Attributes:
+        name: in the other system.
+        link: of ours that it is on.
+        is_fitted: where on the link it is was fitted, so that no constant error shows.
+        ours, theirs: (T, 3) [m]; theirs NaN where it was not seen.
+        body_R_world: (T, 3, 3) axes of our root, forward left up but level.
+    """
+
+    name: str
+    link: str
+    is_fitted: bool
+    ours: Array
+    theirs: Array
+    body_R_world: Array
+
+    @property
+    def is_camera(self) -> bool:
+        """Whether it is the centre of a worn camera."""
+        return self.link.endswith("_optical_frame")
+
+    @property
+    def errors(self) -> Array:
+        """(T,) [m] distance; NaN where it was not seen."""
+        distance: Array = np.linalg.norm(self.ours - self.theirs, axis=1)
+        return distance
+
+    @property
+    def errors_along(self) -> Array:
+        """(T, 3) [m] ours less theirs, forward, to the left and up of the body."""
+        along: Array = (self.body_R_world @ (self.ours - self.theirs)[..., None])[..., 0]
+        return along
+
+
+@dataclass(frozen=True, eq=False)
+class AngleAgreement:
+    """A joint over T instants.
+
+    Attributes:
+        segment: that hangs on it.
+        ours, theirs: (T, 3) angles [rad] in the anatomical planes; NaN where they are not known.
+        ours_turned, theirs_turned: (T,) [rad] by how much it has turned since the first instant (A figure 7a).
+        from_points: told by centres of joints alone, not by rotations of bones.
+    """
+
+    segment: str
+    ours: Array
+    theirs: Array
+    ours_turned: Array
+    theirs_turned: Array
+    from_points: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Ours and theirs at the T instants that both have.
+
+    Attributes:
+        name: of what it is compared with.
+        kind: its format: "TRC".
+        stamps_ns: (T,) of ours [ns].
+        clock: of theirs by ours.
+        align: which of ``ALIGNMENTS`` brought our world to theirs.
+        scale: of theirs over ours, as a similarity has it; errors are free of it only with that alignment.
+        theirs_R_ours, theirs_t_ours: (3, 3) and (3,) [m] of the alignment.
+        unit_m: metres of the unit that the file was found to be in; None where it says.
+        points: joints, markers and cameras.
+        angles: joints.
+        left_out: names of theirs that nobody knows.
+        rigid_error: mean position error of joints [m] without a scale; NaN with ``none``.
+    """
+
+    name: str
+    kind: str
+    stamps_ns: NDArray[np.int64]
+    clock: Clock
+    align: str
+    scale: float
+    theirs_R_ours: Array
+    theirs_t_ours: Array
+    unit_m: float | None
+    points: tuple[PointAgreement, ...]
+    angles: tuple[AngleAgreement, ...]
+    left_out: tuple[str, ...]
+    rigid_error: float
+
+    @property
+    def scale_used(self) -> float:
+        """By which ours was scaled."""
+        return self.scale if self.align == SIMILARITY else 1.0
+
+    @property
+    def joints(self) -> tuple[PointAgreement, ...]:
+        """Points that are no cameras; all if there are only cameras."""
+        return tuple(point for point in self.points if not point.is_camera) or self.points
+
+    @property
+    def cameras(self) -> tuple[PointAgreement, ...]:
+        """Centres of cameras that the other system captured, too."""
+        return tuple(point for point in self.points if point.is_camera)
+
+    @property
+    def position_errors(self) -> Array:
+        """(T, N) [m] of ``joints``."""
+        return np.stack([point.errors for point in self.joints], axis=1)
+
+    @property
+    def angle_errors(self) -> Mapping[str, Array]:
+        """Segment -> (T,) [rad] the paper's measure: of by how much a joint has turned since the first instant."""
+        return {angle.segment: np.abs(angle.ours_turned - angle.theirs_turned) for angle in self.angles}

@@ -1,0 +1,1 @@
+"""A report for people: one page, as Markdown and as HTML."""

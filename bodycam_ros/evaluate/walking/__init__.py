@@ -1,0 +1,1 @@
+"""How somebody walks, without any truth: strides, stances, ranges of joints, symmetry."""

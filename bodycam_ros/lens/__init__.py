@@ -1,0 +1,1 @@
+"""Boards to print, and lenses measured by pictures of them."""

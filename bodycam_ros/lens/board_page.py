@@ -1,0 +1,108 @@
+"""A board as a PDF page in true scale, with rulers that tell whether the printer kept it."""
+
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+
+from bodycam_ros.errors import OutputError
+from bodycam_ros.lens.board_layout import BoardLayout
+
+PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
+"""Widths and heights [mm], lying on their long side."""
+
+_MM_PER_INCH = 25.4
+_BORDER = 8.0  # [mm] that printers leave white
+_RULER = 10.0  # [mm] breadth of a ruler with its numbers
+_QUIET = 5.0  # [mm] between what is printed beside the board and the board
+_LETTERS_PT, _TICKS_PT = 7.0, 5.5
+_RULER_STEP = 50.0  # [mm] a ruler is a whole number of these long
+
+
+@dataclass(frozen=True)
+class Room:
+    """What of a page is left for a board.
+
+    Attributes:
+        left, lower: of its lower left corner [mm].
+        width, height: [mm].
+    """
+
+    left: float
+    lower: float
+    width: float
+    height: float
+
+
+def room_on(page_mm: tuple[float, float]) -> Room:
+    """Room beside the rulers; the text beneath the board shares its strip with the lower one."""
+    beside = _BORDER + _RULER + _QUIET
+    lower = beside + 4.0
+    return Room(beside, lower, page_mm[0] - beside - _BORDER, page_mm[1] - lower - _BORDER)
+
+
+def ruler_lengths(page_mm: tuple[float, float]) -> tuple[float, float]:
+    """Lengths of the rulers across and upwards [mm]."""
+    room = room_on(page_mm)
+    across, up = (max(1.0, side // _RULER_STEP) * _RULER_STEP for side in (room.width, room.height))
+    return across, up
+
+
+def board_pdf(layout: BoardLayout, page_mm: tuple[float, float], words: str) -> bytes:
+    """The page.
+
+    Args:
+        layout: what is printed.
+        page_mm: width and height of the paper [mm].
+        words: printed beneath the board.
+
+    Raises:
+        OutputError: the board is larger than the paper's room.
+    """
+    room = room_on(page_mm)
+    width, height = (1e3 * side for side in layout.size_m)
+    if width > room.width + 1e-6 or height > room.height + 1e-6:
+        raise OutputError(
+            f"the board of {width:.0f} x {height:.0f} mm is larger than what the page has room for, "
+            f"{room.width:.0f} x {room.height:.0f} mm; take fewer columns and rows, smaller parts or a larger page"
+        )
+    figure = Figure(figsize=(page_mm[0] / _MM_PER_INCH, page_mm[1] / _MM_PER_INCH))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_xlim(0.0, page_mm[0])
+    axes.set_ylim(0.0, page_mm[1])
+    axes.axis("off")
+    middle = np.array([room.left + 0.5 * room.width, room.lower + 0.5 * room.height])
+    loops = [middle + 1e3 * loop for loop in layout.outlines()]
+    outline = Outline.make_compound_path(*(Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops))
+    axes.add_patch(PathPatch(outline, facecolor="black", edgecolor="none", linewidth=0.0))
+    across, up = ruler_lengths(page_mm)
+    _draw_ruler(axes, (room.left, _BORDER + _RULER), across, upwards=False)
+    _draw_ruler(axes, (_BORDER + _RULER, room.lower), up, upwards=True)
+    beneath = f"{words}; print at 100 %; this is the lower edge"
+    axes.text(room.left, _BORDER + _RULER + 2.0, beneath, fontsize=_LETTERS_PT, va="bottom", ha="left")
+    written = BytesIO()
+    figure.savefig(written, format="pdf", metadata={"Title": words, "Creator": "bodycam board"})
+    return written.getvalue()
+
+
+def _draw_ruler(axes: Axes, start: tuple[float, float], length: float, upwards: bool) -> None:
+    """Ticks each millimetre away from the board, numbers each centimetre; the first and last tick are its ends."""
+    millimetres = np.arange(round(length) + 1)
+    ticks = np.where(millimetres % 10 == 0, 4.5, np.where(millimetres % 5 == 0, 3.2, 2.0))
+    along, across = millimetres + start[upwards], start[not upwards]
+    lines = np.stack(
+        [np.column_stack([along, np.full_like(ticks, across)]), np.column_stack([along, across - ticks])], 1
+    )
+    lines = np.concatenate([lines, [[[along[0], across], [along[-1], across]]]])
+    outline = Outline.make_compound_path(*(Outline(line[:, ::-1] if upwards else line) for line in lines))
+    axes.add_patch(PathPatch(outline, fill=False, edgecolor="black", linewidth=0.3, capstyle="butt"))
+    for millimetre in millimetres[::10].tolist():
+        number = f"{millimetre}{' mm' if millimetre == round(length) else ''}"
+        if upwards:
+            axes.text(across - 5.2, start[1] + millimetre, number, fontsize=_TICKS_PT, ha="right", va="center")
+        else:
+            axes.text(start[0] + millimetre, across - 5.2, number, fontsize=_TICKS_PT, ha="center", va="top")

@@ -1,0 +1,219 @@
+"""A lens and the places of a board that explain pictures of it best: one bundle, whatever the camera model.
+
+Levenberg-Marquardt on our own camera models. Poses are eliminated picture by picture (Schur complement), so that what
+is solved has the size of the lens alone. Points that do not fit count less, by Cauchy's weights.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import Array, exp_so3, hat, rigid
+from bodycam_ros.lens.board_sight import BoardSight
+from bodycam_ros.lens.lens_derivatives import by_lens
+
+_ROUNDS = 4  # of weights; the scale of the errors is found anew before each
+_STEPS = 40
+_CONVERGED = 1e-9  # share of the cost
+_LOST_PX = 1e3  # the error of a point that the lens cannot see
+_FIRST_SCALE_PX = 5.0
+_LEAST_SCALE_PX = 0.02
+_TAIL = 3.0  # of the errors' scale: what is farther off counts a half or less
+_MAD = 1.4826 / 1.1774  # a median of lengths in the plane to the standard deviation along one axis
+
+
+@dataclass(frozen=True)
+class LensFit:
+    """A lens, and where the board was.
+
+    Attributes:
+        camera: the lens.
+        sights: the pictures that it was fitted to.
+        poses: (V, 4, 4) camera_T_board of each.
+        residuals: (N, 2) [px] of all points, picture by picture; what is seen minus what the lens says.
+        rows: (N,) picture of each point.
+    """
+
+    camera: CameraModel
+    sights: tuple[BoardSight, ...]
+    poses: Array
+    residuals: Array
+    rows: NDArray[np.int64]
+
+    @cached_property
+    def errors_px(self) -> Array:
+        """(N,) lengths of the residuals."""
+        errors: Array = np.linalg.norm(self.residuals, axis=1)
+        return errors
+
+    @property
+    def median_px(self) -> float:
+        """Median error of a point [px]."""
+        return float(np.median(self.errors_px))
+
+    @property
+    def pixels(self) -> Array:
+        """(N, 2) of all points."""
+        return np.concatenate([sight.pixels for sight in self.sights])
+
+    @property
+    def spreads(self) -> Array:
+        """(N,) of all points."""
+        return np.concatenate([sight.spreads for sight in self.sights])
+
+
+def with_lens(camera: CameraModel, lens: Array) -> CameraModel:
+    """A camera of the same kind with other numbers (fx, fy, cx, cy, distortion)."""
+    fx, fy, cx, cy, *distortion = lens.tolist()
+    return type(camera)(camera.name, camera.width, camera.height, fx, fy, cx, cy, tuple(distortion))
+
+
+def lens_of(camera: CameraModel) -> Array:
+    """fx, fy, cx, cy [px] and the distortion."""
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
+
+
+def fit_lens(
+    camera: CameraModel, sights: Sequence[BoardSight], poses: Array, fixed: bool = False, rounds: int = _ROUNDS
+) -> LensFit:
+    """Fit lens and poses.
+
+    Args:
+        camera: where to start, and the model.
+        sights: the pictures.
+        poses: (V, 4, 4) camera_T_board to start from.
+        fixed: leave the lens as it is, for pictures that it was not fitted to.
+        rounds: how often the weights are found anew.
+    """
+    bundle = _Bundle(camera, sights, fixed)
+    lens = lens_of(camera)
+    errors = bundle.residuals(lens, poses)
+    scale = _FIRST_SCALE_PX
+    for _ in range(rounds):
+        scale = min(scale, _TAIL * max(_LEAST_SCALE_PX, _scale(np.linalg.norm(errors, axis=1))))
+        lens, poses, errors = bundle.descend(lens, poses, errors, max(scale, _TAIL * _LEAST_SCALE_PX))
+    return LensFit(with_lens(camera, lens), tuple(sights), poses, -errors * bundle.spreads[:, None], bundle.rows)
+
+
+def _scale(errors: Array) -> float:
+    return _MAD * float(np.median(errors)) if len(errors) else 0.0
+
+
+class _Bundle:
+    """What is fitted to what."""
+
+    def __init__(self, camera: CameraModel, sights: Sequence[BoardSight], fixed: bool) -> None:
+        self._camera = camera
+        self._points = np.concatenate([sight.points_board for sight in sights])
+        self._pixels = np.concatenate([sight.pixels for sight in sights])
+        self.spreads = np.concatenate([sight.spreads for sight in sights])
+        counts = [len(sight.pixels) for sight in sights]
+        self.rows = np.repeat(np.arange(len(sights)), counts)
+        self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+        self._fixed = fixed
+
+    def residuals(self, lens: Array, poses: Array) -> Array:
+        """(N, 2) what the lens says minus what is seen [px], over the point's spread."""
+        projected, valid = with_lens(self._camera, lens).project(self._in_camera(poses))
+        errors: Array = np.where(valid[:, None], projected - self._pixels, _LOST_PX) / self.spreads[:, None]
+        return errors
+
+    def descend(self, lens: Array, poses: Array, errors: Array, scale: float) -> tuple[Array, Array, Array]:
+        """Lens, poses and residuals at the least cost."""
+        damping, cost = 1e-3, _cost(errors, scale)
+        for _ in range(_STEPS):
+            system = self._system(lens, poses, errors, scale)
+            while damping < 1e8:
+                lens_step, pose_steps = system.solved(damping)
+                new_lens, new_poses = lens + lens_step, _moved(poses, pose_steps)
+                if _possible(new_lens, self._camera):
+                    new_errors = self.residuals(new_lens, new_poses)
+                    new_cost = _cost(new_errors, scale)
+                    if new_cost < cost:
+                        break
+                damping *= 10.0
+            else:
+                break
+            gain = (cost - new_cost) / cost
+            lens, poses, errors, cost = new_lens, new_poses, new_errors, new_cost
+            damping = max(1e-12, 0.1 * damping)
+            if gain < _CONVERGED:
+                break
+        return lens, poses, errors
+
+    def _in_camera(self, poses: Array) -> Array:
+        turned: Array = np.einsum("nij,nj->ni", poses[self.rows, :3, :3], self._points)
+        return turned + poses[self.rows, :3, 3]
+
+    def _system(self, lens: Array, poses: Array, errors: Array, scale: float) -> "_System":
+        camera = with_lens(self._camera, lens)
+        points = self._in_camera(poses)
+        _, by_point, valid = camera.project_with_jacobian(points)
+        by_point = np.where(valid[:, None, None], by_point, 0.0)
+        by_pose = np.concatenate([-by_point @ hat(points), by_point], axis=2)
+        of_lens = np.zeros((len(points), 2, len(lens)))
+        if not self._fixed:
+            of_lens = np.where(valid[:, None, None], by_lens(camera, points), 0.0)
+        weights = 1.0 / (1.0 + np.sum(errors**2, axis=1) / scale**2)
+        by_pose, of_lens = (by / self.spreads[:, None, None] for by in (by_pose, of_lens))
+        poses_weighted, lens_weighted = (by * weights[:, None, None] for by in (by_pose, of_lens))
+        return _System(
+            np.add.reduceat(np.einsum("nki,nkj->nij", poses_weighted, by_pose), self._starts, axis=0),
+            np.add.reduceat(np.einsum("nki,nkj->nij", poses_weighted, of_lens), self._starts, axis=0),
+            np.einsum("nki,nkj->ij", lens_weighted, of_lens),
+            np.add.reduceat(np.einsum("nki,nk->ni", poses_weighted, errors), self._starts, axis=0),
+            np.einsum("nki,nk->i", lens_weighted, errors),
+        )
+
+
+@dataclass(frozen=True)
+class _System:
+    """Normal equations: of poses (V, 6, 6), between these and the lens (V, 6, L), of the lens (L, L); right sides."""
+
+    poses: Array
+    between: Array
+    lens: Array
+    right_poses: Array
+    right_lens: Array
+
+    def solved(self, damping: float) -> tuple[Array, Array]:
+        """Changes of the lens (L,) and of the poses (V, 6)."""
+        damped = self.poses + damping * _diagonals(self.poses) + 1e-12 * np.eye(6)
+        carried = np.linalg.solve(damped, np.concatenate([self.between, self.right_poses[:, :, None]], axis=2))
+        if not self.lens.any():  # it is fixed
+            return np.zeros(len(self.lens)), -carried[:, :, -1]
+        across, along = carried[:, :, :-1], carried[:, :, -1]
+        reduced = self.lens + damping * np.diag(np.diag(self.lens)) - np.einsum("vij,vik->jk", self.between, across)
+        wanted = self.right_lens - np.einsum("vij,vi->j", self.between, along)
+        # Scaled, since focal lengths are hundreds and coefficients may be thousandths.
+        size = 1.0 / np.sqrt(np.maximum(np.diag(self.lens), 1e-12))
+        of_lens = -size * np.linalg.lstsq(reduced * size * size[:, None], wanted * size, rcond=1e-13)[0]
+        return of_lens, -(along + across @ of_lens)
+
+
+def _diagonals(matrices: Array) -> Array:
+    return matrices * np.eye(matrices.shape[-1])
+
+
+def _moved(poses: Array, steps: Array) -> Array:
+    """Poses (V, 4, 4) turned and shifted in the camera frame by steps (V, 6)."""
+    turns = exp_so3(steps[:, :3])
+    moved = turns @ poses[:, :3]
+    moved[:, :, 3] += steps[:, 3:]
+    return rigid(moved[:, :, :3], moved[:, :, 3])
+
+
+def _cost(errors: Array, scale: float) -> float:
+    return float(np.log1p(np.sum(errors**2, axis=1) / scale**2).sum())
+
+
+def _possible(lens: Array, camera: CameraModel) -> bool:
+    """Whether a camera may have these numbers."""
+    largest = 20.0 * max(camera.width, camera.height)
+    if not (np.isfinite(lens).all() and (lens[:2] > 1.0).all() and (lens[:2] < largest).all()):
+        return False
+    return camera.distortion_model != "fov" or 0.0 <= lens[4] < np.pi - 0.01

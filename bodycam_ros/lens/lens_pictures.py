@@ -1,0 +1,118 @@
+"""Pictures of a board: images, or of a video the sharpest frame of each part."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.video.video_frame import grey_pixels
+
+Grey = NDArray[np.uint8]
+
+_IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
+_MOST_BYTES = 700_000_000  # of pictures held at a time
+_SMALL_PX = 640  # width at which frames of a video are compared
+
+
+@dataclass(frozen=True)
+class LensPicture:
+    """A grey picture (H, W) and what to call it."""
+
+    name: str
+    grey: Grey
+
+
+def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
+    """Pictures of videos, of images and of folders with images, all of one size.
+
+    Raises:
+        LensError: there is none, or they differ in size.
+        RecordingError: one cannot be read.
+    """
+    images: list[Path] = []
+    pictures: list[LensPicture] = []
+    for source in sources:
+        if not source.exists():
+            raise LensError(f"{source}: no such file or folder; give a video or images of the board")
+        if source.is_dir():
+            images += sorted(p for p in source.iterdir() if p.suffix.lower() in _IMAGES)
+        elif source.suffix.lower() in _IMAGES:
+            images.append(source)
+        else:
+            pictures += _of_video(source, most)
+    if len(images) > most:
+        images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
+    pictures += [LensPicture(path.name, _image(path)) for path in images]
+    if not pictures:
+        raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
+    first = pictures[0]
+    for picture in pictures:
+        if picture.grey.shape != first.grey.shape:
+            raise LensError(
+                f"{picture.name} has {_told(picture)} pixels, but {first.name} has {_told(first)}; a lens is measured "
+                "in one mode of a camera: give pictures of one size"
+            )
+    return pictures
+
+
+def lit(pictures: Sequence[LensPicture], threshold: int = 24) -> NDArray[np.bool_]:
+    """Which pixels (H, W) are ever lit: a fisheye may show a disc with black around it."""
+    height, width = pictures[0].grey.shape
+    size = (max(1, width // 8), max(1, height // 8))
+    brightest = np.max([cv2.resize(p.grey, size, interpolation=cv2.INTER_AREA) for p in pictures], axis=0)
+    shown = (brightest > threshold).astype(np.uint8)
+    full = cv2.resize(shown, (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
+    return np.asarray(full, np.bool_)
+
+
+def _of_video(path: Path, most: int) -> Iterator[LensPicture]:
+    video = CameraVideo.of_files(path.stem, [path])
+    facts = video.facts
+    frames = facts.frames or round(facts.rate_hz * facts.duration_s)
+    most = max(2, min(most, _MOST_BYTES // (facts.width * facts.height)))
+    length = max(1, -(-frames // most))
+    best: tuple[float, LensPicture] | None = None
+    before: NDArray[np.float32] | None = None
+    for number, (seconds, frame) in enumerate(video.frames()):
+        if number % length == 0 and best is not None:
+            yield best[1]
+            best = None
+        grey = grey_pixels(frame)
+        scale = min(1.0, _SMALL_PX / grey.shape[1])
+        small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).astype(np.float32)
+        score = _sharpness(small) / (1.0 + _speed(before, small))
+        before = small
+        if best is None or score > best[0]:
+            upright = np.ascontiguousarray(np.rot90(grey, facts.rotation_deg // 90))
+            best = score, LensPicture(f"{path.name} at {seconds:.2f} s", upright)
+    if best is not None:
+        yield best[1]
+
+
+def _sharpness(grey: NDArray[np.float32]) -> float:
+    return float(np.std(cv2.Laplacian(grey, cv2.CV_32F)))
+
+
+def _speed(before: NDArray[np.float32] | None, after: NDArray[np.float32]) -> float:
+    """Pixels that edges moved by from one frame to the next, about."""
+    if before is None or before.shape != after.shape:
+        return 0.0
+    slope = np.hypot(cv2.Sobel(after, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(after, cv2.CV_32F, 0, 1, scale=0.125))
+    return float(np.linalg.norm(after - before) / max(1e-6, float(np.linalg.norm(slope))))
+
+
+def _image(path: Path) -> Grey:
+    grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    if grey is None:
+        raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
+    return np.asarray(grey, np.uint8)
+
+
+def _told(picture: LensPicture) -> str:
+    height, width = picture.grey.shape
+    return f"{width} x {height}"

@@ -1,0 +1,138 @@
+"""Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.messages.body import joint_state_message, transforms_message
+from bodycam_ros.messages.factory import Message, numbers
+from bodycam_ros.messages.header import MAP_FRAME, stamp_ns
+from bodycam_ros.messages.pose import pose_and_covariance
+from bodycam_ros.messages.status import Health, HealthLevel, text_message
+from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
+from bodycam_ros.nodes.parameters import RetargetParameters, declare, robot_settings
+from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
+from bodycam_ros.nodes.run import run
+from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.robot.mapping import read_mapping
+from bodycam_ros.robot.retargeting import Retargeting, RobotState
+from bodycam_ros.robot.robot_model import Robot
+
+_KEPT = 100  # instants of which only the angles, or only the root, is known
+
+
+@dataclass
+class _Tally:
+    """What happened since the last report."""
+
+    instants: int = 0
+    held: int = 0
+    farthest_m: float = 0.0
+
+
+class RetargetNode(StageNode[RetargetParameters]):
+    """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
+
+    def __init__(self) -> None:
+        super().__init__("retarget", RetargetParameters)
+        of = self.parameters
+        self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
+        self._retarget = robot_settings(self.given).retarget
+        declare(self, self._retarget, "retarget")
+        self._following: Retargeting | None = None
+        self._body: BodyModel | None = None
+        self._angles: dict[int, dict[str, float]] = {}
+        self._roots: dict[int, Array] = {}
+        self._followed_ns = -1
+        self._tally = _Tally()
+        described = self.publisher("std_msgs/msg/String", f"{of.robot}/robot_description", latched())
+        described.publish(text_message(self.make, self._robot.text))
+        self._states = self.publisher("sensor_msgs/msg/JointState", f"{of.robot}/joint_states", reliable(OUTPUT_DEPTH))
+        self._tf = self.publisher(TRANSFORMS, "/tf", reliable(OUTPUT_DEPTH)) if is_installed(TRANSFORMS) else None
+        self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched())
+        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._on_angles, reliable(OUTPUT_DEPTH))
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._on_root, reliable(OUTPUT_DEPTH))
+
+    def _on_body(self, message: Message) -> None:
+        try:
+            body = body_from_urdf(message.data)
+        except BodyError as error:
+            self.skipped.add("bodies skipped", f"robot_description: {error}")
+            return
+        if self._following is None:
+            self._following = Retargeting(body, self._robot, self._retarget)
+        else:
+            self._following.imitate(body)
+        self._body, self._joint_angles = body, JointAngles(body)
+
+    def _on_angles(self, message: Message) -> None:
+        self._angles[stamp_ns(message.header.stamp)] = self._named(message)
+        self._follow(stamp_ns(message.header.stamp))
+
+    @staticmethod
+    def _named(message: Message) -> dict[str, float]:
+        positions = numbers(message.position, np.float64, len(message.name))
+        return dict(zip(message.name, positions.tolist(), strict=True))
+
+    def _on_root(self, message: Message) -> None:
+        self._roots[stamp_ns(message.header.stamp)] = pose_and_covariance(message.pose)[0]
+        self._follow(stamp_ns(message.header.stamp))
+
+    def _follow(self, instant_ns: int) -> None:
+        """Follow an instant once its angles and its root have come, and the body is known."""
+        for waiting in (self._angles, self._roots):
+            while len(waiting) > _KEPT:
+                del waiting[next(iter(waiting))]
+        if (
+            self._following is None
+            or self._body is None
+            or not (self._angles.keys() & {instant_ns} & self._roots.keys())
+        ):
+            return
+        angles, root = self._angles.pop(instant_ns), self._roots.pop(instant_ns)
+        names = self._joint_angles.names
+        if missing := [name for name in names if name not in angles]:
+            self.skipped.add(
+                "instants skipped", f"joint_states lacks {missing[0]}; is it of another robot_description?"
+            )
+            return
+        if instant_ns < self._followed_ns:
+            self._following = Retargeting(self._body, self._robot, self._retarget)
+        self._followed_ns = instant_ns
+        poses = self._joint_angles.poses(np.array([angles[name] for name in names]))
+        self._publish(self._following.follow(instant_ns, self._body.forward_kinematics(root, poses)))
+
+    def _publish(self, state: RobotState) -> None:
+        self._tally.instants += 1
+        self._tally.held += state.held
+        self._tally.farthest_m = max(self._tally.farthest_m, *state.errors_m.values())
+        names = self._robot.joint_names
+        self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
+        if self._tf is not None:
+            root = f"{self.parameters.robot}/{self._robot.mapping.root}"
+            self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
+
+    def health(self) -> list[Health]:
+        """How the robot follows."""
+        tally, self._tally = self._tally, _Tally()
+        values: dict[str, object] = {
+            "instants per second": tally.instants,
+            "farthest hand or foot [cm]": round(100.0 * tally.farthest_m, 1),
+            "instants held by limits": tally.held,
+            **self.skipped.counts,
+        }
+        if not tally.instants:
+            return [Health("robot", HealthLevel.WARN, "nothing to follow: no body is solved", values)]
+        level, text = (HealthLevel.WARN, "its limits hold it back") if tally.held else (HealthLevel.OK, "follows")
+        return [Health("robot", level, text, values)]
+
+
+def main() -> int:
+    """Run the node until it is stopped; its exit code."""
+    return run(RetargetNode, "retarget")

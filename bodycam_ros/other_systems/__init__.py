@@ -1,0 +1,1 @@
+"""Motions that other systems captured: their files, their names, their clocks."""

@@ -1,0 +1,153 @@
+"""Skeletons in BVH, the animator's format: a tree of joints with offsets, and angles frame by frame."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.other_systems.captured_motion import Y_UP_TO_Z_UP, CapturedMotion
+from bodycam_ros.other_systems.motion_text import checked_stamps, read_motion_text
+from bodycam_ros.shown import shown
+
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+_DEEPEST = 200
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    name: str
+    parent: str | None
+    offset: Array
+    channels: tuple[str, ...]
+
+
+def captured_bvh(path: Path) -> CapturedMotion:
+    """Joints by name, with rotations; the world of a BVH has y up, and nobody knows its unit.
+
+    Raises:
+        RecordingError: it cannot be read, or is no BVH.
+    """
+    text = read_motion_text(path, "BVH")
+    try:
+        head, found, tail = text.partition("MOTION")
+        if not found or not head.split()[:1] == ["HIERARCHY"]:
+            raise ValueError("expected HIERARCHY on the first line, and MOTION below it")
+        joints = _joints(iter(head.split()[1:]))
+        frame_time, table = _frames(tail, sum(len(joint.channels) for joint in joints))
+        stamps_ns = checked_stamps(np.asarray(frame_time * np.arange(len(table)), np.float64))
+    except ValueError as error:
+        raise RecordingError(f"{path}: cannot be read as BVH: {error}") from error
+    points, rotations = _forward_kinematics(joints, table)
+    parents = {joint.name: joint.parent for joint in joints if joint.parent is not None}
+    return CapturedMotion(path, "BVH", stamps_ns, points, rotations, parents, knows_unit=False)
+
+
+def _joints(words: Iterator[str]) -> list[_Joint]:
+    """The tree, parents first.
+
+    Raises:
+        ValueError: it is none.
+    """
+    joints: dict[str, _Joint] = {}
+    above: list[str | None] = []
+    name: str | None = None
+    for word in words:
+        if word in ("ROOT", "JOINT"):
+            name = next(words, "")
+            if name in joints:
+                raise ValueError(f"two joints are named {shown(name)}")
+            parent = above[-1] if above else None
+            if (word == "ROOT") != (not above) or (joints and word == "ROOT"):
+                raise ValueError(
+                    f"{word} {shown(name)} stands where it should not; expected one ROOT around all JOINTs"
+                )
+            joints[name] = _Joint(name, parent, np.zeros(3), ())
+        elif word == "End":
+            next(words, "")
+            name = None
+        elif word == "{":
+            above.append(name)
+            if len(above) > _DEEPEST:
+                raise ValueError(f"more than {_DEEPEST} joints hang on each other")
+        elif word == "}":
+            if not above:
+                raise ValueError("a bracket is closed that nobody opened")
+            above.pop()
+        elif word == "OFFSET":
+            offset = np.array([_number(next(words, "")) for _ in range(3)])
+            if above and above[-1] is not None:
+                of = joints[above[-1]]
+                joints[of.name] = _Joint(of.name, of.parent, offset, of.channels)
+        elif word == "CHANNELS":
+            channels = tuple(next(words, "") for _ in range(int(_number(next(words, "")))))
+            if not above or above[-1] is None:
+                raise ValueError("CHANNELS outside of a joint")
+            of = joints[above[-1]]
+            for channel in channels:
+                if channel[:1] not in _AXES or channel[1:] not in ("rotation", "position"):
+                    raise ValueError(f"joint {shown(of.name)}: unknown channel {shown(channel)}")
+            joints[of.name] = _Joint(of.name, of.parent, of.offset, channels)
+        else:
+            raise ValueError(f"unexpected word {shown(word)} in the hierarchy")
+    if above or not joints:
+        raise ValueError("the hierarchy ends before its brackets are closed")
+    return list(joints.values())
+
+
+def _number(word: str) -> float:
+    value = float(word)
+    if not np.isfinite(value):
+        raise ValueError(f"{shown(word)} is no number that a joint can have")
+    return value
+
+
+def _frames(tail: str, channels: int) -> tuple[float, Array]:
+    """Time between two frames [s], and the values (K, channels).
+
+    Raises:
+        ValueError: they are not what the header says.
+    """
+    lines = [line for line in tail.splitlines() if line.strip()]
+    if len(lines) < 2 or not lines[0].startswith("Frames:") or not lines[1].startswith("Frame Time:"):
+        raise ValueError("expected 'Frames:' and 'Frame Time:' below MOTION")
+    frame_time = _number(lines[1].split(":")[1])
+    rows = []
+    for number, line in enumerate(lines[2:], 1):
+        words = line.split()
+        if len(words) != channels:
+            raise ValueError(f"frame {number} has {len(words)} numbers, expected {channels}: one per channel")
+        rows.append([_number(word) for word in words])
+    if frame_time <= 0.0:
+        raise ValueError(f"Frame Time: {frame_time:g} s between two frames")
+    return frame_time, np.array(rows).reshape(-1, channels)
+
+
+def _forward_kinematics(joints: list[_Joint], table: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Places (K, 3) and rotations (K, 3, 3) of joints in a world with z up.
+
+    A joint's channels are turns about its own axes, in the order in which they are listed; a position takes the
+    offset's place.
+    """
+    points: dict[str, Array] = {}
+    rotations: dict[str, Array] = {}
+    column = 0
+    for joint in joints:
+        R = np.tile(np.eye(3), (len(table), 1, 1))
+        place = np.tile(joint.offset, (len(table), 1))
+        for channel in joint.channels:
+            values, axis = table[:, column], _AXES[channel[0]]
+            column += 1
+            if channel.endswith("position"):
+                place[:, axis] = values
+            else:
+                R = R @ exp_so3(np.radians(values)[:, None] * np.eye(3)[axis])
+        if joint.parent is None:
+            points[joint.name], rotations[joint.name] = place @ Y_UP_TO_Z_UP.T, Y_UP_TO_Z_UP @ R
+        else:
+            above = rotations[joint.parent]
+            points[joint.name] = points[joint.parent] + (above @ place[..., None])[..., 0]
+            rotations[joint.name] = above @ R
+    return points, rotations

@@ -1,0 +1,190 @@
+"""When another system's recording began by our clock, and how fast its clock goes.
+
+Two systems that see the same body agree on what no frame of reference changes: distances between points, how fast
+points move, how fast bones turn. By these the offset is found among all that let the two overlap; then offset and rate
+are fitted together with the alignment in space.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from bodycam_ros.geometry import Array
+
+RATES = (1.0, 1000.0 / 1001.0, 1.001, 0.997, 1.003, 0.99, 1.01, 24.0 / 25.0, 25.0 / 24.0)
+"""Clocks that are tried: true ones, television's, crystals of little worth, films at another rate."""
+
+_STEP_S = 0.02
+_LEAST_OVERLAP_S, _LEAST_OVERLAP = 1.0, 0.5
+"""Of the shorter recording: less may agree by chance."""
+
+_LEAST_LIKENESS = 0.5
+_CLEARLY = 0.02  # by which a clock that goes at another rate is more like: in a short recording nearly any is as good
+_ROBUST_M = 0.02
+_FIT_S, _FIT_RATE = 0.5, 0.02  # how far the fit may go from what was found
+_WITHIN = 2.0  # sigmas: a rate that differs from 1 by less is none
+_SCALES = np.array([1e-2, 1e-3])  # [s] and rate: what the fit takes for small
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time of ours [s] = ``start_s`` + ``rate`` times the time since the other's first frame [s].
+
+    Attributes:
+        start_s: when the other's recording began, since the start of ours [s].
+        rate: seconds of ours in one of the other's.
+        start_sigma_s: standard deviation of ``start_s``, 0 where the clock was given.
+        rate_sigma: of ``rate``.
+        likeness: mean correlation of what no frame of reference changes; NaN where the clock was given.
+    """
+
+    start_s: float
+    rate: float = 1.0
+    start_sigma_s: float = 0.0
+    rate_sigma: float = 0.0
+    likeness: float = np.nan
+
+    def theirs(self, ours_s: Array) -> Array:
+        """Times (N,) since the start of our recording [s], as times since the other's first frame [s]."""
+        return (ours_s - self.start_s) / self.rate
+
+
+Transformed = NDArray[np.complex128]
+
+Signals = Callable[[Array], Array]
+"""Times (N,) [s] -> (F, N) what no frame of reference changes; NaN where it is not known."""
+
+
+def found_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock | None:
+    """The clock by which signals agree best, to some hundredths of a second; None if at no offset they agree.
+
+    Args:
+        ours: of our recording.
+        ours_span: first and last time [s] that it has.
+        theirs: of the other, by times since its first frame.
+        theirs_s: how long it is [s].
+    """
+    times = np.arange(ours_span[0], ours_span[1], _STEP_S)
+    of_ours = ours(times)
+    best: Clock | None = None
+    for rate in RATES:
+        if rate != 1.0 and abs(rate - 1.0) * theirs_s < _STEP_S:
+            continue
+        count = int(rate * theirs_s / _STEP_S) + 1
+        likeness = _likeness(of_ours, theirs(np.linspace(0.0, (count - 1) * _STEP_S / rate, count)))
+        if likeness is None:
+            continue
+        at, value = likeness
+        if best is None or value > best.likeness + _CLEARLY:
+            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value)
+    return best if best is not None and best.likeness >= _LEAST_LIKENESS else None
+
+
+def _likeness(a: Array, b: Array) -> tuple[int, float] | None:
+    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, and that; NaN counts nowhere.
+
+    Sums over what overlaps, at all shifts at once, are convolutions.
+    """
+    size = a.shape[1] + b.shape[1] - 1
+    transformed = [
+        (np.fft.rfft(v, size, axis=1), np.fft.rfft(v * v, size, axis=1), np.fft.rfft(m, size, axis=1))
+        for v, m in ((_standard(a), np.isfinite(a)), (_standard(b)[:, ::-1], np.isfinite(b)[:, ::-1]))
+    ]
+    (A, AA, MA), (B, BB, MB) = transformed
+
+    def over(x: Transformed, y: Transformed) -> Array:
+        return np.fft.irfft(x * y, size, axis=1)
+
+    n = np.maximum(np.rint(over(MA, MB)), 1e-9)
+    sa, sb, saa, sbb, sab = over(A, MB), over(MA, B), over(AA, MB), over(MA, BB), over(A, B)
+    spread = np.sqrt(np.maximum(n * saa - sa**2, 0.0) * np.maximum(n * sbb - sb**2, 0.0))
+    least = max(_LEAST_OVERLAP_S / _STEP_S, _LEAST_OVERLAP * min(a.shape[1], b.shape[1]))
+    counts = (n >= least) & (spread > 1e-3 * n**2)
+    correlation = np.where(counts, (n * sab - sa * sb) / np.maximum(spread, 1e-12), np.nan)
+    enough = counts.sum(axis=0) >= max(1, int(counts.any(axis=1).sum() * 0.5))
+    if not enough.any():
+        return None
+    mean = np.where(
+        enough, np.nansum(np.where(counts, correlation, 0.0), axis=0) / np.maximum(counts.sum(axis=0), 1), -1.0
+    )
+    at = int(np.argmax(mean))
+    return at - (b.shape[1] - 1), float(mean[at])
+
+
+def _standard(values: Array) -> Array:
+    """Values (F, N) with mean 0 and spread 1 in each row, 0 where they are not known."""
+    known = np.isfinite(values)
+    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+    centred = np.where(known, values, 0.0)
+    centred = np.where(known, centred - centred.sum(axis=1, keepdims=True) / count, 0.0)
+    spread = np.sqrt((centred**2).sum(axis=1, keepdims=True) / count)
+    standard: Array = centred / np.maximum(spread, 1e-9)
+    return standard
+
+
+def fitted_clock(start: Clock, residuals: Callable[[Clock], Array], with_rate: bool = True) -> Clock:
+    """Offset and rate that make residuals least, from a clock that is found.
+
+    Errors of neighbours in time are alike, so sigmas are made larger by what the residuals' correlation tells. A rate
+    that differs from 1 by less than two sigmas is none: then the offset is fitted alone.
+
+    Args:
+        start: to begin from.
+        residuals: clock -> (T, N, 3) [m] after the best alignment in space; 0 where nothing is known.
+        with_rate: fit the rate, too.
+    """
+
+    def clock(x: Array) -> Clock:
+        rate = start.rate + x[1] if with_rate else 1.0
+        return Clock(start.start_s + float(x[0]), float(rate), likeness=start.likeness)
+
+    count = 2 if with_rate else 1
+    bounds = np.array([_FIT_S, _FIT_RATE])[:count]
+    fit = least_squares(
+        lambda x: residuals(clock(x)).ravel(), np.zeros(count), bounds=(-bounds, bounds), loss="soft_l1",
+        f_scale=_ROBUST_M, x_scale=_SCALES[:count], max_nfev=40,
+    )  # fmt: skip
+    found = clock(fit.x)
+    sigmas = _sigmas(np.asarray(fit.jac), residuals(found))
+    if with_rate and abs(found.rate - 1.0) < _WITHIN * sigmas[1]:
+        without = Clock(found.start_s, 1.0, likeness=start.likeness)
+        return fitted_clock(without, residuals, with_rate=False)
+    return Clock(found.start_s, found.rate, float(sigmas[0]), float(sigmas[1]) if with_rate else 0.0, start.likeness)
+
+
+def _sigmas(jacobian: Array, residuals: Array) -> Array:
+    """Standard deviations of what was fitted, with errors that are alike from instant to instant."""
+    rows = residuals.reshape(len(residuals), -1)
+    power = float((rows**2).sum())
+    alike = float((rows[1:] * rows[:-1]).sum()) / max(power, 1e-30) if len(rows) > 1 else 0.0
+    alike = min(max(alike, 0.0), 0.99)
+    variance = power / max(int((rows != 0.0).sum()), 1) * (1.0 + alike) / (1.0 - alike)
+    sigmas: Array = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0) * variance)
+    return sigmas
+
+
+def unit_found(ours: Mapping[str, Array], theirs: Mapping[str, Array]) -> float:
+    """Metres in the unit that another system's places are in, told by distances between points that both have.
+
+    Args:
+        ours: name -> (T, 3) [m].
+        theirs: name -> (K, 3), at other times, in its unit.
+    """
+    names = [name for name in ours if name in theirs]
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    ratios = [
+        _distance(ours[a], ours[b]) / distance for a, b in pairs if (distance := _distance(theirs[a], theirs[b])) > 0.0
+    ]
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    return min(UNITS, key=lambda metres: abs(np.log(ratio / metres)))
+
+
+UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
+"""Metres, centimetres, millimetres, inches, and the unit of the motions of Carnegie Mellon University."""
+
+
+def _distance(a: Array, b: Array) -> float:
+    return float(np.nanmedian(np.linalg.norm(a - b, axis=1)))

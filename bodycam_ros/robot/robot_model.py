@@ -1,0 +1,148 @@
+"""A robot as its URDF describes it: a tree that floats, limits of its joints, hulls of its links."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.robot.mapping import RobotMapping
+from bodycam_ros.yaml_file import read_text
+
+FLOATING = 7
+"""Numbers of the root's pose in a configuration: place, then quaternion x y z w; the joints follow."""
+
+_FLOATING_SPEEDS = 6
+_TOUCHING_M = 0.02
+"""Links that are so near each other in the N-pose are neighbours, and are not kept apart."""
+
+_LIMITED_BY_JOINTS = 3
+"""Links so few joints from each other meet where their joints' limits say; hulls, which fill hollows, do sooner."""
+
+
+class Robot:
+    """A robot that can follow a person.
+
+    Args:
+        urdf: file of the robot; its packages are looked for above the file and on AMENT_PREFIX_PATH.
+        mapping: which links follow what.
+
+    Attributes:
+        mapping: as given.
+        text: of the URDF.
+        model: pinocchio's, with a floating base.
+        hulls: pinocchio's collision geometry, each mesh replaced by its convex hull.
+        pairs: (K, 2) of hulls that must stay apart.
+        joint_names: (J,) that turn or slide, in the order of a configuration's.
+        lowest, highest: (J,) limits [rad or m].
+        fastest: (J,) limits of their speeds [rad/s or m/s].
+        n_pose: (7 + J) configuration in the N-pose, the root at the origin.
+
+    Raises:
+        BodyError: no URDF, a mesh is missing, or a link or joint of the mapping is not there.
+    """
+
+    def __init__(self, urdf: Path, mapping: RobotMapping) -> None:
+        pin = _pinocchio()
+        self.mapping, self.text = mapping, read_text(urdf, "URDF", BodyError)
+        try:
+            self.model, self.hulls = pin.buildModelsFromUrdf(
+                str(urdf),
+                package_dirs=list(_package_folders(urdf)),
+                root_joint=pin.JointModelFreeFlyer(),
+                geometry_types=[pin.GeometryType.COLLISION],
+            )
+        except (ValueError, RuntimeError) as error:
+            raise BodyError(f"{urdf}: cannot be read as a robot: {error}") from error
+        self._check(urdf)
+        self.joint_names = tuple(self.model.names[2:])
+        self.lowest = np.asarray(self.model.lowerPositionLimit[FLOATING:], np.float64)
+        self.highest = np.asarray(self.model.upperPositionLimit[FLOATING:], np.float64)
+        speeds = np.asarray(self.model.velocityLimit[_FLOATING_SPEEDS:], np.float64)
+        self.fastest = np.where(speeds > 0.0, speeds, np.inf)
+        self.n_pose = self._standing()
+        self._data = self.model.createData()
+        pin.framesForwardKinematics(self.model, self._data, self.n_pose)
+        self.pairs = self._hulls_apart()
+
+    def link_in_n_pose(self, link: str) -> Array:
+        """root_T_link (4, 4) in the N-pose [m]."""
+        placed = [self._data.oMf[self.model.getFrameId(name)].homogeneous for name in (self.mapping.root, link)]
+        pose: Array = np.linalg.inv(placed[0]) @ placed[1]
+        return pose
+
+    def _check(self, urdf: Path) -> None:
+        """Refuse a robot that lacks what the mapping names, or whose joints are no single angles or slides."""
+        path = self.mapping.path
+        if missing := [link for link in self.mapping.links if not self.model.existFrame(link)]:
+            raise BodyError(f"{path}: {urdf.name} has no link {', '.join(missing)}")
+        if missing := [joint for joint in self.mapping.n_pose if joint not in self.model.names]:
+            raise BodyError(f"{path}: n_pose: {urdf.name} has no joint {', '.join(missing)}")
+        for name, joint in zip(self.model.names[2:], self.model.joints[2:], strict=True):
+            if joint.nq != 1:
+                raise BodyError(f"{urdf}: joint {name} turns for ever or has several angles; give it limits")
+
+    def _standing(self) -> Array:
+        """The configuration in the N-pose."""
+        joints = np.clip(np.zeros(len(self.joint_names)), self.lowest, self.highest)
+        for joint, angle in self.mapping.n_pose.items():
+            joints[self.joint_names.index(joint)] = angle
+        return np.concatenate([[0.0] * 6, [1.0], joints])
+
+    def _hulls_apart(self) -> NDArray[np.int64]:
+        """(K, 2) hulls of different links that are apart in the N-pose; meshes become hulls."""
+        import coal
+        import pinocchio as pin
+
+        for hull in self.hulls.geometryObjects:
+            if isinstance(hull.geometry, coal.BVHModelBase):
+                hull.geometry.buildConvexHull(True, "Qt")
+                hull.geometry = hull.geometry.convex
+            hull.geometry.computeLocalAABB()
+        self.hulls.addAllCollisionPairs()
+        data = pin.GeometryData(self.hulls)
+        pin.computeDistances(self.model, self.model.createData(), self.hulls, data, self.n_pose)
+        joints = [hull.parentJoint for hull in self.hulls.geometryObjects]
+        return np.array(
+            [
+                (pair.first, pair.second)
+                for pair, result in zip(self.hulls.collisionPairs, data.distanceResults, strict=True)
+                if result.min_distance > _TOUCHING_M
+                and self._joints_between(joints[pair.first], joints[pair.second]) > _LIMITED_BY_JOINTS
+            ],
+            np.int64,
+        ).reshape(-1, 2)
+
+    def _joints_between(self, one: int, other: int) -> int:
+        """How many joints a link is from another, by the joints that they hang on."""
+        ways = []
+        for joint in (one, other):
+            way = [joint]
+            while way[-1]:
+                way.append(self.model.parents[way[-1]])
+            ways.append(way)
+        shared = next(joint for joint in ways[0] if joint in ways[1])
+        return ways[0].index(shared) + ways[1].index(shared)
+
+
+def _pinocchio() -> Any:
+    try:
+        import coal  # noqa: F401
+        import pink  # noqa: F401
+        import pinocchio
+    except ImportError as error:
+        raise BodyError(
+            f"a robot needs {error.name}, which is not installed; install it: pip install pin pin-pink daqp"
+        ) from error
+    return pinocchio
+
+
+def _package_folders(urdf: Path) -> Iterator[str]:
+    """Where ``package://NAME`` may be: any folder above the URDF, and what ROS knows."""
+    yield from map(str, urdf.resolve().parents)
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        yield str(Path(prefix) / "share")

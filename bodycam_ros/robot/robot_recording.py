@@ -1,0 +1,105 @@
+"""A solved recording as a robot's: its joint states and its place in the world, in a bag of their own."""
+
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.messages.body import joint_state_message, transforms_message
+from bodycam_ros.messages.factory import Message, MessageFactory
+from bodycam_ros.messages.header import MAP_FRAME
+from bodycam_ros.messages.status import text_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.robot.mapping import read_mapping
+from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.robot_model import Robot
+from bodycam_ros.solved.solved_body import read_solved_body
+
+
+@dataclass
+class RobotSummary:
+    """How well a robot followed.
+
+    Attributes:
+        scale: its ways through the world, of the person's.
+        instants: of the recording.
+        held: at which it stayed as it was, at least in one round: no step kept all limits.
+        errors_m: hand or foot -> how far it was from where it should be, at each instant.
+        nearest_m: least distance between its own links; infinite if none were near.
+        cpu_s: that inverse kinematics took [s].
+    """
+
+    scale: float
+    instants: int = 0
+    held: int = 0
+    errors_m: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    nearest_m: float = np.inf
+    cpu_s: float = 0.0
+
+    def add(self, state: RobotState) -> None:
+        """One more instant."""
+        self.instants += 1
+        self.held += state.held
+        self.nearest_m = min(self.nearest_m, state.nearest_m)
+        for link, error_m in state.errors_m.items():
+            self.errors_m[link].append(error_m)
+
+
+def write_robot(
+    source: Path,
+    urdf: Path,
+    mapping_path: Path,
+    output: Path,
+    settings: RetargetSettings,
+    force: bool,
+    progress: Progress,
+) -> RobotSummary:
+    """Let a robot do what a solved recording has.
+
+    Args:
+        source: bag that was solved.
+        urdf: of the robot.
+        mapping_path: YAML of what of it follows what.
+        output: ros2 bag folder to be, with ``/robot_description``, ``/joint_states`` and ``/tf`` of the robot.
+        settings: how it follows.
+        force: replace an output that is there already.
+        progress: is told of the messages, then of the instants.
+
+    Raises:
+        RecordingError: the source is no solved bag.
+        BodyError: the robot or the mapping cannot be used.
+        OutputError: the output cannot be written.
+    """
+    solved = read_solved_body(source, progress)
+    robot = Robot(urdf, read_mapping(mapping_path))
+    following = Retargeting(solved.body, robot, settings)
+    joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
+    poses = solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
+    summary, make = RobotSummary(following.scale), recorded_messages()
+    stamps_ns = solved.motion.stamps_ns.tolist()
+    with write_recording(output, force) as writer, progress.step("robot", len(stamps_ns)) as advance:
+        writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
+        for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
+            started_s = time.process_time()
+            state = following.follow(stamp_ns, world_T_segment)
+            summary.cpu_s += time.process_time() - started_s
+            for topic, message in robot_messages(make, robot, state).items():
+                writer.write(topic, stamp_ns, message)
+            summary.add(state)
+            advance()
+    return summary
+
+
+def robot_messages(make: MessageFactory, robot: Robot, state: RobotState) -> dict[str, Message]:
+    """Topic -> message of one instant: joint states, and where the root is in the map."""
+    return {
+        "/joint_states": joint_state_message(
+            make, state.stamp_ns, robot.joint_names, state.positions, state.velocities
+        ),
+        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.mapping.root, state.world_T_root)]),
+    }

@@ -1,0 +1,143 @@
+"""Where a robot's links would be if a person of the robot's bones did what was seen.
+
+Feet and pelvis keep their places in the world, scaled as the robot's legs are to the person's, so feet that stand do
+not slide. Elbows and wrists are where the arms point, as long as the robot's arms are, from shoulders on the robot's
+own trunk. Links turn as segments do since the N-pose.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.sole import sole_points
+from bodycam_ros.errors import BodyError
+from bodycam_ros.export.tips import bone_tip
+from bodycam_ros.geometry import Array, rigid, transform_points
+from bodycam_ros.robot.mapping import SIDES
+from bodycam_ros.robot.robot_model import Robot
+
+_LEG, _ARM = ("thigh", "shin", "foot"), ("upper_arm", "forearm")
+
+
+@dataclass(frozen=True)
+class LinkTarget:
+    """Where a link should be.
+
+    Attributes:
+        world_T_link: (4, 4) [m].
+        place_counts, turn_counts: whether its place, its rotation matter.
+        is_end: whether it is a hand or a foot, which must follow.
+    """
+
+    world_T_link: Array
+    place_counts: bool
+    turn_counts: bool
+    is_end: bool = False
+
+
+class ScaledPerson:
+    """Poses of a body as targets of a robot's links.
+
+    Args:
+        body: the person.
+        robot: that follows.
+        reach: share of its limbs' lengths that the robot uses, so that it need not stretch them.
+
+    Attributes:
+        scale: of what the legs reach, robot to person.
+
+    Raises:
+        BodyError: the person lacks legs, or an arm that the robot has.
+    """
+
+    def __init__(self, body: BodyModel, robot: Robot, reach: float) -> None:
+        self._body, self._robot = body, robot
+        self._index = body.segment_index
+        mapping = robot.mapping
+        wanted = ["pelvis", *(f"{kind}_{side}" for side in mapping.legs for kind in _LEG)]
+        wanted += [f"{kind}_{side}" for side in mapping.arms for kind in _ARM]
+        if missing := [segment for segment in wanted if segment not in self._index]:
+            raise BodyError(f"body {body.name} has no {', '.join(missing)}, which {mapping.path} lets a robot follow")
+        at_rest = body.forward_kinematics(np.eye(4), np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+        self._in_n = {link: robot.link_in_n_pose(link) for link in mapping.links}
+        hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
+        legs = [self._bones(at_rest, side, _LEG) for side in SIDES]
+        self.scale = float(reach * (hips - ankles)[2]) / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))
+        self._hips = hips
+        shin = float(np.mean([np.linalg.norm(leg[1] - leg[2]) for leg in legs]))
+        soles = np.mean([self._in_n[limb[3]][2, 3] for limb in mapping.legs.values()])
+        # Where the person's soles are level with the floor, the robot's are.
+        self._lift = float(ankles[2] - soles + self.scale * sole_points(shin)[0, 2])
+        self._wrists = {side: bone_tip(body, f"forearm_{side}") for side in mapping.arms}
+        self._arm_scales = {side: reach * self._arm_scale(at_rest, side) for side in mapping.arms}
+
+    def targets(self, world_T_segment: Array) -> dict[str, LinkTarget]:
+        """Link -> where it should be when the person is at poses (S, 4, 4)."""
+        mapping, of = self._robot.mapping, dict(zip(self._body.segments, world_T_segment, strict=True))
+        place = {side: self._placed(self._bones(world_T_segment, side, _LEG)) for side in mapping.legs}
+        pelvis_R = of["pelvis"][:3, :3]
+        hips = np.mean([leg[0] for leg in place.values()], axis=0)
+        root = rigid(pelvis_R, hips - pelvis_R @ self._hips)
+        targets = {mapping.root: LinkTarget(self._turned(root, mapping.root), True, True)}
+        for link, segment in ((mapping.trunk, "torso"), (mapping.head, "head")):
+            if link is not None and segment in of:
+                turned = rigid(of[segment][:3, :3] @ self._in_n[link][:3, :3], np.zeros(3))
+                targets[link] = LinkTarget(turned, False, True)
+        for side, (_, knee, ankle, _) in mapping.legs.items():
+            outward = mapping.feet_apart * (1.0 if side == "left" else -1.0) * _level(pelvis_R[:, 1])
+            targets[knee] = LinkTarget(rigid(np.eye(3), place[side][1] + 0.5 * outward), True, False)
+            foot_R = of[f"foot_{side}"][:3, :3] @ self._in_n[ankle][:3, :3]
+            targets[ankle] = LinkTarget(rigid(foot_R, place[side][2] + outward), True, True, is_end=True)
+        torso_R = of["torso"][:3, :3] if "torso" in of else pelvis_R
+        for side, (shoulder, elbow, wrist) in mapping.arms.items():
+            arm = self._arm(of, side) * self._arm_scales[side] + self._shoulder(root, torso_R, shoulder)
+            targets[elbow] = LinkTarget(rigid(np.eye(3), arm[1]), True, False)
+            wrist_R = of[f"forearm_{side}"][:3, :3] @ self._in_n[wrist][:3, :3]
+            targets[wrist] = LinkTarget(rigid(wrist_R, arm[2]), True, True, is_end=True)
+        return targets
+
+    def _bones(self, poses: Array, side: str, kinds: tuple[str, ...]) -> Array:
+        """(N, 3) origins of a limb's segments [m]."""
+        origins: Array = poses[[self._index[f"{kind}_{side}"] for kind in kinds], :3, 3]
+        return origins
+
+    def _placed(self, points: Array) -> Array:
+        """Points (N, 3) of the person where the robot has them [m]."""
+        placed: Array = self.scale * points + [0.0, 0.0, self._lift]
+        return placed
+
+    def _arm(self, of: Mapping[str, Array], side: str) -> Array:
+        """(3, 3) shoulder, elbow and wrist of the person, from the shoulder on [m]."""
+        shoulder, forearm = of[f"upper_arm_{side}"][:3, 3], of[f"forearm_{side}"]
+        wrist = transform_points(forearm, self._wrists[side][None])[0]
+        return np.array([shoulder, forearm[:3, 3], wrist]) - shoulder
+
+    def _arm_scale(self, at_rest: Array, side: str) -> float:
+        """How long the robot's arm is, of the person's."""
+        of = dict(zip(self._body.segments, at_rest, strict=True))
+        ours = _length(self._arm(of, side))
+        return _length(np.array([self._in_n[link][:3, 3] for link in self._robot.mapping.arms[side]])) / ours
+
+    def _shoulder(self, root: Array, torso_R: Array, shoulder: str) -> Array:
+        """Where the robot's shoulder is if its trunk turns as the person's does (3,)."""
+        trunk = self._robot.mapping.trunk
+        waist = self._in_n[trunk][:3, 3] if trunk is not None else np.zeros(3)
+        place: Array = transform_points(root, waist[None])[0] + torso_R @ (self._in_n[shoulder][:3, 3] - waist)
+        return place
+
+    def _turned(self, pose: Array, link: str) -> Array:
+        """A pose whose rotation is that of a segment, as that of a link."""
+        return rigid(pose[:3, :3] @ self._in_n[link][:3, :3], pose[:3, 3])
+
+
+def _level(direction: Array) -> Array:
+    """A direction (3,) without what is up in it, of length 1."""
+    level = direction * [1.0, 1.0, 0.0]
+    return np.asarray(level / max(float(np.linalg.norm(level)), 1e-9), np.float64)
+
+
+def _length(points: Array) -> float:
+    """Of a chain through points (N, 3)."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

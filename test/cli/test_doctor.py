@@ -1,0 +1,108 @@
+"""``bodycam doctor`` on real recordings: the sample, whole and with faults, the range of motion, videos."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from altered_sample import write_altered_sample
+from made_video import make_video
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.messages.factory import Message
+
+
+def doctor(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, dict[str, Any]]:
+    code = main(["doctor", *map(str, arguments), "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def lights(told: dict[str, Any]) -> set[tuple[str, str, str]]:
+    """Check, light and camera of all that is not green."""
+    return {(f["check"], f["light"], f["of"]) for f in told["findings"] if f["light"] != "green"}
+
+
+def dimmed(message: Message) -> Message:
+    grey = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_GRAYSCALE)
+    message.data = cv2.imencode(".jpg", (0.05 * grey).astype(np.uint8))[1].reshape(-1)
+    return message
+
+
+def test_a_good_recording_is_green(capsys: pytest.CaptureFixture[str], sample: Path, tmp_path: Path) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", frames=30)
+    code, told = doctor(capsys, bag, "--map", sample / "map", "--doctor.registered_images", "2")
+    assert (code, told["light"], lights(told)) == (0, "green", set())
+    checks = {f["check"] for f in told["findings"]}
+    assert checks == {"cameras", "rate", "gaps", "clocks", "lens", "exposure", "blur", "features", "registered"}
+
+
+def test_every_fault_is_named_and_the_exit_code_says_so(
+    capsys: pytest.CaptureFixture[str], sample: Path, tmp_path: Path
+) -> None:
+    def alter(topic: str, number: int, message: Message) -> Message | None:
+        if topic == "/torso_front/image_raw/compressed":
+            return dimmed(message)
+        if topic == "/waist_front/camera_info":
+            message.width = 1280
+        return None if topic.startswith("/thigh_left/image") and 5 <= number < 42 else message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", alter, frames=60)
+    code, told = doctor(capsys, bag, "--body", sample / "body.yaml")
+    assert (code, told["light"]) == (3, "red")
+    assert {
+        ("exposure", "red", "camera torso_front"),
+        ("lens", "red", "camera waist_front"),
+        ("gaps", "red", "camera thigh_left"),
+        ("cameras", "red", "camera head"),
+    } <= lights(told)
+
+
+def test_a_range_of_motion_is_judged_by_its_rig(capsys: pytest.CaptureFixture[str], sample: Path) -> None:
+    rom = sample / "rom"
+    flags = (
+        "--map",
+        sample / "map",
+        "--rig",
+        rom / "rig.yaml",
+        "--doctor.exercise_images",
+        "8",
+        "--doctor.images",
+        "4",
+    )
+    code, told = doctor(capsys, rom / "bag", *flags)
+    assert code == 0
+    assert {"N-pose", "exercise"} <= {f["check"] for f in told["findings"]}
+    assert not {light for light in lights(told) if light[0] != "exercise"}
+
+
+def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for camera in ("head", "foot"):
+        make_video(tmp_path / f"{camera}.mp4", frames=60)
+    code, told = doctor(capsys, tmp_path)
+    assert code == 3  # without a lens
+    assert {("lens", "red", "camera head"), ("clocks", "amber", "camera foot")} <= lights(told)
+    assert not {light for light in lights(told) if light[0] in ("cameras", "rate", "gaps")}
+
+
+def test_people_read_a_line_for_each_check(capsys: pytest.CaptureFixture[str], tiny_bag: Path) -> None:
+    assert main(["doctor", str(tiny_bag)]) == 3
+    out = capsys.readouterr().out
+    assert "features" in out and "turn it away from bare walls" in " ".join(out.split())
+    assert "not looked at: give --map" in out
+    assert out.rstrip().endswith("red: mend what is red and record again")
+
+
+@pytest.mark.parametrize("flag", ["--map", "--body", "--rig", "--board"])
+def test_what_cannot_be_read_is_an_error_with_its_name(
+    capsys: pytest.CaptureFixture[str], tiny_bag: Path, tmp_path: Path, flag: str
+) -> None:
+    missing = tmp_path / "nowhere"
+    assert main(["doctor", str(tiny_bag), flag, str(missing)]) == 1
+    assert f"bodycam: error: {missing}" in capsys.readouterr().err
+
+
+def test_no_recording_is_an_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["doctor", str(tmp_path / "nowhere")]) == 1
+    assert "does not exist" in capsys.readouterr().err

@@ -1,0 +1,78 @@
+"""``bodycam run`` on a folder that is made of the repository's own sample."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from altered_sample import write_altered_sample
+
+import bodycam_ros
+from bodycam_ros.cli.main import main
+
+ROOT = Path(bodycam_ros.__file__).parent.parent
+
+
+@pytest.fixture
+def folder(sample: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "monday"
+    (path / "takes").mkdir(parents=True)
+    (path / "map").symlink_to(sample / "map")
+    (path / "body.yaml").write_text((sample / "body.yaml").read_text())
+    write_altered_sample(sample, path / "takes" / "walk")
+    return path
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_a_take_is_solved_once_and_again_when_its_body_changes(
+    capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    assert main(["run", str(folder), "--jobs", "1"]) == 0
+    first = said(capsys)
+    picture = folder / "solved" / "takes" / "walk" / "report" / "summary.png"
+    assert picture.is_file() and f"walk: {picture}" in first
+    assert "walk: replay: bodycam replay" in first
+
+    assert main(["run", str(folder), "--jobs", "2"]) == 0
+    assert said(capsys).startswith("walk: replay: is done walk: evaluate: is done")
+
+    body = folder / "body.yaml"
+    body.write_text(body.read_text() + "# corrected\n")
+    assert main(["run", str(folder), "--dry-run"]) == 0
+    again = said(capsys)
+    assert "walk: replay: bodycam replay" in again and "walk: evaluate: bodycam evaluate" in again
+
+
+def test_a_step_that_fails_costs_only_what_needs_it(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    (folder / "body.yaml").write_text("nonsense: true\n")
+    assert main(["run", str(folder), "--jobs", "1"]) == 1
+    captured = capsys.readouterr()
+    assert "bodycam: error:" in captured.err and "body.yaml" in captured.err
+    assert "walk: evaluate: not possible, because a step before it failed" in captured.out
+    assert not (folder / "solved" / "takes" / "walk" / "out").exists()
+
+
+def test_what_is_missing_is_named(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    (folder / "body.yaml").unlink()
+    assert main(["run", str(folder)]) == 1
+    assert f"missing in {folder}: rom/ with a range of motion (or body.yaml)" in said(capsys)
+
+
+def test_ctrl_c_ends_it_and_leaves_nothing_half_written(folder: Path) -> None:
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "run", str(folder), "--jobs", "1"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 60.0
+        take = folder / "solved" / "takes" / "walk"
+        while time.monotonic() < deadline and not take.exists():
+            time.sleep(0.01)
+        os.kill(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in err and "interrupted" in err
+    assert list(take.iterdir()) == []

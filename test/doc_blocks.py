@@ -1,0 +1,62 @@
+"""Fenced blocks of the pages of docs/, and the mark in a comment above each that says what tests do with it.
+
+``<!-- run -->``: it is run on the sample. ``<!-- once: X -->``: it waits for a feature X, and nothing is asked of it
+while its command is not known. ``<!-- run once: X -->``: both. Without a mark its commands must be understood.
+"""
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+_BLOCK = re.compile(
+    r"(?:^<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+_MARK = re.compile(r"(?P<run>run)?\s*(?:once: (?P<feature>.+))?")
+
+
+@dataclass(frozen=True)
+class DocBlock:
+    """One block.
+
+    Attributes:
+        page: file name and line.
+        language: after the fence.
+        text: what is in it.
+        is_run: whether it works as it stands, on the sample.
+        feature: that it waits for; empty for none.
+    """
+
+    page: str
+    language: str
+    text: str
+    is_run: bool
+    feature: str
+
+    @property
+    def commands(self) -> list[list[str]]:
+        """Words of each line."""
+        lines = (shlex.split(line, comments=True) for line in self.text.splitlines())
+        return [words for words in lines if words]
+
+
+def doc_blocks(docs: Path) -> list[DocBlock]:
+    """All blocks of shell commands and of Python.
+
+    Raises:
+        ValueError: a mark that is none.
+    """
+    blocks = []
+    for path in sorted(docs.glob("*.md")):
+        content = path.read_text()
+        for found in _BLOCK.finditer(content):
+            if found["language"] not in ("sh", "python"):
+                continue
+            where = f"{path.name}:{content[: found.start()].count(chr(10)) + 1}"
+            mark = _MARK.fullmatch(found["mark"] or "")
+            if mark is None:
+                raise ValueError(f"{where}: {found['mark']} is no mark")
+            blocks.append(
+                DocBlock(where, found["language"], found["text"], bool(mark["run"]), (mark["feature"] or "").strip())
+            )
+    return blocks

@@ -1,0 +1,78 @@
+"""Commands in the documentation are understood, and those that are marked so do what they should on the sample."""
+
+import re
+from pathlib import Path
+
+import pytest
+from doc_blocks import DocBlock, doc_blocks
+
+from bodycam_ros.cli import main as command_line
+
+REPOSITORY = Path(__file__).parents[2]
+DOCS = REPOSITORY / "docs"
+BLOCKS = doc_blocks(DOCS)
+OF_OTHERS = {"make", "git", "colcon", "ros2"}
+
+
+def by_page(block: DocBlock) -> str:
+    return block.page
+
+
+def is_understood(words: list[str]) -> bool:
+    joined = command_line._command_joined(words[1:])
+    try:
+        command_line._parser(joined).parse_args(joined)
+    except SystemExit:
+        return False
+    return True
+
+
+def awaited(block: DocBlock) -> bool:
+    """Whether the feature that the block waits for is not there yet."""
+    return bool(block.feature) and not all(is_understood(words) for words in block.commands if words[0] == "bodycam")
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "sh"], ids=by_page)
+def test_commands_are_understood(block: DocBlock) -> None:
+    if awaited(block):
+        pytest.skip(f"there is no {block.feature} yet")
+    for words in block.commands:
+        assert words[0] in OF_OTHERS or words[0] == "bodycam", words
+        assert words[0] != "bodycam" or is_understood(words), " ".join(words)
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.is_run], ids=by_page)
+def test_what_is_marked_runs(
+    block: DocBlock,
+    sample_out: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    if block.language == "sh" and awaited(block):
+        pytest.skip(f"there is no {block.feature} yet")
+    (tmp_path / "bags").symlink_to(REPOSITORY / "bags")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/demo").symlink_to(sample_out)
+    monkeypatch.chdir(tmp_path)
+    if block.language == "python":
+        exec(compile(block.text, block.page, "exec"), {})
+        assert len(capfd.readouterr().out.splitlines()) == 60, "a line for each instant of the sample"
+        return
+    for words in block.commands:
+        assert command_line.main(words[1:]) == 0, f"{' '.join(words)}\n{capfd.readouterr().err}"
+        if "-o" in words:
+            assert Path(words[words.index("-o") + 1]).exists()
+
+
+def test_launch_arguments_are_known() -> None:
+    declared = set(
+        re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', (REPOSITORY / "launch/bodycam.launch.py").read_text())
+    )
+    used = {match for path in DOCS.glob("*.md") for match in re.findall(r"\b(\w+):=", path.read_text())}
+    assert used - {"smoother"} <= declared | {"landmark_readers", "overwrite_body"}
+
+
+def test_every_command_has_its_place_in_the_pages() -> None:
+    text = " ".join(path.read_text() for path in DOCS.glob("*.md"))
+    assert [command for command in command_line.COMMANDS if f"bodycam {command}" not in text] == []

@@ -1,0 +1,117 @@
+"""Each check on a camera with one thing wrong, beside one with nothing."""
+
+from collections.abc import Callable, Iterable
+
+import cv2
+import numpy as np
+import pytest
+from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
+
+from bodycam_ros.doctor.check_blur import blur_of, check_blur
+from bodycam_ros.doctor.check_cameras import check_cameras
+from bodycam_ros.doctor.check_clocks import check_clocks
+from bodycam_ros.doctor.check_exposure import check_exposure
+from bodycam_ros.doctor.check_features import check_features
+from bodycam_ros.doctor.check_lens import check_lens
+from bodycam_ros.doctor.check_rates import check_rates
+from bodycam_ros.doctor.doctor_settings import DoctorSettings
+from bodycam_ros.doctor.finding import Finding, Light, by_limits, worst
+from bodycam_ros.doctor.sampled_recording import SampledCamera, SampledRecording
+
+SETTINGS = DoctorSettings()
+STAMPS_S = np.arange(0.0, DURATION_S, INTERVAL_S)
+
+Check = Callable[[SampledRecording], Iterable[Finding]]
+
+CHECKS: dict[str, Check] = {
+    "cameras": lambda r: check_cameras(r, {"head", "hand", "foot"}),
+    "rates": lambda r: check_rates(r, SETTINGS),
+    "clocks": lambda r: check_clocks(r, SETTINGS),
+    "exposure": lambda r: check_exposure(r, SETTINGS),
+    "blur": lambda r: check_blur(r, SETTINGS),
+    "features": lambda r: check_features(r, SETTINGS),
+    "lens": check_lens,
+}
+
+
+def images(picture: np.ndarray) -> dict[int, np.ndarray]:
+    return {number: picture for number in range(4)}
+
+
+def blurred() -> np.ndarray:
+    return cv2.GaussianBlur(textured(), (0, 0), 5.0)
+
+
+def without(start_s: float, stop_s: float) -> np.ndarray:
+    return STAMPS_S[(STAMPS_S < start_s) | (STAMPS_S >= stop_s)]
+
+
+ILL: list[tuple[str, dict[str, object], Light, str]] = [
+    ("cameras", {"images": {}}, Light.RED, "none of the sampled images"),
+    ("cameras", {"fault": "cannot be decoded"}, Light.RED, "cannot be decoded"),
+    ("rates", {"stamps_s": STAMPS_S[:2]}, Light.RED, "2 images in 10.0 s"),
+    ("rates", {"stamps_s": STAMPS_S[::6]}, Light.AMBER, "5.0 images a second"),
+    ("rates", {"stamps_s": without(4.0, 4.5)}, Light.AMBER, "0.5 s at 4.0 s"),
+    ("rates", {"stamps_s": without(4.0, 6.0)}, Light.RED, "2.0 s at 4.0 s"),
+    ("rates", {"stamps_s": without(0.0, 3.0)}, Light.AMBER, "begins 3.0 s late"),
+    ("rates", {"stamps_s": without(4.0, 11.0)}, Light.RED, "ends 6.0 s early"),
+    ("rates", {"missing": 30}, Light.AMBER, "9% of its images are missing"),
+    ("clocks", {"stamps_s": STAMPS_S + 2.0, "recorded_s": STAMPS_S}, Light.RED, "2.00 s ahead of"),
+    ("clocks", {"stamps_s": 1.001 * STAMPS_S, "recorded_s": STAMPS_S}, Light.AMBER, "1000 ppm too fast"),
+    ("clocks", {"stamps_s": np.sort(STAMPS_S)[::-1], "recorded_s": STAMPS_S}, Light.RED, "not after the one before"),
+    ("exposure", {"images": images(textured(0.15))}, Light.AMBER, "is dark"),
+    ("exposure", {"images": images(textured(0.02))}, Light.RED, "is dark"),
+    ("exposure", {"images": images(textured(4.0))}, Light.RED, "is white"),
+    ("exposure", {"images": {0: textured(), 1: textured(0.2)}}, Light.AMBER, "as bright as its darkest"),
+    ("blur", {"images": images(blurred())}, Light.RED, "100% of its images are blurred"),
+    ("blur", {"images": {0: blurred(), 1: textured()}}, Light.AMBER, "50% of its images are blurred"),
+    ("features", {"images": images(np.full((240, 320), 90, np.uint8))}, Light.RED, "0 features"),
+    ("lens", {"lens": None, "lens_fault": "there is no lens YAML"}, Light.RED, "there is no lens YAML"),
+    ("lens", {"lens": lens(width=640, height=480)}, Light.RED, "320 x 240 px, its lens is for 640 x 480"),
+]
+
+
+@pytest.mark.parametrize(("check", "changes", "light", "said"), ILL)
+def test_what_is_wrong_is_said_of_the_camera(check: str, changes: dict[str, object], light: Light, said: str) -> None:
+    found = [
+        f for f in CHECKS[check](recording(sampled("foot"), sampled("hand"), sampled("head", **changes))) if f.light
+    ]
+    assert worst(found) is light
+    assert any(f.light is light and said in f.text for f in found)
+    assert {f.of for f in found} == {"camera head"}
+    assert all(f.what for f in found)
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_what_is_right_is_green(check: str) -> None:
+    found = list(CHECKS[check](recording(*map(sampled, ("foot", "hand", "head")))))
+    assert found and worst(found) is Light.GREEN
+
+
+def test_cameras_of_the_rig_that_lack_are_named() -> None:
+    found = list(check_cameras(recording(sampled("head"), sampled("hand")), {"head", "foot"}))
+    assert [(f.of, f.light) for f in found if f.light] == [("camera foot", Light.RED), ("camera hand", Light.AMBER)]
+
+
+def test_videos_without_sound_are_named() -> None:
+    deaf, heard = sampled("head", has_sound=False), sampled("foot", has_sound=True)
+    found = list(check_clocks(recording(deaf, heard, is_synchronous=False), SETTINGS))
+    assert [(f.of, f.light) for f in found if f.light] == [("camera head", Light.AMBER)]
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_blur_grows_with_what_a_picture_is_blurred_by(axis: int) -> None:
+    sizes = [(1, 1), (3, 1), (7, 1), (13, 1)]
+    blurs = [blur_of(np.asarray(cv2.blur(textured(), size if axis else size[::-1]))) for size in sizes]
+    assert blurs == sorted(blurs)
+    assert blurs[-1] - blurs[0] > 0.2
+
+
+def test_limits_go_both_ways() -> None:
+    assert [by_limits(value, 1.0, 2.0) for value in (0.5, 1.5, 2.5)] == [Light.GREEN, Light.AMBER, Light.RED]
+    assert [by_limits(value, 2.0, 1.0) for value in (2.5, 1.5, 0.5)] == [Light.GREEN, Light.AMBER, Light.RED]
+
+
+def test_a_camera_without_lens_has_no_mask() -> None:
+    nobody: SampledCamera = sampled(lens=None)
+    assert nobody.lit is None

@@ -1,0 +1,98 @@
+"""The command with another system's file: what it prints, writes and refuses."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
+from known_walk import FRAME_NS, Walk
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.drawing.picture_style import LEFT, TRUTH
+from bodycam_ros.evaluate.page.page import Heading, Page, Picture, Table, Text, number
+from bodycam_ros.evaluate.page.write_page import html, markdown
+
+WRITTEN = [
+    "bland_altman.png", "joints.png", "report.html", "report.md", "summary.json", "summary.png", "ways.png",
+]  # fmt: skip
+
+
+def test_the_command_reports_against_a_bvh(
+    solved: Path, walk: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bvh = write_bvh(tmp_path / "other.bvh", walk, 1e-9 * FRAME_NS)
+    assert main(["evaluate", str(solved), "--truth", str(bvh), "-o", str(tmp_path / "report")]) == 0
+    assert sorted(path.name for path in (tmp_path / "report").iterdir()) == WRITTEN
+    told = capsys.readouterr().out
+    assert "against other.bvh" in told and "by the size of the body it is cm" in told
+    figures = json.loads((tmp_path / "report" / "summary.json").read_text())["agreement"]
+    assert figures["position_cm"]["mean"] < 0.1
+    assert set(figures["joints"]) == {"spine", "hip left", "knee left", "ankle left"}
+    assert set(figures["points"]) == set(MIXAMO.values())
+    page = (tmp_path / "report" / "report.md").read_text()
+    assert "| knee left | sagittal, flexion |" in page and "![" in page and "](bland_altman.png)" in page
+    shown = (tmp_path / "report" / "report.html").read_text()
+    assert shown.count("<img ") == 4 and shown.count('src="data:image/png;base64,iVBOR') == 4
+    for name in ("ways.png", "joints.png", "bland_altman.png"):
+        assert share_of(LEFT, tmp_path / "report" / name) > 2e-5, name
+    assert share_of(TRUTH, tmp_path / "report" / "ways.png") > 1e-4
+
+
+def share_of(colour: str, picture: Path) -> float:
+    """Share of a picture's pixels that have a colour, about: thin lines are mixed with what is behind them."""
+    import cv2
+
+    pixels = cv2.imread(str(picture)).astype(int)
+    blue_green_red = [int(colour[at : at + 2], 16) for at in (5, 3, 1)]
+    return float((np.abs(pixels - blue_green_red).max(axis=2) < 40).mean())
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("--align rigid", "--align is about what OUT is compared with: give that with --truth"),
+        ("--truth {folder}/no.trc", "no.trc: does not exist"),
+        ("--truth {folder}/other.trc --names {folder}/names.yaml", "other.trc has no 'LKNE'"),
+        ("--truth {folder}/other.trc --clock shared", "other.trc: has nothing from the time of"),
+    ],
+)
+def test_what_does_not_fit_is_named_and_nothing_is_written(
+    solved: Path, walk: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str, told: str
+) -> None:
+    write_trc(tmp_path / "other.trc", seconds(walk), origins(walk))
+    (tmp_path / "names.yaml").write_text("LKNE: knee_left")
+    words = flags.format(folder=tmp_path).split()
+    assert main(["evaluate", str(solved), "-o", str(tmp_path / "report"), *words]) == 1
+    assert told in re.sub(r"\s+", " ", capsys.readouterr().err)
+    assert not (tmp_path / "report").exists()
+
+
+def test_the_truth_of_a_recording_may_have_a_clock_of_its_own(
+    solved: Path, truth: Path, walk: Walk, tmp_path: Path
+) -> None:
+    late = tmp_path / "late"
+    (late / "truth" / "segments").mkdir(parents=True)
+    (late / "rig.yaml").write_text((truth / "rig.yaml").read_text())
+    for file in (truth / "truth" / "segments").glob("*.tum"):
+        lines = [re.sub(r"^17000000", "18000000", line) for line in file.read_text().splitlines()]
+        (late / "truth" / "segments" / file.name).write_text("\n".join(lines))
+    from bodycam_ros.evaluate.agreement.agree import AgreementOptions
+    from bodycam_ros.evaluate.evaluation import evaluate
+
+    found = evaluate(solved, late, options=AgreementOptions("rigid"))
+    assert found.comparison is not None and found.agreement is not None
+    assert found.comparison.position_errors.max() < 1e-3 and found.agreement.name == "late"
+
+
+def test_a_page_says_the_same_in_both_languages(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"not much")
+    page = Page(
+        "A <b>",
+        (Heading("Part"), Text("1 < 2 & *"), Table(("name", "x"), [("a|b", number(-0.001)), ("c", number(None))]),
+         Picture("a.png", "what")),
+    )  # fmt: skip
+    shown, plain = html(page, tmp_path), markdown(page)
+    assert "<h1>A &lt;b&gt;</h1>" in shown and "1 &lt; 2 &amp; *" in shown and "<td>0.00</td>" in shown
+    assert "# A \\<b\\>" in plain and "| a\\|b | 0.00 |" in plain and "| c |  |" in plain and "](a.png)" in plain

@@ -1,0 +1,91 @@
+"""Exports in the programs that they are for: Blender, OpenSim and USD, which have environments of their own.
+
+``make readers`` makes these and runs this; elsewhere it skips.
+"""
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exported import JOINT_M, Exported
+from known_walk import Walk, write_solved
+
+from bodycam_ros.export.axes import OPENSIM_R_OURS
+
+REPOSITORY = Path(__file__).parent.parent.parent
+SCRIPTS = Path(__file__).parent / "readers"
+MOST_S = 120.0
+EXACT_DEG = 0.1
+
+
+@pytest.fixture(scope="module")
+def exported(sample_out: Path, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    return Exported.of(sample_out, tmp_path_factory.mktemp("read"))
+
+
+def read(environment: str, script: str, file: Path, *more: str) -> Any:
+    """What a script of another environment says of a file."""
+    python = REPOSITORY / ".venv-readers" / environment / "bin" / "python"
+    if not python.exists():
+        pytest.skip(f"{python.relative_to(REPOSITORY)} is not there; 'make readers' makes it")
+    said = file.parent / f"{file.stem}.{script}.json"
+    command = [str(python), str(SCRIPTS / script), str(file), str(said), *more]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_S, cwd=file.parent)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(said.read_text())
+
+
+@pytest.mark.parametrize(("to", "pose"), [("bvh", "N"), ("bvh", "T"), ("glb", "A")])
+def test_in_blender_the_body_is_upright_and_walks_where_it_walked(exported: Exported, to: str, pose: str) -> None:
+    said = read("blender", "read_in_blender.py", exported.file(to, "--pose", pose, name=f"{to}{pose}"))
+    assert said["fps"] == pytest.approx(30.0, abs=0.01)
+    for segment in exported.solved.urdf.body_segments:
+        np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)
+    rest = said["rest"]
+    assert rest["head"][2] - rest["foot_left"][2] > 1.2
+    assert rest["thigh_left"][0] > rest["thigh_right"][0]  # it faces along -y, as Blender wants it
+    assert (said["vertices"] > 1000) == (to == "glb")
+
+
+def for_opensim(exported: Exported) -> Path:
+    folder = exported.folder / "opensim"
+    folder.mkdir()
+    inside = replace(exported, folder=folder)
+    for to in ("mot", "trc"):
+        inside.file(to)
+    return folder
+
+
+def test_opensim_finds_the_angles_across_a_gap(walk: Walk, tmp_path: Path) -> None:
+    out = write_solved(walk.without(list(range(20, 30))), tmp_path / "out")
+    said = read("others", "read_in_opensim.py", for_opensim(Exported.of(out, tmp_path)))
+    for name, values in said["analysed"]["columns"].items():
+        assert len(values) == 60
+        np.testing.assert_allclose(said["inverse"]["columns"][name], values, rtol=0.0, atol=EXACT_DEG, err_msg=name)
+
+
+def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: Exported) -> None:
+    said = read("others", "read_in_opensim.py", for_opensim(exported))
+    for segment in exported.solved.urdf.body_segments:
+        ours = exported.places(segment) @ OPENSIM_R_OURS.T
+        np.testing.assert_allclose(said["moved"]["bodies"][segment], ours, rtol=0.0, atol=JOINT_M)
+    assert 50.0 < said["moved"]["mass"] < 110.0
+    motion = exported.solved.motion
+    for of in ("analysed", "inverse"):
+        assert said[of]["inDegrees"] == "yes"
+        np.testing.assert_allclose(said[of]["times"], exported.seconds, atol=1e-6)
+        for name, angles in zip(motion.joint_names, np.degrees(motion.joint_angles).T, strict=True):
+            np.testing.assert_allclose(said[of]["columns"][name], angles, rtol=0.0, atol=EXACT_DEG, err_msg=name)
+
+
+def test_usd_moves_its_joints_and_its_skin(exported: Exported) -> None:
+    said = read("others", "read_in_usd.py", exported.file("usd"))
+    assert (said["up"], said["metres"], said["fps"]) == ("Z", 1.0, pytest.approx(30.0, abs=1e-4))
+    for segment in exported.solved.urdf.body_segments:
+        np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)
+    near = np.linalg.norm(np.array(said["skins"])[:, 0] - exported.places("pelvis"), axis=1)
+    assert near.max() < 0.3 and np.ptp(near) < 1e-3  # a vertex of the pelvis stays on it

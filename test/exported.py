@@ -1,0 +1,42 @@
+"""Exports of a solved recording, and where OUT has the joints."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+
+JOINT_M = 1e-3
+"""What issue and users ask for."""
+
+Poses = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A solved bag, and a folder for files of it."""
+
+    out: Path
+    folder: Path
+    solved: SolvedRecording
+
+    @classmethod
+    def of(cls, out: Path, folder: Path) -> "Exported":
+        return cls(out, folder, read_solved(out))
+
+    def file(self, to: str, *flags: str, name: str = "motion") -> Path:
+        output = self.folder / f"{name}.{to}"
+        assert main(["export", str(self.out), "--to", to, "-o", str(output), *flags]) == 0
+        return output
+
+    def places(self, segment: str) -> Poses:
+        """(T, 3) where the URDF's forward kinematics has a segment's joint [m]."""
+        return self.solved.world_T_link[segment][:, :3, 3]
+
+    @property
+    def seconds(self) -> Poses:
+        stamps = self.solved.stamps_ns
+        return (stamps - stamps[0]) * 1e-9

@@ -1,0 +1,169 @@
+"""Boards as PDF pages, drawn by a renderer that is not ours and read by OpenCV's own detectors."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pypdfium2
+import pytest
+import yaml
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.lens.board_page import PAGES
+from bodycam_ros.lens.board_yaml import read_layout
+from bodycam_ros.mapping.board import read_board
+
+_PIXELS_PER_MM = 6.0
+_POINTS_PER_MM = 72.0 / 25.4
+_CLOSE_MM = 0.05  # 0.3 pixels
+
+
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory):
+    """Kind and page -> the board's YAML file and its page as a ``Drawn``, of boards that are drawn once."""
+    folder = tmp_path_factory.mktemp("boards")
+    made = {}
+
+    def get(kind, page="A4", *words):
+        key = (kind, page, *words)
+        if key not in made:
+            pdf = folder / f"{len(made)}.pdf"
+            assert main(["board", "-o", str(pdf), "--kind", kind, "--page", page, *words]) == 0
+            made[key] = (pdf.with_suffix(".yaml"), _drawn(pdf))
+        return made[key]
+
+    return get
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A page as pixels, and how many there are to a millimetre to the right and down.
+
+    The renderer stretches a page to whole pixels.
+    """
+
+    picture: np.ndarray
+    per_mm: np.ndarray
+
+    def millimetres(self, pixels):
+        """Right and up on the page (N, 2); the centre of the upper left pixel is (0, 0)."""
+        return (np.reshape(pixels, (-1, 2)) + 0.5) / self.per_mm * [1.0, -1.0]
+
+
+def _drawn(pdf):
+    document = pypdfium2.PdfDocument(pdf)
+    assert len(document) == 1
+    size_mm = np.array(document[0].get_size()) / _POINTS_PER_MM
+    picture = document[0].render(scale=_PIXELS_PER_MM / _POINTS_PER_MM, grayscale=True).to_numpy().squeeze()
+    return Drawn(picture, picture.shape[::-1] / size_mm)
+
+
+def _off_by_mm(found_mm, corners_m):
+    """Largest distance after a shift alone: neither turn nor scale is made up for."""
+    off = found_mm - 1e3 * np.reshape(corners_m, (-1, np.shape(corners_m)[-1]))[:, :2]
+    return np.abs(off - off.mean(axis=0)).max()
+
+
+def _tags(picture):
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    found, tags, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(picture)
+    return {int(tag): corners.reshape(4, 2) for tag, corners in zip(tags.ravel(), found, strict=True)}
+
+
+@pytest.mark.parametrize("page", ["A4", "A3", "letter"])
+def test_tags_are_where_the_map_reads_them_to_be(printed, page):
+    path, drawn = printed("apriltag", page)
+    assert drawn.picture.shape[::-1] / drawn.per_mm == pytest.approx(PAGES[page], abs=1e-3)
+    board = read_board(path)
+    tags = _tags(drawn.picture)
+    assert set(tags) == set(board.corners_board) == set(range(6))
+    found = np.concatenate([drawn.millimetres(tags[tag]) for tag in sorted(tags)])
+    assert _off_by_mm(found, [board.corners_board[tag] for tag in sorted(tags)]) < _CLOSE_MM
+    assert np.allclose(board.map_R_board, np.eye(3))
+
+
+def test_the_size_that_is_asked_for_is_printed(printed):
+    path, drawn = printed("apriltag", "A4", "--tag-size", "40", "--columns", "2", "--rows", "3", "--first-tag", "30")
+    tags = _tags(drawn.picture)
+    assert set(tags) == set(range(30, 36))
+    for corners in tags.values():
+        around = drawn.millimetres(np.vstack([corners, corners[:1]]))
+        sides = np.linalg.norm(np.diff(around, axis=0), axis=1)
+        assert sides == pytest.approx(40.0, abs=_CLOSE_MM)
+    assert yaml.safe_load(path.read_text())["tag_size_m"] == 0.04
+
+
+def test_opencv_knows_the_charuco_board(printed):
+    path, drawn = printed("charuco")
+    layout, tags, dictionary = read_layout(path)
+    board = cv2.aruco.CharucoBoard(
+        (layout.columns, layout.rows),
+        layout.pitch_m[0],
+        layout.tag_m[0],
+        cv2.aruco.getPredefinedDictionary(dictionary),
+    )
+    corners, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(drawn.picture)
+    assert numbers.ravel().tolist() == list(range(len(layout.inner_corners)))
+    assert _off_by_mm(drawn.millimetres(corners), layout.inner_corners) < _CLOSE_MM
+    # The same file gives a map its scale.
+    assert set(read_board(path).corners_board) == set(tags) == set(range(20))
+
+
+def test_the_checkerboard_is_one(printed):
+    path, drawn = printed("checkerboard", "letter")
+    layout, _, _ = read_layout(path)
+    found, corners = cv2.findChessboardCornersSB(drawn.picture, (layout.columns - 1, layout.rows - 1))
+    assert found
+    corners = drawn.millimetres(corners)
+    if corners[0, 0] > corners[-1, 0]:
+        corners = corners[::-1]
+    assert _off_by_mm(corners, layout.inner_corners) < _CLOSE_MM
+
+
+def test_the_rulers_measure_what_they_say(printed):
+    _, drawn = printed("checkerboard", "A4")
+    dark = drawn.picture < 128
+    # The longest dark lines along a row and along a column, away from the board's squares.
+    beneath, beside = dark[-int(20 * _PIXELS_PER_MM) :], dark[:, : int(19 * _PIXELS_PER_MM)]
+    assert beneath.sum(axis=1).max() / _PIXELS_PER_MM == pytest.approx(250.0, abs=0.4)
+    assert beside.sum(axis=0).max() / _PIXELS_PER_MM == pytest.approx(150.0, abs=0.4)
+
+
+def test_a_measured_ruler_makes_the_file_right_for_the_print(tmp_path):
+    pdf = tmp_path / "board.pdf"
+    assert main(["board", "-o", str(pdf)]) == 0
+    true = read_board(tmp_path / "board.yaml").corners_board
+    assert main(["board", "-o", str(pdf), "--ruler-mm", "245", "151.5", "--force"]) == 0
+    stretched = read_board(tmp_path / "board.yaml").corners_board
+    for tag, corners in true.items():
+        assert stretched[tag] == pytest.approx(corners * [0.98, 1.01, 1.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--tag-size", "200"], "larger than what the page has room for"),
+        (["--kind", "checkerboard", "--columns", "8", "--rows", "6"], "does not tell how it is turned"),
+        (["--kind", "checkerboard", "--tag-size", "30"], "--square-size"),
+        (["--kind", "charuco", "--square-size", "20", "--tag-size", "30"], "do not fit into squares"),
+        (["--family", "5X5_50", "--columns", "10", "--rows", "6"], "ends with 49"),
+        (["--family", "47h9"], "36h11"),
+        (["--ruler-mm", "120", "150"], "250 mm across"),
+    ],
+)
+def test_what_cannot_be_printed_is_said_and_nothing_is_written(words, said, tmp_path, capsys):
+    assert main(["board", "-o", str(tmp_path / "board.pdf"), *words]) == 1
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_somebody_else_stays(tmp_path, capsys):
+    other = tmp_path / "board.yaml"
+    other.write_text("family: 36h11\n")
+    assert main(["board", "-o", str(tmp_path / "board.pdf"), "--force"]) == 1
+    assert "--force does not replace it" in capsys.readouterr().err
+    assert other.read_text() == "family: 36h11\n"
+    assert main(["board", "-o", str(tmp_path / "board.txt")]) == 1
+    assert "ends with .pdf" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_lenses import CHARUCO, LENSES, held, sights_of
+from rendered_board import held_poses
+
+from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.lens.lens_fit import fit_lens
+from bodycam_ros.lens.lens_judgement import image_radius, objections, ray_grid, seen_area
+from bodycam_ros.lens.lens_settings import LensSettings
+from bodycam_ros.lens.lens_start import as_model, first_fit
+from bodycam_ros.lens.lens_validation import validate
+
+_LIT = np.ones((480, 640), dtype=bool)
+_FACING = np.diag([1.0, -1.0, -1.0])
+
+
+def _judged(sights):
+    start = first_fit(sights, 640, 480)
+    fit = fit_lens(as_model("plumb_bob", start), start.sights, start.poses)
+    area = seen_area(fit, _LIT)
+    return area, objections(fit, validate(fit, ray_grid(_LIT)), area, LensSettings(), len(fit.sights))
+
+
+def test_a_board_held_everywhere_makes_a_lens():
+    area, against = _judged(held(LENSES["plumb_bob"]))
+    assert against == []
+    assert area.coverage > 0.9
+    assert area.reach > 0.85
+    assert area.tilts > 4
+
+
+def test_a_board_held_in_the_middle_and_never_tilted_is_refused_with_what_to_film():
+    random = np.random.default_rng(2)
+    poses = [
+        rigid(exp_so3(np.array([0.0, 0.0, turn])) @ _FACING, np.array([*random.normal(0.0, 0.01, 2), 0.8 + 0.02 * k]))
+        for k, turn in enumerate(random.uniform(-0.5, 0.5, 10))
+    ]
+    area, against = _judged(sights_of(LENSES["plumb_bob"], poses, CHARUCO.inner_corners))
+    why, mend = zip(*against, strict=True)
+    assert area.tilts == 1
+    assert "turned in 1 ways only" in " ".join(why)
+    assert "of the picture, less than" in " ".join(why)
+    assert "of the image radius, less than" in " ".join(why)
+    assert "tilt the board by 30 to 45 deg" in " ".join(mend)
+    assert "upper left" in " ".join(mend)
+    assert "lower right" in " ".join(mend)
+
+
+def test_a_board_that_is_bent_is_refused():
+    points = CHARUCO.inner_corners
+    bent = points + np.column_stack([np.zeros((len(points), 2)), 2.0 * points[:, 0] ** 2])  # by 2 cm
+    camera = LENSES["plumb_bob"]
+    sights = sights_of(camera, held_poses(camera, CHARUCO, 30, size=0.6), bent)
+    flat = [replace(s, points_board=s.points_board * [1.0, 1.0, 0.0]) for s in sights]
+    _, against = _judged(flat)
+    assert any("left out are off by" in why and "its file right" in mend for why, mend in against)
+
+
+def test_a_fisheye_ends_where_its_light_does():
+    down, across = np.mgrid[:480, :640]
+    is_lit = np.hypot(across - 319.5, down - 239.5) < 200.0
+    assert image_radius(is_lit) == pytest.approx(200.0, abs=1.0)
+    assert np.linalg.norm(ray_grid(is_lit) - [319.5, 239.5], axis=1).max() < 181.0

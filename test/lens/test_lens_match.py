@@ -1,0 +1,83 @@
+from itertools import islice
+
+import numpy as np
+import pytest
+from known_lenses import LENSES
+
+from bodycam_ros.camera import camera_from_yaml
+from bodycam_ros.geometry import exp_so3
+from bodycam_ros.lens.followed_points import followed_pairs
+from bodycam_ros.lens.lens_fit import lens_of, with_lens
+from bodycam_ros.lens.lens_match import lens_match
+from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.video.video_frame import grey_pixels
+
+
+def _scaled(camera, scale):
+    lens = lens_of(camera)
+    lens[:2] *= scale
+    return with_lens(camera, lens)
+
+
+def _pairs(camera, turn_deg=15.0, count=6, outliers=0.2, noise_px=0.3):
+    """Points of a room seen before and after turning and going on; some of them are on the wearer, and move."""
+    random = np.random.default_rng(4)
+    pairs = []
+    for _ in range(count):
+        points = random.uniform(-3.0, 3.0, (900, 3))
+        points = points[np.linalg.norm(points, axis=1) > 0.8]
+        axis = random.normal(size=3)
+        turn = exp_so3(np.radians(turn_deg) * axis / np.linalg.norm(axis))
+        after = (points - random.normal(0.0, 0.06, 3)) @ turn.T
+        moving = random.random(len(points)) < outliers
+        after[moving] += random.normal(0.0, 0.2, (int(moving.sum()), 3))
+        (first, valid), (second, also) = camera.project(points), camera.project(after)
+        seen = valid & also & camera.in_image(first) & camera.in_image(second)
+        pair = [
+            pixels[seen][:250] + random.normal(0.0, noise_px, pixels[seen][:250].shape) for pixels in (first, second)
+        ]
+        pairs.append((pair[0], pair[1]))
+    return pairs
+
+
+@pytest.mark.parametrize("model", ["equidistant", "plumb_bob"])
+def test_the_lens_that_took_the_pictures_fits(model):
+    match = lens_match(LENSES[model], _pairs(LENSES[model]))
+    assert match.is_known
+    assert match.matches
+    assert match.error_px < 1.0
+    assert "fits" in match.text
+
+
+# A narrow view that is narrower still tells little of its lens.
+@pytest.mark.parametrize(
+    ("model", "scale", "mode"),
+    [
+        ("equidistant", 1.35, "'linear' in place of 'wide'"),
+        ("equidistant", 0.75, "'wide' where the lens was measured in 'linear'"),
+        ("plumb_bob", 0.75, "'wide' where the lens was measured in 'linear'"),
+    ],
+)
+def test_the_mode_of_another_lens_is_named(model, scale, mode):
+    recorded_with = _scaled(LENSES[model], scale)
+    match = lens_match(LENSES[model], _pairs(recorded_with))
+    assert match.scale == pytest.approx(scale, rel=0.06)
+    assert match.best_px < 0.75 * match.error_px
+    assert mode in match.text
+
+
+def test_a_camera_that_hardly_turned_says_nothing():
+    match = lens_match(LENSES["equidistant"], _pairs(_scaled(LENSES["equidistant"], 1.35), turn_deg=1.0))
+    assert not match.is_known
+    assert match.matches
+
+
+@pytest.mark.parametrize("camera", ["shin_left", "head"])
+def test_real_motion_tells_a_wrong_lens_from_the_right_one(shared, camera):
+    path = shared / "dev_gopro_rom" / "mp4" / f"{camera}.mp4"
+    lens = camera_from_yaml(path.with_suffix(".yaml"), camera)
+    frames = CameraVideo.of_files(camera, [path]).frames()
+    pairs = list(followed_pairs((grey_pixels(frame) for _, frame in islice(frames, 300)), 8))
+    assert lens_match(lens, pairs).matches
+    assert lens_match(_scaled(lens, 0.75), pairs).scale == pytest.approx(1.0 / 0.75, rel=0.06)
+    assert lens_match(_scaled(lens, 1.33), pairs).scale == pytest.approx(1.0 / 1.33, rel=0.06)

@@ -1,0 +1,129 @@
+"""Files of other systems are read as those who wrote them, and other readers, have them."""
+
+from pathlib import Path
+
+import numpy as np
+import pybvh
+import pytest
+from captured_files import MIXAMO, Z_UP_TO_Y_UP, origins, seconds, write_bvh, write_c3d, write_trc, write_tum
+from known_walk import FRAME_NS, Walk
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.other_systems.captured_motion import CapturedMotion
+from bodycam_ros.other_systems.read_captured import is_captured, read_captured
+
+FRAME_S = 1e-9 * FRAME_NS
+
+
+def assert_has(captured: CapturedMotion, walk: Walk, names: dict[str, str], atol: float) -> None:
+    for segment, points in origins(walk).items():
+        np.testing.assert_allclose(captured.points[names[segment]], points, atol=atol, err_msg=segment)
+
+
+def test_a_trc_has_its_markers_unit_and_gaps(walk: Walk, tmp_path: Path) -> None:
+    points = origins(walk)
+    points["torso"] = points["torso"].copy()
+    points["torso"][[3, 4, 59]] = np.nan
+    for units, per_m in (("mm", 1e3), ("m", 1.0)):
+        captured = read_captured(write_trc(tmp_path / "walk.trc", 5.0 + seconds(walk), points, units, per_m))
+        for name, of in points.items():
+            np.testing.assert_allclose(captured.points[name], of, atol=1e-6)
+        np.testing.assert_allclose(1e-9 * captured.stamps_ns, 5.0 + seconds(walk), atol=1e-9)
+        assert captured.kind == "TRC" and captured.knows_unit
+
+
+def test_a_c3d_has_its_markers_and_what_nobody_saw(walk: Walk, tmp_path: Path) -> None:
+    points = origins(walk)
+    points["torso"] = points["torso"].copy()
+    points["torso"][7] = np.nan
+    captured = read_captured(write_c3d(tmp_path / "walk.c3d", 30.0, points))
+    np.testing.assert_allclose(captured.points["torso"], points["torso"], atol=1e-6)
+    np.testing.assert_allclose(captured.points["foot_left"], points["foot_left"], atol=1e-6)
+    np.testing.assert_allclose(1e-9 * captured.stamps_ns, np.arange(60) / 30.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("orders", [("ZXY",), ("XYZ", "YZX", "ZYX", "XZY", "YXZ")])
+def test_a_bvh_stands_where_another_reader_has_it(walk: Walk, tmp_path: Path, orders: tuple[str, ...]) -> None:
+    path = write_bvh(tmp_path / "walk.bvh", walk, FRAME_S, orders=orders)
+    captured = read_captured(path)
+    assert not captured.knows_unit
+    assert_has(captured.scaled(0.01), walk, MIXAMO, 1e-6)
+    for segment, row in walk.body.segment_index.items():
+        np.testing.assert_allclose(
+            captured.rotations[MIXAMO[segment]] @ Z_UP_TO_Y_UP, walk.world_T_segment[:, row, :3, :3], atol=1e-6
+        )
+    other = pybvh.read_bvh_file(path, world_up="+y")
+    theirs = other.joint_positions()
+    for column, name in enumerate(other.joint_names):
+        np.testing.assert_allclose(captured.points[name] @ Z_UP_TO_Y_UP.T, theirs[:, column], atol=1e-4)
+
+
+def test_a_folder_of_tum_is_one_motion(walk: Walk, tmp_path: Path) -> None:
+    (tmp_path / "tum").mkdir()
+    times = 1_700_000_000.0 + seconds(walk)
+    for segment, row in walk.body.segment_index.items():
+        of = slice(None) if segment == "pelvis" else slice(0, 50)
+        write_tum(tmp_path / "tum" / f"{segment}.tum", times[of], walk.world_T_segment[of, row])
+    captured = read_captured(tmp_path / "tum")
+    assert is_captured(tmp_path / "tum") and len(captured.stamps_ns) in (50, 60)
+    np.testing.assert_allclose(captured.points["torso"][:50], origins(walk)["torso"][:50], atol=1e-6)
+    np.testing.assert_allclose(
+        captured.rotations["pelvis"], walk.world_T_segment[: len(captured.stamps_ns), 0, :3, :3], atol=1e-6
+    )
+
+
+def test_a_point_is_known_between_frames_but_not_across_gaps() -> None:
+    stamps_ns = (1e7 * np.arange(100)).astype(np.int64)
+    way = np.column_stack([np.sin(5e-9 * stamps_ns), np.cos(5e-9 * stamps_ns), np.zeros(100)])
+    way[40:60] = np.nan
+    captured = CapturedMotion(Path("made"), "TRC", stamps_ns, {"a": way})
+    at = np.array([-0.001, 0.105, 0.45, 0.985, 0.991])
+    found = captured.points_at("a", at)
+    assert np.isfinite(found[:, 0]).tolist() == [False, True, False, True, False]
+    np.testing.assert_allclose(found[1, 0], np.sin(5 * 0.105), atol=1e-6)
+
+
+TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\n{rows}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.trc", "hello", "PathFileType"),
+        ("a.trc", TRC.format(units="ells", names="A\t\t", rows="1\t0\t1\t2\t3"), "unknown unit 'ells'"),
+        ("a.trc", TRC.format(units="mm", names="A\t\t\tA\t\t", rows="1\t0\t1\t2\t3"), "the same name"),
+        ("a.trc", TRC.format(units="mm", names="A\t\t", rows="1\t0\t1\t2\t3"), "two frames or more"),
+        (
+            "a.trc",
+            TRC.format(units="mm", names="A\t\t", rows="1\t0\t1\t2\tx\n2\t1\t1\t1\t1"),
+            "line 6: could not convert",
+        ),
+        ("a.trc", TRC.format(units="mm", names="A\t\t", rows="1\t1\t1\t2\t3\n2\t0\t1\t2\t3"), "frame 2 is not later"),
+        ("a.c3d", "hello", "is no C3D file"),
+        ("a.c3d", "\0P" + "\0" * 1022, "cannot be read as C3D"),
+        ("a.bvh", "hello", "expected HIERARCHY"),
+        ("a.bvh", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nMOTION", "before its brackets"),
+        ("a.bvh", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 x\n}\nMOTION", "could not convert"),
+        ("a.bvh", "HIERARCHY\nROOT a\n{\nCHANNELS 1 Wrotation\n}\nMOTION", "unknown channel 'Wrotation'"),
+        (
+            "a.bvh",
+            "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 2\nFrame Time: 0.1\n1\n1 2",
+            "frame 2 has 2 numbers, expected 1",
+        ),
+        ("a.tum", "1 2 3", "TUM format: expected 8 numbers"),
+        ("a.fbx", "", "of no format that is known"),
+    ],
+)
+def test_what_is_damaged_is_named(tmp_path: Path, name: str, content: str, told: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(RecordingError, match="(?s)" + told.replace(".", r"\.").replace("(", r"\(")) as caught:
+        read_captured(tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value)
+
+
+def test_what_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="does not exist"):
+        read_captured(tmp_path / "a.trc")
+    (tmp_path / "a.trc").mkdir()
+    with pytest.raises(RecordingError, match=r"has no file \*\.tum"):
+        read_captured(tmp_path / "a.trc")

@@ -1,0 +1,122 @@
+"""What other systems call joints and markers, and what a user's table says instead."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.other_systems.captured_motion import CapturedMotion
+from bodycam_ros.other_systems.names_file import places_of
+
+SIDED = ("thigh", "shin", "foot", "upper_arm", "forearm")
+LINKS = ("pelvis", "torso", "head", *(f"{kind}_{side}" for side in ("left", "right") for kind in SIDED))
+JOINTS = {"spine": "torso", "hip_left": "thigh_left", "knee_left": "shin_left"}
+
+
+def captured(*names: str) -> CapturedMotion:
+    points = np.ones((2, 3))
+    return CapturedMotion(Path("other.trc"), "TRC", np.arange(2), dict.fromkeys(names, points))
+
+
+def found(*names: str, table: Path | None = None) -> dict[str, tuple[str, bool]]:
+    places = places_of(captured(*names), [*LINKS, "waist_optical_frame"], JOINTS, table)
+    return {name: (place.link, place.is_fitted) for name, place in places.items()}
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "segment"),
+    [
+        ("mixamorig:LeftUpLeg", "mixamorig:RightUpLeg", "thigh"),
+        ("LeftLeg", "RightLeg", "shin"),
+        ("ltibia", "rtibia", "shin"),
+        ("lradius", "rradius", "forearm"),
+        ("femur_l", "femur_r", "thigh"),
+        ("L.HJC", "R.HJC", "thigh"),
+        ("LShoulder", "RShoulder", "upper_arm"),
+        ("lowerarm_l", "lowerarm_r", "forearm"),
+        ("Left_knee", "Right_knee", "shin"),
+        ("LAnkle", "RAnkle", "foot"),
+        ("forearm.L", "forearm.R", "forearm"),
+        ("Subject1:LeftForeArm", "Subject1:RightForeArm", "forearm"),
+        ("thigh_left", "thigh_right", "thigh"),
+    ],
+)
+def test_centres_of_joints_are_known(left: str, right: str, segment: str) -> None:
+    assert found(left, right) == {left: (f"{segment}_left", False), right: (f"{segment}_right", False)}
+
+
+@pytest.mark.parametrize(
+    ("name", "segment"),
+    [
+        ("LASI", "pelvis"),
+        ("RPSI", "pelvis"),
+        ("V.Sacral", "pelvis"),
+        ("LKNE", "thigh_left"),
+        ("R.Knee.Lat", "thigh_right"),
+        ("RTIB", "shin_right"),
+        ("LANK", "shin_left"),
+        ("LHEE", "foot_left"),
+        ("RBigToe", "foot_right"),
+        ("C7", "torso"),
+        ("RSHO", "torso"),
+        ("LELB", "upper_arm_left"),
+        ("RWRA", "forearm_right"),
+        ("LFHD", "head"),
+        ("Hips", "pelvis"),
+        ("Head", "head"),
+    ],
+)
+def test_of_markers_the_segment_is_known(name: str, segment: str) -> None:
+    assert found(name) == {name: (segment, True)}
+
+
+def test_a_shoulder_beside_an_arm_is_the_collar_bone() -> None:
+    assert found("LeftShoulder", "LeftArm") == {"LeftArm": ("upper_arm_left", False)}
+    assert found("LeftShoulder") == {"LeftShoulder": ("upper_arm_left", False)}
+
+
+def test_our_own_names_are_exact_and_cameras_are_known() -> None:
+    assert found("spine", "pelvis", "hip_left", "waist") == {
+        "spine": ("torso", False),
+        "pelvis": ("pelvis", False),
+        "hip_left": ("thigh_left", False),
+        "waist": ("waist_optical_frame", False),
+    }
+
+
+def test_a_table_says_otherwise(tmp_path: Path) -> None:
+    table = tmp_path / "names.yaml"
+    table.write_text(
+        "M1: knee_left\nLKNE: {segment: shin_left, at: [10, 0, -5]}\nM2: {segment: head, at: fitted}\nC7:\n"
+    )
+    places = places_of(captured("M1", "M2", "M3", "LKNE", "C7", "RKNE"), LINKS, JOINTS, table)
+    assert {name: place.link for name, place in places.items()} == {
+        "M1": "shin_left",
+        "M2": "head",
+        "LKNE": "shin_left",
+        "RKNE": "thigh_right",
+    }
+    np.testing.assert_allclose(places["LKNE"].at, [0.01, 0.0, -0.005])
+    assert places["M2"].is_fitted and not places["M1"].is_fitted
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[a]", "expected a table"),
+        ("M9: head", r"other\.trc has no 'M9'; it has M1"),
+        ("M1: tail", "the body has no segment, joint or camera 'tail'"),
+        ("M1: {at: [0, 0, 0]}", "expected a segment, or a table"),
+        ("M1: {segment: head, at: [0, 0]}", r"at: expected \[x, y, z\]"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_named(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "names.yaml").write_text(text)
+    with pytest.raises(RecordingError, match=told):
+        found("M1", table=tmp_path / "names.yaml")
+
+
+def test_names_that_nobody_knows_are_told_with_the_way_out() -> None:
+    with pytest.raises(RecordingError, match=r"none of its names is known \(M1, M2\); say with --names MAP\.yaml"):
+        found("M1", "M2")

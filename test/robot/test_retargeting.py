@@ -1,0 +1,141 @@
+"""Talos does what the sample's person does; what it does is judged by readers that we did not write."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yourdfpy
+from talos import MAPPING, talos_urdf
+from unshown_progress import Unshown
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.robot.mapping import read_mapping
+from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.robot_model import FLOATING, Robot
+from bodycam_ros.robot.scaled_person import ScaledPerson
+from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
+
+FEET = ("leg_left_6_link", "leg_right_6_link")
+HANDS = ("arm_left_7_link", "arm_right_7_link")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot(talos_urdf(), read_mapping(MAPPING))
+
+
+@pytest.fixture(scope="module")
+def solved(sample_out: Path) -> SolvedBody:
+    return read_solved_body(sample_out, Unshown())
+
+
+@pytest.fixture(scope="module")
+def poses(solved: SolvedBody) -> Array:
+    """(T, S, 4, 4) of the sample's person."""
+    joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
+    return solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
+
+
+@pytest.fixture(scope="module")
+def states(robot: Robot, solved: SolvedBody, poses: Array) -> list[RobotState]:
+    following = Retargeting(solved.body, robot, RetargetSettings())
+    return [following.follow(*each) for each in zip(solved.motion.stamps_ns.tolist(), poses, strict=True)]
+
+
+def at_rest(body: BodyModel) -> Array:
+    return body.forward_kinematics(np.eye(4), np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+
+
+def test_hands_and_feet_follow_as_an_independent_reader_has_them(
+    robot: Robot, solved: SolvedBody, poses: Array, states: list[RobotState]
+) -> None:
+    scaled = ScaledPerson(solved.body, robot, RetargetSettings().reach)
+    reader = yourdfpy.URDF.load(str(talos_urdf()), load_meshes=False, build_scene_graph=True)
+    off: list[list[float]] = []
+    for pose, state in list(zip(poses, states, strict=True))[::5]:
+        reader.update_cfg(dict(zip(robot.joint_names, state.positions, strict=True)))
+        targets = scaled.targets(pose)
+        places = {link: (state.world_T_root @ reader.get_transform(link, "base_link"))[:3, 3] for link in FEET + HANDS}
+        off.append([float(np.linalg.norm(places[link] - targets[link].world_T_link[:3, 3])) for link in places])
+        assert [state.errors_m[link] for link in places] == pytest.approx(off[-1], abs=1e-6)
+    assert np.mean(off) < 0.01 and np.max(off) < 0.03
+    walked = [np.linalg.norm(each[-1].world_T_root[:3, 3] - each[0].world_T_root[:3, 3]) for each in (states,)]
+    person = np.linalg.norm(poses[-1, 0, :3, 3] - poses[0, 0, :3, 3])
+    assert walked[0] == pytest.approx(scaled.scale * person, abs=0.05)
+
+
+def test_limits_of_angles_and_speeds_are_kept(robot: Robot, states: list[RobotState]) -> None:
+    positions, speeds = (np.array([getattr(state, name) for state in states]) for name in ("positions", "velocities"))
+    assert (positions >= robot.lowest).all() and (positions <= robot.highest).all()
+    assert (np.abs(speeds[1:]) <= robot.fastest * (1.0 + 1e-6)).all()
+    assert np.ptp(positions, axis=0).max() > 0.3  # it moves
+    assert not any(state.held for state in states)
+
+
+def test_its_own_links_stay_apart(robot: Robot, states: list[RobotState]) -> None:
+    """By pinocchio's own test of the hulls, pair by pair."""
+    import pinocchio as pin
+
+    data, hulls = robot.model.createData(), robot.hulls.copy()
+    hulls.removeAllCollisionPairs()
+    for pair in robot.pairs.tolist():
+        hulls.addCollisionPair(pin.CollisionPair(*pair))
+    at = pin.GeometryData(hulls)
+    for state in states[::10]:
+        q = np.concatenate([pin.SE3ToXYZQUAT(pin.SE3(state.world_T_root)), state.positions])
+        assert not pin.computeCollisions(robot.model, data, hulls, at, q, True)
+    assert min(state.nearest_m for state in states) > 0.002
+
+
+def test_legs_that_would_cross_are_kept_apart(robot: Robot, solved: SolvedBody, poses: Array) -> None:
+    """With feet as near as the person's, which are narrower."""
+    narrow = Robot(talos_urdf(), replace(robot.mapping, feet_apart=0.0))
+    together = poses[:1].repeat(12, axis=0)
+    left, right = (solved.body.segment_index[f"foot_{side}"] for side in ("left", "right"))
+    across = together[0, right, :3, 3] - together[0, left, :3, 3]
+    for row, share in zip(together, np.linspace(0.0, 0.5, len(together)), strict=True):
+        row[left, :3, 3] += share * across
+        row[right, :3, 3] -= share * across
+    following = Retargeting(solved.body, narrow, RetargetSettings())
+    states = [following.follow(33_333_333 * k, pose) for k, pose in enumerate(together)]
+    assert min(state.nearest_m for state in states) > 0.0
+    assert max(states[-1].errors_m[foot] for foot in FEET) > 0.02  # where it cannot be, it is not
+
+
+def test_who_stands_in_the_n_pose_lets_the_robot_stand_so(robot: Robot, solved: SolvedBody) -> None:
+    state = Retargeting(solved.body, robot, RetargetSettings()).follow(0, at_rest(solved.body))
+    joints = dict(zip(robot.joint_names, state.positions - robot.n_pose[FLOATING:], strict=True))
+    turned = {name: angle for name, angle in joints.items() if abs(angle) > 0.5}
+    # Limbs that reach less than their lengths bend a little; all else is as it stands.
+    assert set(turned) <= {"leg_left_4_joint", "leg_right_4_joint", "arm_left_4_joint", "arm_right_4_joint"}
+    assert max(state.errors_m.values()) < 0.01
+
+
+def test_what_a_robot_lacks_is_named(robot: Robot, tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match=r"talos.yaml: talos_reduced.urdf has no link tail"):
+        Robot(talos_urdf(), replace(robot.mapping, head="tail"))
+    with pytest.raises(BodyError, match=r"n_pose: talos_reduced.urdf has no joint wing"):
+        Robot(talos_urdf(), replace(robot.mapping, n_pose={"wing": 0.1}))
+    (tmp_path / "robot.urdf").write_text("<robot name='r'><link name='a'/>")
+    with pytest.raises(BodyError, match=r"robot.urdf: cannot be read as a robot"):
+        Robot(tmp_path / "robot.urdf", robot.mapping)
+    meshless = tmp_path / "meshless.urdf"
+    meshless.write_text(
+        "<robot name='r'><link name='a'><collision><geometry><mesh filename='package://nowhere/a.stl'/></geometry>"
+        "</collision></link></robot>"
+    )
+    with pytest.raises(BodyError, match=r"meshless.urdf: cannot be read as a robot: .*nowhere"):
+        Robot(meshless, robot.mapping)
+
+
+def test_a_person_without_an_arm_is_refused(robot: Robot, solved: SolvedBody) -> None:
+    kept = tuple(segment for segment in solved.body.segments if segment != "forearm_left")
+    joints = tuple(joint for joint in solved.body.joints if joint.child != "forearm_left")
+    mounts = {camera: mount for camera, mount in solved.body.mounts.items() if mount.segment != "forearm_left"}
+    body = BodyModel("r", solved.body.root, kept, joints, mounts)
+    with pytest.raises(BodyError, match="has no forearm_left"):
+        Retargeting(body, robot, RetargetSettings())
