@@ -11,7 +11,6 @@ from bodycam_ros.calibration.refinement import RefinementSettings
 from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.strap_slip import StrapSlipSettings
 from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings
-from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.settings import SettingsGroups
 
 
@@ -28,4 +27,3 @@ class CalibrationSettings(SettingsGroups):
     joint_limits: JointLimitSettings = JointLimitSettings()
     assessment: AssessmentSettings = AssessmentSettings()
     anthropometry: AnthropometrySettings = AnthropometrySettings()
-    shape: ShapeSettings = ShapeSettings()

@@ -40,6 +40,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
     offer_settings(parser, _settings)
+    offer_settings(parser, body_outside.measure_settings)
     parser.set_defaults(run=run)
 
 

@@ -17,6 +17,7 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.outside.body_from_outside import MeasuredBody
+    from bodycam_ros.outside.shape_settings import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
 _MM_PER_M = 1000.0
@@ -46,6 +47,13 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def measure_settings() -> "type[MeasureSettings]":
+    """Groups of settings beside those of all stages."""
+    from bodycam_ros.outside.shape_settings import MeasureSettings
+
+    return MeasureSettings
+
+
 def refuse_flags(arguments: argparse.Namespace) -> None:
     """Refuse flags of static cameras where there are none.
 
@@ -71,7 +79,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print what was found, write the body."""
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
     from bodycam_ros.outside.outside_files import OutsideInput
     from bodycam_ros.replay.measure_body import measure_body
 
@@ -85,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_file(output, arguments.force, b"segments:", "body file")
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
+    settings = settings_from_flags(arguments, measure_settings(), arguments.config)
     begun = _begun(arguments, name)
     with shown_shares() as show:
         measured = measure_body(
@@ -143,14 +150,14 @@ def _report(measured: "MeasuredBody") -> dict[str, object]:
 
 def _print(measured: "MeasuredBody") -> None:
     terminal = Terminal()
-    lengths = Table(title="lengths", caption="of each joint from its parent's; those not told are what was begun with")
+    lengths = Table(title="lengths", caption="from joint to joint; those not told are about what was begun with")
     lengths.add_column("joint", no_wrap=True)
     lengths.add_column("along")
     for column in ("begun [mm]", "found [mm]", "sigma [mm]"):
         lengths.add_column(column, justify="right")
     lengths.add_column("told")
     for each in measured.lengths:
-        figures = (f"{_MM_PER_M * value:.0f}" for value in (each.begun, each.found))
+        figures = (f"{_MM_PER_M * abs(value):.0f}" for value in (each.begun, each.found))
         sigma = f"{_MM_PER_M * each.sigma:.1f}"
         lengths.add_row(each.name, each.axis, *figures, sigma, _told(each.told), style=None if each.told else "yellow")
     terminal.print(lengths)

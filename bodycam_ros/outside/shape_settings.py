@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bodycam_ros.settings import setting
+from bodycam_ros.settings import SettingsGroups, setting
 
 
 @dataclass(frozen=True)
@@ -50,3 +50,10 @@ class ShapeSettings:
     least_seen: float = setting(
         0.5, limits=(0.0, 1.0), reason="share of the segments that cameras must see on average, or the body is lost"
     )
+
+
+@dataclass(frozen=True)
+class MeasureSettings(SettingsGroups):
+    """Settings of measuring a body by static cameras, beside those of following it."""
+
+    shape: ShapeSettings = ShapeSettings()

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
-from bodycam_ros.errors import RecordingError, StationError
+from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
 from bodycam_ros.outside.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
@@ -76,7 +76,10 @@ def measure_body(
         )
         # The matrices are many and small: threads of the linear algebra would only wait for each other.
         with threadpool_limits(limits=1):
-            return measurement.measure()
+            try:
+                return measurement.measure()
+            except RangeOfMotionError as error:
+                raise RangeOfMotionError(f"{recording_path}: {error}") from error
 
 
 def _instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
