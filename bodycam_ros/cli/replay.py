@@ -131,8 +131,10 @@ def _outside(arguments: argparse.Namespace) -> OutsideInput | None:
     """What is said of static cameras.
 
     Raises:
-        StationError: it is said for none, or nothing tells where the world is.
+        StationError: it is said for none, nothing tells where the world is, or no map is there to grow in passes.
     """
+    if arguments.map is None and arguments.passes > 1:
+        raise StationError("--passes lets a reference map grow before the last pass: say which with --map")
     if arguments.stations is not None:
         return OutsideInput(arguments.stations, arguments.surface, arguments.start)
     for flag in ("surface", "start"):

@@ -55,41 +55,34 @@ class LimbSearch:
         low, high = angle_limits(body)
         self._low = np.where(np.isfinite(low), low, -_UNKNOWN_RANGE)
         self._high = np.where(np.isfinite(high), high, _UNKNOWN_RANGE)
-        self._joint_of_angle = np.repeat(
-            np.arange(len(body.tree_joints)), [len(joint.angle_names) for joint in body.tree_joints]
-        )
         self._random = random
 
     def find(self, poses: Array, lost: Mask) -> Array:
         """Poses (S, 4, 4) in which the lost segments (S,) are where the images have them; the others stay."""
         for limb in self._limbs(lost):
-            tried = [poses, *(self._bent(poses, limb) for _ in range(_POSES))]
+            tried = np.concatenate([poses[None], self._bent(poses, limb)])
             best = np.argsort([-self._energy(each) for each in tried])[:_REFINED]
             poses = max((self._refine(tried[place]) for place in best), key=self._energy)
         return poses
 
     def _limbs(self, lost: Mask) -> Iterator[list[int]]:
         """Rows of the joints of each limb that is lost, from where it hangs on what is not."""
-        limb_of: dict[str, list[int]] = {}
+        first_of: dict[str, str] = {}  # of a lost segment: the first one of its limb
+        limbs: dict[str, list[int]] = {}
         for row, joint in enumerate(self._body.tree_joints):
             if lost[self._body.segment_index[joint.child]] and joint.type != "free":
-                limb = limb_of.get(joint.parent, [])
-                limb.append(row)
-                limb_of[joint.child] = limb
-        seen: list[list[int]] = []
-        for limb in limb_of.values():
-            if not any(limb is other for other in seen):
-                seen.append(limb)
-        yield from seen
+                first_of[joint.child] = first_of.get(joint.parent, joint.child)
+                limbs.setdefault(first_of[joint.child], []).append(row)
+        yield from limbs.values()
 
     def _bent(self, poses: Array, limb: list[int]) -> Array:
-        """The body with a limb bent somehow within its limits."""
-        angles = self._angles.angles(self._body.joint_poses(poses), np.zeros(len(self._low)))
-        free = np.isin(self._joint_of_angle, limb)
-        angles[free] = self._random.uniform(self._low[free], self._high[free])
-        moved = self._body.forward_kinematics(
-            poses[self._body.segment_index[self._body.root]], self._angles.poses(angles)
-        )
-        keeps = np.ones(len(poses), bool)
-        keeps[[self._body.segment_index[self._body.tree_joints[row].child] for row in limb]] = False
-        return np.where(keeps[:, None, None], poses, moved)
+        """Bodies (N, S, 4, 4) at poses (S, 4, 4) but for a limb that is bent somehow within its limits."""
+        body, index = self._body, self._body.segment_index
+        free = np.isin(self._angles.joint_rows, limb)
+        angles = np.tile(self._angles.angles(body.joint_poses(poses), np.zeros(len(free))), (_POSES, 1))
+        angles[:, free] = self._random.uniform(self._low[free], self._high[free], (_POSES, free.sum()))
+        moved = body.forward_kinematics(poses[index[body.root]], self._angles.poses(angles))
+        moves = [index[body.tree_joints[row].child] for row in limb]
+        bent = np.tile(poses, (_POSES, 1, 1, 1))
+        bent[:, moves] = moved[:, moves]
+        return bent

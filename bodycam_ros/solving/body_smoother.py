@@ -189,9 +189,10 @@ class BodySmoother:
         expected = self._memory.expect(self.body.joint_rotations(path), joints_seen, turning, dt_s)
         path = self._hang(path, known, expected)
         self._looking_on.look(frame, path, dt_s, [*evidence.values(), *placed])
-        expected = self._looking_on.expected(expected, observed)
+        told = self._looking_on.told(observed)
+        expected = expected.told(told)
         start = seated(self._looking_on.path(path, observed), trusted.seats)
-        self._jumped = trusted.jumped | self._looking_on.jumped
+        self._jumped = trusted.jumped | self._looking_on.seen.jumped
         said = [*evidence.values(), *placed, *self._looking_on.evidence]
         held, holding = self._couple(frame.stamp_ns, dt_s, start, self._looking_on.with_worn(trusted.evidence))
         factors = {
@@ -207,7 +208,7 @@ class BodySmoother:
         silent_ns = self._silence.missing(frame)[: None if index else 0]
         steps = {t.row: t.turn.previous_R_segment for t in measured if t.since.index == index - 1 and not silent_ns}
         joints = partial(self._factors.joints, index)
-        recorded = Recorded(factors, joints, joints_seen, turning, steps, silent_ns, trusted.refused, holding)
+        recorded = Recorded(factors, joints, joints_seen, turning, told, steps, silent_ns, trusted.refused, holding)
         observed, speaking = observed | self._looking_on.rows, len(evidence) + self._looking_on.speaking
         instant = Instant(index, frame.stamp_ns, stamps_ns, start, observed, speaking, uncertainty, recorded)
         self._window.add(instant, factors)

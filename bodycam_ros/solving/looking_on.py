@@ -10,7 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.pose_memory import ExpectedJoints
+from bodycam_ros.solving.pose_memory import ToldJoints
 from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 
 _SEEN_RAD = 0.2
@@ -35,14 +35,12 @@ class LookingOn:
     Attributes:
         seen: what they say of the latest instant.
         rows: (S,) which segments any of them sees; those of the instant before until it is asked.
-        jumped: rows of segments that were found somewhere else: what they were taken to be before is no motion.
     """
 
     def __init__(self, body: BodyModel, onlookers: Onlookers | None) -> None:
         self._body, self._onlookers = body, onlookers
         self.seen = SeenBody({}, [], np.zeros((len(body.segments), 4, 4)), {})
         self.rows = np.zeros(len(body.segments), bool)
-        self.jumped = frozenset[int]()
         self._known: Collection[SegmentPose] = ()
         self._known_since_s = 0.0
 
@@ -69,7 +67,6 @@ class LookingOn:
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
-        self.jumped = frozenset(self.seen.jumped)
 
     def _lately_known(self, path: Array, dt_s: float, known: Collection[SegmentPose]) -> Collection[SegmentPose]:
         """What worn cameras say; where they say nothing, what they said just before, gone on to poses (S, 4, 4)."""
@@ -111,12 +108,13 @@ class LookingOn:
         """Poses (S, 4, 4) where worn cameras have the segments that they observe (S,), and static ones the others."""
         return np.where(observed[:, None, None], path, self.seen.world_T_segment) if self.rows.any() else path
 
-    def expected(self, expected: ExpectedJoints, observed: Mask) -> ExpectedJoints:
-        """Joints that they see are expected where they have them: a limb may spin about its long axis."""
-        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1)[expected.rows] & self.rows.any()
-        if not seen.any():
-            return expected
-        return expected.told(seen, self._body.joint_rotations(self.seen.world_T_segment)[expected.rows], _SEEN_RAD)
+    def told(self, observed: Mask) -> ToldJoints:
+        """Joints of segments that they see, or worn cameras observe (S,), where they have them.
+
+        To be expected there where worn cameras do not see both segments: a limb may spin about its long axis.
+        """
+        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1) & self.rows.any()
+        return ToldJoints(seen, self._body.joint_rotations(self.seen.world_T_segment), _SEEN_RAD)
 
     def with_worn(self, worn: Mapping[str, SegmentPose]) -> Mapping[str, SegmentPose]:
         """What worn cameras say of their segments, and static ones together of those that carry none."""

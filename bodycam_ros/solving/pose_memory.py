@@ -67,6 +67,21 @@ class PoseMemorySettings:
 
 
 @dataclass(frozen=True)
+class ToldJoints:
+    """What somebody else than the memory says of joints.
+
+    Attributes:
+        which: (J,) of the joints in ``BodyModel.tree_joints``.
+        rotations: (J, 3, 3) of all joints; those of ``which`` count.
+        sigma: how far a joint may be from it [rad].
+    """
+
+    which: NDArray[np.bool_]
+    rotations: NDArray[np.float64]
+    sigma: float
+
+
+@dataclass(frozen=True)
 class ExpectedJoints:
     """What the memory says of the joints that are not seen.
 
@@ -88,12 +103,13 @@ class ExpectedJoints:
         """The same with no opinion of some (U,) of the joints."""
         return replace(self, sigmas=np.where(which[:, None], _NO_OPINION_RAD, self.sigmas))
 
-    def told(self, which: NDArray[np.bool_], rotations: NDArray[np.float64], sigma: float) -> "ExpectedJoints":
-        """The same, where somebody else knows some (U,) of the joints: their rotations (U, 3, 3), and sigma [rad]."""
+    def told(self, by: "ToldJoints") -> "ExpectedJoints":
+        """The same, but for those of the joints that somebody else knows."""
+        which = by.which[self.rows]
         return replace(
             self,
-            rotations=np.where(which[:, None, None], rotations, self.rotations),
-            sigmas=np.where(which[:, None], sigma, self.sigmas),
+            rotations=np.where(which[:, None, None], by.rotations[self.rows], self.rotations),
+            sigmas=np.where(which[:, None], by.sigma, self.sigmas),
         )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_state import BodyState
-from bodycam_ros.solving.pose_memory import ExpectedJoints
+from bodycam_ros.solving.pose_memory import ExpectedJoints, ToldJoints
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,7 @@ class Recorded:
         joints: makes the factors of its joints around poses (S, 4, 4), with what is expected of those not seen.
         joints_seen: (J,) whether both segments of a joint were seen.
         joints_turning: (J,) whether both were, or their rotations measured at least.
+        told: what static cameras say of joints.
         turns: row of a segment that is not seen, or was not -> its rotation (3, 3) since the instant before.
         missing_ns: stamps before this one at which all cameras were silent.
         refused: cameras that were not believed.
@@ -34,6 +35,7 @@ class Recorded:
     joints: Callable[[Array, ExpectedJoints], gtsam.NonlinearFactorGraph]
     joints_seen: NDArray[np.bool_]
     joints_turning: NDArray[np.bool_]
+    told: ToldJoints
     turns: Mapping[int, Array]
     missing_ns: tuple[int, ...]
     refused: frozenset[str] = frozenset()

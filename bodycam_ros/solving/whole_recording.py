@@ -190,7 +190,10 @@ class WholeRecording:
                 yield instant.index - 1, SegmentTurn(self._body.segments[row], turn, self._turn_sigma)
 
     def _expect_again(self, instants: Sequence[RecordedInstant], poses: Array) -> list[ExpectedJoints]:
-        """What is expected of unseen joints by all that was seen; nothing, where measured turns tell."""
+        """What is expected of unseen joints by all that was seen; nothing, where measured turns tell.
+
+        Of joints that static cameras see it is what these say.
+        """
         memory = self._memory.asked_again()
         known = np.asarray(known_by_turns(instants, self._memory.turning_time)[:, self._ends].all(axis=2))
         rotations = self._body.joint_rotations(poses)
@@ -201,12 +204,13 @@ class WholeRecording:
             before_ns = instant.state.stamp_ns
             expected = memory.expect(at, recorded.joints_seen, recorded.joints_turning, dt_s)
             again.append(expected.silenced(told[expected.rows]))
-        return self._poses.expect(
+        expected_joints = self._poses.expect(
             np.array([instant.state.stamp_ns for instant in instants]),
             rotations,
             np.array([instant.recorded.joints_seen for instant in instants]) | self._memory.machine,
             again,
         )
+        return [each.told(instant.recorded.told) for instant, each in zip(instants, expected_joints, strict=True)]
 
     def _hang_again(
         self, instants: Sequence[RecordedInstant], start: Array, expected: Sequence[ExpectedJoints]

@@ -107,8 +107,9 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
         (("--stations", "cameras.yaml", "--start", "nobody.yaml"), ["nobody.yaml: places no segment of body"]),
         (("--stations", "cameras.yaml", "--surface", "meshes"), ["meshes"]),
         (("--stations", "cameras.yaml"), ["start"]),
+        (("--stations", "cameras.yaml", "--passes", "2"), ["--passes lets a reference map grow", "--map"]),
     ],
-    ids=["nothing", "surface alone", "start alone", "others", "missing", "nobody", "no meshes", "no start"],
+    ids=["nothing", "surface alone", "start alone", "others", "missing", "nobody", "no meshes", "no start", "passes"],
 )
 def test_what_cannot_be_is_said_in_one_line(
     sample: Path,

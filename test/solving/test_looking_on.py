@@ -9,7 +9,7 @@ from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, see
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
@@ -17,9 +17,11 @@ from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.looking_on import LookingOn
 from bodycam_ros.solving.pose_memory import ExpectedJoints
 from bodycam_ros.solving.seen_body import SeenBody
+from bodycam_ros.solving.smoother_settings import OFFLINE, SmootherSettings
 
 FRAMES = 40
 SURE = np.diag(np.repeat([0.003, 0.003], 3) ** 2)
+DELAYED = SmootherSettings()
 ARM = ("upper_arm", "forearm")
 
 
@@ -31,25 +33,31 @@ class ExactOnlookers:
         body: the small one that moves.
         sees: segments that the one camera, ``door``, sees.
         places: segments that somebody placed by hand in the first image.
+        spun_rad: how far evidence is turned about the z axis of what it sees, which it says it does not know.
         asked: for each image what was expected, the seconds before it, and the segments that worn cameras know.
     """
 
     body: BodyModel
     sees: tuple[str, ...]
     places: tuple[str, ...] = ()
+    spun_rad: float = 0.0
     asked: list[tuple[Array, float, set[str]]] = field(default_factory=list)
 
     def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        return self._poses(self.places, true_poses(self.body, number_of(frame)))
+        return self._poses(self.places, true_poses(self.body, number_of(frame)), SURE)
 
     def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
         self.asked.append((expected.copy(), dt_s, {each.segment for each in known}))
         poses = true_poses(self.body, number_of(frame))
-        said = self._poses(self.sees, poses)
+        spun, covariance = poses.copy(), SURE.copy()
+        if self.spun_rad:
+            spun[:, :3, :3] @= exp_so3(np.array([0.0, 0.0, self.spun_rad]))
+            covariance[2, 2] = 1.0
+        said = self._poses(self.sees, spun, covariance)
         return SeenBody({"door": said}, said, poses, {"door": np.ones(len(poses))})
 
-    def _poses(self, segments: Collection[str], poses: Array) -> list[SegmentPose]:
-        return [SegmentPose(segment, poses[self.body.segment_index[segment]], SURE) for segment in segments]
+    def _poses(self, segments: Collection[str], poses: Array, covariance: Array) -> list[SegmentPose]:
+        return [SegmentPose(segment, poses[self.body.segment_index[segment]], covariance) for segment in segments]
 
 
 def number_of(frame: BodyFrame) -> int:
@@ -68,10 +76,14 @@ def frame_at(body: BodyModel, number: int, worn: Collection[str], looks: bool, r
 
 
 def solved(
-    body: BodyModel, worn: Collection[str], onlookers: ExactOnlookers | None, looks: bool = True
+    body: BodyModel,
+    worn: Collection[str],
+    onlookers: ExactOnlookers | None,
+    looks: bool = True,
+    settings: SmootherSettings = DELAYED,
 ) -> dict[int, BodyState]:
     """States by frame number."""
-    rng, smoother = np.random.default_rng(0), BodySmoother(body, lenses(body), onlookers=onlookers)
+    rng, smoother = np.random.default_rng(0), BodySmoother(body, lenses(body), settings, onlookers=onlookers)
     states: list[BodyState] = []
     for number in range(FRAMES):
         states += smoother.update(frame_at(body, number, worn, looks, rng))
@@ -90,6 +102,21 @@ def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: 
     truth = np.array([true_poses(body, number)[2, :3, :3] for number in states])
     assert np.arccos(np.clip(0.5 * (np.einsum("nij,nij->n", rotation, truth) - 1.0), -1.0, 1.0)).max() < 0.02
     assert all(state.cameras_used == 3 and state.observed.all() for state in states.values())
+
+
+@pytest.mark.parametrize(
+    ("settings", "most_deg"),
+    [(DELAYED, 6.0), (SmootherSettings(output_delay=OFFLINE), 2.0)],
+    ids=["delayed", "offline"],
+)
+def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSettings, most_deg: float) -> None:
+    """How a limb is turned about its long axis, also where the recording is solved as a whole."""
+    states = solved(body, ("chest", "back"), ExactOnlookers(body, ("upper_arm",), spun_rad=0.5), settings=settings)
+    of = body.segment_index["upper_arm"]
+    solved_R = np.array([state.world_T_segment[of, :3, :3] for state in states.values()])
+    true_R = np.array([true_poses(body, number)[of, :3, :3] for number in states])
+    turned = log_so3(np.swapaxes(true_R, -1, -2) @ solved_R)
+    assert len(states) == FRAMES and np.degrees(np.linalg.norm(turned, axis=1)).max() < most_deg
 
 
 def test_images_are_asked_with_what_the_worn_cameras_know(body: BodyModel) -> None:
@@ -147,7 +174,7 @@ def test_what_an_image_shows_is_brought_from_its_time_to_the_instants(body: Body
     class LateOnlookers(ExactOnlookers):
         def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
             then = true_poses(self.body, frame.images["door"].stamp_ns / STEP_NS - 1)
-            return SeenBody({"door": self._poses(ARM, then)}, [], then, {"door": np.ones(len(then))})
+            return SeenBody({"door": self._poses(ARM, then, SURE)}, [], then, {"door": np.ones(len(then))})
 
     looking_on = LookingOn(body, LateOnlookers(body, ARM))
     apart, brought = [], []
@@ -186,7 +213,7 @@ def test_joints_are_expected_where_static_cameras_have_both_ends(
     looking = LookingOn(body, ExactOnlookers(body, sees))
     looking.look(frame_at(body, 7, (), True, np.random.default_rng(0)), true_poses(body, 0), 0.03, [])
     observed = np.isin(body.segments, worn)
-    ours, truth = looking.expected(expected, observed), body.joint_rotations(true_poses(body, 7))
+    ours, truth = expected.told(looking.told(observed)), body.joint_rotations(true_poses(body, 7))
     for row, is_told in enumerate(told):
         np.testing.assert_allclose(ours.rotations[row], truth[row] if is_told else np.eye(3), atol=1e-12)
         assert (ours.sigmas[row] < 0.7).all() == is_told
@@ -201,7 +228,9 @@ def test_who_sees_nothing_changes_nothing(body: BodyModel, expected: ExpectedJoi
     for onlookers in (None, ExactOnlookers(body, ())):
         looking = LookingOn(body, onlookers)
         looking.look(frame, path, 0.03, [])
-        assert looking.expected(expected, np.ones(3, bool)) is expected
+        same = expected.told(looking.told(np.ones(3, bool)))
+        np.testing.assert_array_equal(same.rotations, expected.rotations)
+        np.testing.assert_array_equal(same.sigmas, expected.sigmas)
         assert looking.path(path, np.zeros(3, bool)) is path
         assert looking.evidence == [] and looking.speaking == 0 and not looking.rows.any()
 
