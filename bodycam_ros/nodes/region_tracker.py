@@ -131,11 +131,11 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             return
         if self._waits_for():
             return
-        self._looking_since_s = self._looking_since_s or time.monotonic()
-        came_s = following.item.seconds
-        image = self._images.take(self._looking_since_s)
+        image = self._images.take(self._looking_since_s or time.monotonic())
         if image is not None:
-            self._look_at(image, came_s)
+            self._look_at(image, following.item.seconds)
+        # The first takes long, for limbs are looked for; that others wait meanwhile is no sign of a slow machine.
+        self._looking_since_s = self._looking_since_s or time.monotonic()
         # One image at a time, so that the solver is heard in between however many images wait.
         self.soon(self._look_next)
 
