@@ -1,4 +1,4 @@
-"""Where the solver has all segments at its latest instant, as a message and back: for those who look for them next."""
+"""Where the solver has all segments at an instant, as a message and back: for those who look for them next."""
 
 import numpy as np
 
@@ -9,7 +9,10 @@ from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.camera_evidence import SegmentPose
 
 SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "/segments_now", SEGMENT_POSES_TYPE
-"""Topic and type. It waits for no later instant, as joint states do; confidence is 1 of what cameras see, else 0."""
+"""Topic and type. It waits for no later instant, as joint states do; confidence is 1 of what cameras see, else 0.
+
+With each instant comes the one before it once more, as it is known by then: what lies between is the body's motion.
+"""
 
 _SOLVER = "solver"  # in place of a station
 

@@ -10,6 +10,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import ImageSource
 from bodycam_ros.nodes.flow_of_frames import Ordered, OrderOfTime
 from bodycam_ros.nodes.stage_node import StageNode
@@ -38,6 +39,7 @@ class ImageQueue:
         longest: images that may wait.
         thinning: whether every second image is left out.
         on_more: called when there are more.
+        what_is_lacking: why images wait, for whom one is dropped.
 
     Attributes:
         source: where they come from.
@@ -55,9 +57,10 @@ class ImageQueue:
         longest: int,
         thinning: EverySecondImage,
         on_more: Callable[[], None],
+        what_is_lacking: Callable[[], str],
     ) -> None:
-        self._camera, self._longest, self._skipped = camera, longest, node.skipped
-        self._thinning, self._on_more = thinning, on_more
+        self._camera, self._longest, self._skipped, self._moments = camera, longest, node.skipped, node.moments
+        self._thinning, self._on_more, self._what_is_lacking = thinning, on_more, what_is_lacking
         self._decoder = VideoDecoder()
         self._order: OrderOfTime[QueuedImage] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[QueuedImage]] = deque()
@@ -105,16 +108,19 @@ class ImageQueue:
 
     def _receive(self, message: Message, transport: str) -> None:
         self.arrived += 1
-        now_s = time.monotonic()
+        now_s, stamp = time.monotonic(), image_stamp_ns(message)
+        self._moments.note(Moment.IMAGE_HEARD, self._camera, stamp)
+        if stamp <= 0:
+            self._skipped.add("images without a stamp", f"camera {self._camera}: an image has the stamp {stamp} ns")
+            return
         for image in self._images(message, transport):
-            if image.stamp_ns > 0:
-                self._wait(self._order.add(image.stamp_ns, QueuedImage(image, now_s)))
-            else:
-                reason = f"camera {self._camera}: an image has the stamp {image.stamp_ns} ns"
-                self._skipped.add("images without a stamp", reason)
+            self._wait(self._order.add(image.stamp_ns, QueuedImage(image, now_s)))
 
     def _images(self, message: Message, transport: str) -> list[CameraImage]:
-        """Still encoded, except for videos: every frame of these is decoded, for the next one is made of it."""
+        """Still encoded, except for videos: every frame of these is decoded, for the next one is made of it.
+
+        One that is malformed says so where it is looked at.
+        """
         try:
             if transport in _CONVERTERS:
                 return [_CONVERTERS[transport](message, self._camera)]
@@ -133,7 +139,7 @@ class ImageQueue:
                 lost = self._waiting.popleft()
                 if lost.begins_anew:
                     self._waiting[0] = Ordered(self._waiting[0].item, True)
-                reason = f"camera {self._camera}: images come faster than they are looked at; one is dropped"
+                reason = f"camera {self._camera}: {self._what_is_lacking()}; an image is dropped"
                 self._skipped.add("images dropped", reason)
         if images:
             self._on_more()

@@ -14,8 +14,8 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
 from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
-from bodycam_ros.nodes.image_queue import ImageQueue
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered
+from bodycam_ros.nodes.image_queue import ImageQueue, QueuedImage
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.region_parameters import REGION_GROUPS, RegionTrackerParameters
 from bodycam_ros.nodes.run import run
@@ -74,6 +74,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         self._answers = AnsweredFrames(of.most_ahead)
         self._tally = _Tally()
         self._restarts = -1
+        self._begun_with: Ordered[QueuedImage] | None = None
         self._begin()
         self._said = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH))
@@ -84,6 +85,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             of.image_queue,
             EverySecondImage(of.longest_wait, of.recovery),
             lambda: self.soon(self._look_next),
+            lambda: self._waits_for() or "images come faster than they are looked at",
         )
         self.every(_LOOK_S, self._look)
 
@@ -117,20 +119,23 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
     def _look_next(self) -> None:
         if not len(self._images):
             return
-        if self._images.next.begins_anew and self._asked_since_s is not None:
+        following = self._images.next
+        if following.begins_anew and following is not self._begun_with:
+            # Once: it may have to wait here.
+            self._begun_with = following
             self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
             self._begin()
         self._asked_since_s = self._asked_since_s or time.monotonic()
-        if self._images.next.item.image.stamp_ns <= self._solved_ns <= self._images.newest_ns:
+        if following.item.image.stamp_ns <= self._solved_ns <= self._images.newest_ns:
             self._leave_out()
             return
         if self._waits_for():
             return
-        self._looking_since_s = self._looking_since_s or time.monotonic()
-        came_s = self._images.next.item.seconds
-        image = self._images.take(self._looking_since_s)
+        image = self._images.take(self._looking_since_s or time.monotonic())
         if image is not None:
-            self._look_at(image, came_s)
+            self._look_at(image, following.item.seconds)
+        # The first takes long, for limbs are looked for; that others wait meanwhile is no sign of a slow machine.
+        self._looking_since_s = self._looking_since_s or time.monotonic()
         # One image at a time, so that the solver is heard in between however many images wait.
         self.soon(self._look_next)
 

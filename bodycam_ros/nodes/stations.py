@@ -60,7 +60,8 @@ class Stations:
         self._on_said = on_said
         self.stations: Mapping[str, Station] = read_world(file, map_path)
         self._told_ns: int | None = None
-        self._now = node.publisher(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, latched())
+        # Who starts again must hear both instants.
+        self._now = node.publisher(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, latched(2))
         for station in self.stations:
             topic = f"{station}{SEGMENT_POSES}"
             node.subscription(SEGMENT_POSES_TYPE, topic, partial(self._hear, station), reliable(STAGE_DEPTH))

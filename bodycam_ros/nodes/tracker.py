@@ -1,20 +1,18 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered, OrderOfTime
+from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
+from bodycam_ros.nodes.image_queue import ImageQueue
 from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
@@ -23,29 +21,16 @@ from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.every_second_image import EverySecondImage
-from bodycam_ros.video.video_decoder import VideoDecoder
 
-_CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _LOOK_S = 0.25
 _PATIENCE_S = 2.0
 """Images may come slowly, from a bag that is played slowly; none for so long is an error."""
-
-_THINNED = "every second image left out, the machine does not keep up"
-
-
-class _Arrival(NamedTuple):
-    """An image, as a message or decoded, and when it came, on the steady clock."""
-
-    image: Message
-    transport: str
-    seconds: float
 
 
 @dataclass
 class _Tally:
     """What happened since the last report."""
 
-    arrived: int = 0
     images: int = 0
     tracks: int = 0
     keyframes: int = 0
@@ -65,9 +50,6 @@ class Tracker(StageNode[TrackerParameters]):
         self.camera = self.required("camera")
         self._map = ReferenceMap.load(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
-        self._decoder = VideoDecoder()
-        self._order: OrderOfTime[_Arrival] = OrderOfTime(self._on_stray)
-        self._waiting: deque[Ordered[_Arrival]] = deque()
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
         self._tally = _Tally()
@@ -78,8 +60,15 @@ class Tracker(StageNode[TrackerParameters]):
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
-        self._source = ImageSource(
-            self, self.camera, self.parameters.transport, self.parameters.image_queue, self._on_image
+        of = self.parameters
+        self._images = ImageQueue(
+            self,
+            self.camera,
+            of.transport,
+            of.image_queue,
+            self._thinning,
+            lambda: self.soon(self._track_next),
+            self._what_is_lacking,
         )
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
@@ -95,44 +84,6 @@ class Tracker(StageNode[TrackerParameters]):
         self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
         self._answers.forget()
         self._thinning.forget()
-
-    def _on_image(self, message: Message, transport: str) -> None:
-        self._tally.arrived += 1
-        stamp = image_stamp_ns(message)
-        now_s = time.monotonic()
-        self.moments.note(Moment.IMAGE_HEARD, self.camera, stamp)
-        if stamp <= 0:
-            self.skipped.add("images without a stamp", f"camera {self.camera}: an image has the stamp {stamp} ns")
-        elif transport in _CONVERTERS:
-            self._wait(self._order.add(stamp, _Arrival(message, transport, now_s)))
-        else:
-            # Every frame is decoded, those that are dropped later included: the next one is made of it.
-            for image in self._decoded(message):
-                self._wait(self._order.add(image.stamp_ns, _Arrival(image, transport, now_s)))
-
-    def _decoded(self, message: Message) -> list[CameraImage]:
-        try:
-            packet = compressed_video(message, self.camera)
-        except RecordingError as error:
-            packet = CameraImage(self.camera, image_stamp_ns(message), error)
-        return self._decoder.feed(packet)
-
-    def _on_stray(self, reason: str) -> None:
-        self.skipped.add("images out of time", f"camera {self.camera}: {reason}")
-
-    def _wait(self, images: list[Ordered[_Arrival]]) -> None:
-        for image in images:
-            if image.begins_anew:
-                self._restarts += 1
-                self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
-            self._waiting.append(image)
-            if len(self._waiting) > self.parameters.image_queue:
-                if self._waiting.popleft().begins_anew:
-                    self._waiting[0] = replace(self._waiting[0], begins_anew=True)
-                reason = f"camera {self.camera}: {self._what_is_lacking()}; an image is dropped"
-                self.skipped.add("images dropped", reason)
-        if images:
-            self.soon(self._track_next)
 
     def _what_is_lacking(self) -> str:
         if self._tracker is None:
@@ -150,37 +101,28 @@ class Tracker(StageNode[TrackerParameters]):
         return bool(readers)
 
     def _look(self) -> None:
-        self._wait(self._order.look())
+        self._images.look()
         self._track_next()
 
     def _track_next(self) -> None:
         if self._tracker is None or not self._is_heard() or self._answers.must_wait():
             return
-        if self._waiting:
-            image = self._waiting.popleft()
-            if image.begins_anew:
+        if len(self._images):
+            if self._images.next.begins_anew:
+                self._restarts += 1
+                self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
                 self._begin()
-            if not self._is_left_out(image.item):
-                self._track(self._tracker, image.item)
+            came_s = self._images.next.item.seconds
+            # While the registration does not answer images wait for it to start, and not because the machine is slow.
+            image = self._images.take(self._answers.since_s or time.monotonic())
+            if image is not None:
+                self._track(self._tracker, image, came_s)
             # One image at a time, so that landmarks are heard in between however many images wait.
             self.soon(self._track_next)
 
-    def _is_left_out(self, arrival: _Arrival) -> bool:
-        """Whether the image goes undecoded, because the machine does not keep up."""
-        now_s = time.monotonic()
-        # While the registration does not answer images wait for it to start, and not because the machine is slow.
-        since_s = now_s if self._answers.since_s is None else max(arrival.seconds, self._answers.since_s)
-        stamp = arrival.image.stamp_ns if isinstance(arrival.image, CameraImage) else image_stamp_ns(arrival.image)
-        left_out = self._thinning.leaves_out(stamp, now_s - since_s, now_s)
-        if left_out:
-            self.skipped.add("images left out", f"camera {self.camera}: {_THINNED}")
-        return left_out
-
-    def _track(self, tracker: LandmarkTracker, arrival: _Arrival) -> None:
+    def _track(self, tracker: LandmarkTracker, image: CameraImage, came_s: float) -> None:
+        self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
-            convert = _CONVERTERS.get(arrival.transport)
-            image = convert(arrival.image, self.camera) if convert else arrival.image
-            self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
             frame = tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))
@@ -191,7 +133,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._tally.images += 1
         self._tally.tracks += len(frame.track_ids)
         self._tally.keyframes += frame.keyframe
-        self._tally.latency_s += time.monotonic() - arrival.seconds
+        self._tally.latency_s += time.monotonic() - came_s
 
     def _on_landmarks(self, message: Message) -> None:
         if self._tracker is None:
@@ -213,38 +155,39 @@ class Tracker(StageNode[TrackerParameters]):
     def health(self) -> list[Health]:
         """How the images of the last second fared."""
         tally, self._tally = self._tally, _Tally()
-        lost = self.skipped.lately()
+        arrived, lost = self._images.count(), self.skipped.lately()
         values: dict[str, object] = {
-            "images per second": tally.arrived,
+            "images per second": arrived,
             "tracked per second": tally.images,
             "tracks per image": round(tally.tracks / max(1, tally.images), 1),
             "keyframes": tally.keyframes,
             "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
-            "images waiting": len(self._waiting),
+            "images waiting": len(self._images),
             "times begun anew": self._restarts,
             "camera_info changed": self._models.changes,
             **self.skipped.counts,
             "last error": self.skipped.latest or "none",
         }
-        level, text = self._judge(tally, lost)
+        level, text = self._judge(tally, arrived, lost)
         return [Health(f"camera {self.camera}", level, text, values)]
 
-    def _judge(self, tally: _Tally, lost: int) -> tuple[HealthLevel, str]:
+    def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
+        waiting, source = len(self._images), self._images.source
         if tally.images == 0:
-            if self._tracker is None and (tally.arrived or self._waiting):
+            if self._tracker is None and (arrived or waiting):
                 return HealthLevel.ERROR, f"images, but no {self.camera}/camera_info"
-            if tally.arrived and lost and not self._waiting:
+            if arrived and lost and not waiting:
                 return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
-            if tally.arrived == 0 and not self._waiting and self._source.quiet_s < _PATIENCE_S:
+            if arrived == 0 and not waiting and source.quiet_s < _PATIENCE_S:
                 return HealthLevel.OK, "between two images"
-            if tally.arrived == 0 and not self._waiting:
+            if arrived == 0 and not waiting:
                 lacking = f", and no {self.camera}/camera_info" if self._tracker is None else ""
-                return HealthLevel.ERROR, self._source.what_is_wrong() + lacking
+                return HealthLevel.ERROR, source.what_is_wrong() + lacking
             return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
         if tally.tracks == 0:
             return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
-        if self._thinning.active:
-            return HealthLevel.WARN, _THINNED
+        if self._images.is_thinned:
+            return HealthLevel.WARN, self._images.is_thinned
         if lost:
             return HealthLevel.WARN, f"tracking, but some input was left out: {self.skipped.latest}"
         return HealthLevel.OK, "tracking"

@@ -16,6 +16,12 @@ from bodycam_ros.solving.seen_body import Onlookers, SeenBody
 _SEEN_RAD = 0.2
 """Sigma of joints that static cameras see, beside what they say of the segments: it holds what no contour tells."""
 
+_KNOWN_S = 0.1
+"""What worn cameras said so lately is known of an instant of which static ones alone speak, for each runs freely."""
+
+_GONE_ON = np.diag(np.repeat([0.03, 0.01], 3) ** 2)
+"""[rad], [m] how far a segment may be from where it should be by then."""
+
 Mask = NDArray[np.bool_]
 
 
@@ -35,6 +41,8 @@ class LookingOn:
         self._body, self._onlookers = body, onlookers
         self.seen = SeenBody({}, [], np.zeros((len(body.segments), 4, 4)), {})
         self.rows = np.zeros(len(body.segments), bool)
+        self._known: Collection[SegmentPose] = ()
+        self._known_since_s = 0.0
 
     def begin(self, frame: BodyFrame, worn: Iterable[SegmentPose]) -> list[SegmentPose]:
         """Where the body was placed by hand, at the first instant, but for what worn cameras know."""
@@ -51,6 +59,7 @@ class LookingOn:
             dt_s: since the instant before [s].
             known: what the worn cameras say.
         """
+        known = self._lately_known(path, dt_s, known)
         asked, before = self._onlookers if frame.images or frame.said else None, self.seen.world_T_segment
         seen = asked.look(frame, path, dt_s, known) if asked else None
         if seen and dt_s > 0.0:
@@ -58,6 +67,17 @@ class LookingOn:
         self.seen = seen or SeenBody({}, [], path, {})
         self.rows = np.zeros(len(path), bool)
         self.rows[[self._body.segment_index[each.segment] for each in self.seen.together]] = True
+
+    def _lately_known(self, path: Array, dt_s: float, known: Collection[SegmentPose]) -> Collection[SegmentPose]:
+        """What worn cameras say; where they say nothing, what they said just before, gone on to poses (S, 4, 4)."""
+        self._known_since_s = 0.0 if known or dt_s == 0.0 else self._known_since_s + dt_s
+        if known or dt_s == 0.0:
+            self._known = known
+            return known
+        if self._known_since_s > _KNOWN_S:
+            return known
+        row = self._body.segment_index
+        return [SegmentPose(e.segment, path[row[e.segment]], e.covariance + _GONE_ON) for e in self._known]
 
     def _at_instant(self, seen: SeenBody, frame: BodyFrame, velocities: Array) -> SeenBody:
         """What each says carried from its own image's time to the instant, at the segments' velocities (S, 6)."""

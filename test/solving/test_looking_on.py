@@ -130,6 +130,20 @@ def test_images_are_asked_with_what_the_worn_cameras_know(body: BodyModel) -> No
         assert off.max() < 0.04, number
 
 
+def test_images_between_those_of_worn_cameras_are_asked_with_what_these_have_just_said(body: BodyModel) -> None:
+    """Nothing triggers both kinds together, so that each has instants of its own."""
+    worn, onlookers, rng = ("chest", "back"), ExactOnlookers(body, ARM), np.random.default_rng(0)
+    smoother = BodySmoother(body, lenses(body), onlookers=onlookers)
+    for number in range(12):
+        looks = number % 2 == 1 or number > 8  # at last worn cameras are blind
+        smoother.update(frame_at(body, number, () if looks else worn, looks, rng))
+    assert [known for _, _, known in onlookers.asked[:5]] == [{"trunk"}] * 5
+    assert onlookers.asked[-1][2] == {"trunk"}, "a tenth of a second after they spoke"
+    for number in range(12, 16):
+        smoother.update(frame_at(body, number, (), True, rng))
+    assert onlookers.asked[-1][2] == set(), "nobody knows it by now"
+
+
 def test_static_cameras_alone_follow_a_body_that_was_placed_by_hand(body: BodyModel) -> None:
     states = solved(body, (), ExactOnlookers(body, body.segments, places=("trunk",)))
     assert list(states) == list(range(FRAMES))
@@ -160,7 +174,7 @@ def test_what_an_image_shows_is_brought_from_its_time_to_the_instants(body: Body
     class LateOnlookers(ExactOnlookers):
         def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
             then = true_poses(self.body, frame.images["door"].stamp_ns / STEP_NS - 1)
-            return SeenBody({"door": self._poses(ARM, then)}, [], then, {"door": np.ones(len(then))})
+            return SeenBody({"door": self._poses(ARM, then, SURE)}, [], then, {"door": np.ones(len(then))})
 
     looking_on = LookingOn(body, LateOnlookers(body, ARM))
     apart, brought = [], []
