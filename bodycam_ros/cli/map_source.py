@@ -94,9 +94,9 @@ def photographs_of(
     Raises:
         BodycamError: the source cannot be read, or makes no photographs.
     """
+    from bodycam_ros.lens.compared_lens import compare_lens
     from bodycam_ros.mapping.bag_camera import BagCamera
     from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
-    from bodycam_ros.mapping.compared_lens import compare_lens
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
     from bodycam_ros.mapping.video_camera import VideoCamera
 
