@@ -74,9 +74,10 @@ def run(arguments: argparse.Namespace) -> int:
     # What solves takes a second to load; --help does without.
     from bodycam_ros.cli.extension_lines import shown_steps
     from bodycam_ros.cli.verdict_lines import exit_code
+    from bodycam_ros.lens.recorded_lens import other_lenses
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
-    from bodycam_ros.replay.lens_remarks import doubted_cameras, lens_remarks
+    from bodycam_ros.replay.doubted_cameras import doubted_cameras
     from bodycam_ros.replay.passes import replay_in_passes
 
     console = Terminal(stderr=True)
@@ -113,7 +114,8 @@ def run(arguments: argparse.Namespace) -> int:
             outside=outside,
             slim=arguments.slim,
         )
-    remarks = (*summary.remarks, *lens_remarks(arguments.recording, doubted_cameras(summary)))
+    lenses = other_lenses(arguments.recording, doubted_cameras(summary))
+    remarks = (*summary.remarks, *(match.text for match in lenses))
     _report(summary, rounds, remarks, arguments.output)
     return exit_code(summary.verdict)
 

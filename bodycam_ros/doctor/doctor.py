@@ -16,6 +16,7 @@ from bodycam_ros.doctor.check_clocks import check_clocks
 from bodycam_ros.doctor.check_exercise import check_exercise
 from bodycam_ros.doctor.check_exposure import check_exposure
 from bodycam_ros.doctor.check_features import check_features
+from bodycam_ros.doctor.check_field_of_view import check_field_of_view
 from bodycam_ros.doctor.check_lens import check_lens
 from bodycam_ros.doctor.check_rates import check_rates
 from bodycam_ros.doctor.check_registration import check_registration
@@ -103,6 +104,8 @@ def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Pro
                 recording, names, _spread_first(chosen), reference_map, settings, jobs, advance
             )
         findings += check_registration(registered, settings.doctor)
+        if is_bag(given.recording):
+            findings += check_field_of_view(given.recording, registered, settings.doctor, progress)
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras, RestPoseSettings())
             findings += check_exercise(registered, rig, settings.doctor)
