@@ -90,6 +90,8 @@ def _write_film(arguments: argparse.Namespace) -> None:
     from bodycam_ros.view.film import write_film
     from bodycam_ros.view.sources import Sources
 
+    if arguments.compare is not None:
+        raise ViewError("--compare: is shown in the page alone; leave out --video, or compare without it")
     given = (arguments.solved, arguments.map, arguments.body, arguments.recording, arguments.stations)
     check_output(arguments.video, (*given, arguments.surface), makes_folders=False)
     check_file(arguments.video, arguments.force, b"ftyp", "video")
@@ -100,13 +102,9 @@ def _write_film(arguments: argparse.Namespace) -> None:
 
 
 def _view_live(arguments: argparse.Namespace) -> None:
-    given = {
-        "OUT": arguments.solved,
-        **{
-            f"--{flag}": getattr(arguments, flag)
-            for flag in ("body", "recording", "stations", "surface", "compare", "video")
-        },
-    }
+    flags = ("body", "recording", "stations", "surface", "compare", "video")
+    given = {"OUT": arguments.solved, **{f"--{flag}": getattr(arguments, flag) for flag in flags}}
+    given["--from"] = arguments.from_camera
     if told := [name for name, value in given.items() if value is not None]:
         raise ViewError(f"--live: the running graph says where the body is; leave out {', '.join(told)}")
     try:

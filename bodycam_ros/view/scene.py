@@ -97,7 +97,7 @@ class Scene:
         self._refresh_surface(body)
 
     def look_at_body(self, body: BodyModel, instant: int) -> None:
-        """Let browsers look at the body at an instant when they open the view."""
+        """Let browsers look at the body at an instant: when they open the view, and those that have it open."""
         world_T_segment = self._motion.segments_at(body, instant)
         surfaces = self._surface.surfaces(body) if self._shows_surface else {}
         points_world = points_to_see(body, surfaces, world_T_segment)
@@ -105,6 +105,10 @@ class Scene:
         opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
         camera = self._server.initial_camera
         camera.fov, camera.look_at, camera.position = FIELD_OF_VIEW, opening.look_at, opening.position
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.fov = FIELD_OF_VIEW
+                client.camera.position, client.camera.look_at = opening.position, opening.look_at
 
     def show_picture(
         self, body: BodyModel, instant: int, camera: str | None, footage: Footage | None

@@ -8,7 +8,6 @@ import numpy as np
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
-from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.view.camera_bands import load_bands
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
@@ -22,6 +21,7 @@ from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.panels import CorrectionActions, CorrectionPanel, Playback, ShowPanel, TimePanel
 from bodycam_ros.view.scene import Scene
 from bodycam_ros.view.sources import Sources
+from bodycam_ros.view.surface_scene import surface_reader
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
@@ -94,7 +94,7 @@ class Session:
             sources.motion,
             self._click,
             sources.stations,
-            lambda body: surfaces_of(body, sources.body_file.path, sources.surface),
+            surface_reader(sources.body, sources.body_file.path, sources.surface),
             sources.other,
         )
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))

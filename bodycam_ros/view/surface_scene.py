@@ -1,6 +1,8 @@
 """The body's surface: half transparent around the skeleton, each mesh on its segment, with a head and hands."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from viser import MeshHandle, SceneApi
@@ -8,6 +10,7 @@ from viser import MeshHandle, SceneApi
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.outside.capsules import capsule_surfaces
+from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.surface import Surface
 from bodycam_ros.view.scene_nodes import segment_name, segment_rgb
@@ -75,6 +78,20 @@ class SurfaceScene:
             for name, segment, surface in shown
         ]
         self._is_old = False
+
+
+def surface_reader(body: BodyModel, body_path: Path, folder: Path | None) -> SurfaceReader:
+    """Gives the surface of a body: capsules follow its correction; a scan is as it is, and read once.
+
+    Args:
+        body: as it was read.
+        body_path: its file.
+        folder: of meshes, as the user asks for.
+    """
+    if folder is None and body.surface is None:
+        return capsule_surfaces
+    scan = cache(lambda: surfaces_of(body, body_path, folder))
+    return lambda corrected: scan()
 
 
 def surface_points(surfaces: Mapping[str, Surface], body: BodyModel, world_T_segment: Array) -> Array:
