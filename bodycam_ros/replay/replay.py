@@ -86,7 +86,8 @@ def replay(
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    person = with_hands(read_body(body_path)) if outside else read_body(body_path)
+    own = read_body(body_path)
+    person = with_hands(own) if outside else own
     coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
     body = coupled_body(person, coupling)
     reference_map = None if map_path is None else _metric_map(map_path)
@@ -158,7 +159,8 @@ def replay(
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
         judged = judge(agreement, body, settings.verdict)
-        bare = [name for name in person.segments if not any(camera in cameras for camera in person.cameras_on(name))]
+        # Hands that its file does not have are more than was asked for: nobody need see them.
+        bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
         found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
         summary.verdict = Verdict.of(found)
         out.write_health(item.stamp_ns, verdict_health(summary.verdict))
