@@ -84,7 +84,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [f for kind in ("yaml", "xml", "rviz", "json") for f in glob(f"config/*.{kind}")]),
-        (f"share/{NAME}/config/equipment", glob("config/equipment/*.yaml")),
+        *((f"share/{NAME}/config/{kind}", glob(f"config/{kind}/*.yaml")) for kind in ("equipment", "robot")),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=[

@@ -1,7 +1,6 @@
 """Fenced blocks of the pages of docs/, and the mark in a comment above each that says what tests do with it.
 
-``<!-- run -->``: it is run on the sample. ``<!-- once: X -->``: it waits for a feature X, and nothing is asked of it
-while its command is not known. ``<!-- run once: X -->``: both. Without a mark its commands must be understood.
+``<!-- run -->``: it is run on the sample. Without a mark its commands must be understood.
 """
 
 import re
@@ -12,7 +11,7 @@ from pathlib import Path
 _BLOCK = re.compile(
     r"(?:^<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
-_MARK = re.compile(r"(?P<run>run)?\s*(?:once: (?P<feature>.+))?")
+_RUN = "run"
 
 
 @dataclass(frozen=True)
@@ -24,14 +23,12 @@ class DocBlock:
         language: after the fence.
         text: what is in it.
         is_run: whether it works as it stands, on the sample.
-        feature: that it waits for; empty for none.
     """
 
     page: str
     language: str
     text: str
     is_run: bool
-    feature: str
 
     @property
     def commands(self) -> list[list[str]]:
@@ -53,10 +50,7 @@ def doc_blocks(docs: Path) -> list[DocBlock]:
             if found["language"] not in ("sh", "python"):
                 continue
             where = f"{path.name}:{content[: found.start()].count(chr(10)) + 1}"
-            mark = _MARK.fullmatch(found["mark"] or "")
-            if mark is None:
+            if found["mark"] not in (None, _RUN):
                 raise ValueError(f"{where}: {found['mark']} is no mark")
-            blocks.append(
-                DocBlock(where, found["language"], found["text"], bool(mark["run"]), (mark["feature"] or "").strip())
-            )
+            blocks.append(DocBlock(where, found["language"], found["text"], found["mark"] == _RUN))
     return blocks

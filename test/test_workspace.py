@@ -26,6 +26,7 @@ from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 assert [read_equipment(name).name for name in supplied_equipment()] == list(supplied_equipment())
 print(get_package_share_directory("bodycam_ros") + "/config/equipment/bicycle.yaml")
+print(get_package_share_directory("bodycam_ros") + "/config/robot/talos.yaml")
 print(equipment_path("bicycle"))
 """
 
@@ -59,7 +60,7 @@ def test_a_clone_under_src_builds_both_packages_without_flags(tmp_path: Path) ->
     looked = sourced(f"python3 -c '{LOOK}'")
     assert looked.returncode == 0, looked.stderr
     found = [Path(line) for line in looked.stdout.splitlines()]
-    assert len(found) == 6 and all(path.is_relative_to(tmp_path / "install") and path.exists() for path in found)
+    assert len(found) == 7 and all(path.is_relative_to(tmp_path / "install") and path.exists() for path in found)
 
     # Where `ros2 run` and launch files look; a node gets as far as its parameters.
     executables = tmp_path / "install/bodycam_ros/lib/bodycam_ros"

@@ -9,7 +9,7 @@ from bodycam_ros.body.joint import LONG_AXIS_Z
 
 LEFT, RIGHT = "_left", "_right"
 
-_JOINT_ABOVE = {
+JOINT_ABOVE = {
     "torso": "spine",
     "head": "neck",
     "upper_arm": "shoulder",
@@ -19,6 +19,8 @@ _JOINT_ABOVE = {
     "shin": "knee",
     "foot": "ankle",
 }
+"""Kind of segment -> the joint that it hangs on."""
+
 _LONG_AXIS_X = "yxz"  # a foot lies along x in the N-pose
 _STRAIGHT = ("shin", "forearm")
 _MOTION = {
@@ -56,7 +58,7 @@ class SegmentName:
     @property
     def joint(self) -> str:
         """Name of the joint that the segment hangs on."""
-        known = _JOINT_ABOVE.get(self.kind)
+        known = JOINT_ABOVE.get(self.kind)
         return f"{known}{self.side}" if known else f"{self.segment}_joint"
 
     @property

@@ -9,8 +9,9 @@ bodycam: motion capture from body-mounted cameras. The way through:
      range of motion, then what you are after. Videos of ordinary cameras become a
      bag; cameras that write ros2 bags need no such step:
        bodycam ingest FILES_OR_FOLDER -o BAG
-  3. Before you take the cameras off: is it good enough? Takes seconds:
-       bodycam doctor BAG --map MAP --rig RIG.yaml
+  3. Before you take the cameras off: is it good enough? Takes seconds; leave out
+     --rig where the recording is no range of motion:
+       bodycam doctor ROM_BAG --map MAP --rig RIG.yaml
   4. Make the body, skeleton and camera mounts, of the range of motion:
        bodycam body ROM_BAG --map MAP --rig RIG.yaml -o BODY.yaml
   5. Solve what you recorded:

@@ -17,6 +17,8 @@ def check_field_of_view(
 ) -> Iterator[Finding]:
     """Compare lenses with what their cameras saw: some seconds a camera, so only of those that give cause to."""
     doubted: Sequence[str] = sorted(c for c in registered.poses if registered.share(c) < settings.registered)
+    if not doubted:
+        return
     with progress.step("lenses", len(doubted)) as advance:
         for camera in doubted:
             for match in other_lenses(recording, [camera]):

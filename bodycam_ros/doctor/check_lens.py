@@ -11,12 +11,15 @@ _OFF_CENTRE = 0.25  # of the picture, by which a principal point is off; more is
 
 def check_lens(recording: SampledRecording) -> Iterator[Finding]:
     """Compare sizes; what a field of view should look like is for whoever knows tracks."""
+    models = []
     for camera in recording.cameras:
-        yield from _of(camera)
-    known = [camera.lens for camera in recording.cameras if camera.lens is not None]
-    if known:
-        models = sorted({lens.distortion_model for lens in known})
-        yield Finding(_CHECK, Light.GREEN, f"{len(known)} lenses ({', '.join(models)}) for images of their size")
+        faults = list(_of(camera))
+        yield from faults
+        if camera.lens is not None and not any(fault.light is Light.RED for fault in faults):
+            models.append(camera.lens.distortion_model)
+    if models:
+        named = ", ".join(sorted(set(models)))
+        yield Finding(_CHECK, Light.GREEN, f"{len(models)} lenses ({named}) for images of their size")
 
 
 def _of(camera: SampledCamera) -> Iterator[Finding]:

@@ -57,7 +57,7 @@ def register_samples(
         reference_map: the map.
         settings: of the registration.
         jobs: threads.
-        on_instant: called after each instant.
+        on_instant: called after each instant at which there is an image to ask.
     """
     asked = [camera for camera in recording.cameras if camera.name in cameras and camera.lens is not None]
     registrations = {camera.name: _registration(camera, reference_map, settings) for camera in asked}
@@ -69,9 +69,10 @@ def register_samples(
         poses[name][number] = registrations[name].register(grey, lit[name]).world_T_camera
 
     with ThreadPoolExecutor(jobs) as pool:
-        for count, number in enumerate(instants):
+        seen = [number for number in instants if any(_fits(camera, camera.images.get(number)) for camera in asked)]
+        for count, number in enumerate(seen):
             work = [(c.name, number, c.images[number]) for c in asked if _fits(c, c.images.get(number))]
-            if work and count == 0:
+            if count == 0:
                 register(work.pop())  # what the map learns for a search, it learns once
             list(pool.map(register, work))
             on_instant()

@@ -107,7 +107,8 @@ def evaluate(
     if captured is not None:
         agreement = agree(solved, captured, options or AgreementOptions())
     elif truth is not None:
-        comparison, agreement = compare_with_truth(solved, truth, options or AgreementOptions(shares_clock=True))
+        options = options or AgreementOptions(shares_clock=True)
+        comparison, agreement, truth = compare_with_truth(solved, truth, options)
     constraints = None
     if without_path is not None:
         constraints = with_and_without(solved, read_solved(without_path), truth, comparison)

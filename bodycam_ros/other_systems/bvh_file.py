@@ -120,6 +120,8 @@ def _frames(tail: str, channels: int) -> tuple[float, Array]:
         if len(words) != channels:
             raise ValueError(f"frame {number} has {len(words)} numbers, expected {channels}: one per channel")
         rows.append([_number(word) for word in words])
+    if len(rows) < (said := _number(lines[0].split(":")[1])):
+        raise ValueError(f"it ends after {len(rows)} frames, 'Frames:' says {said:g}")
     if frame_time <= 0.0:
         raise ValueError(f"Frame Time: {frame_time:g} s between two frames")
     return frame_time, np.array(rows).reshape(-1, channels)

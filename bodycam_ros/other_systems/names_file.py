@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.other_systems.captured_motion import CapturedMotion
@@ -46,7 +46,7 @@ def places_of(
     if not found:
         raise RecordingError(
             f"{captured.path}: none of its names is known ({_some(captured.points)}); say with --names MAP.yaml which "
-            f"of our segments each is: {_some(link for link in links if not link.endswith('_optical_frame'))}"
+            f"of our segments each is: {_some(link for link in links if not link.endswith(CAMERA_SUFFIX))}"
         )
     return found
 

@@ -71,7 +71,7 @@ class RecordingFolder:
         """Find out what is there.
 
         Raises:
-            RecordingError: it is no folder, or holds nothing of what it should.
+            RecordingError: it is no folder, holds nothing of what it should, or two takes of the same name.
         """
         if not path.is_dir():
             raise RecordingError(f"{path}: is no folder; expected one with\n{LAYOUT}")
@@ -88,6 +88,10 @@ class RecordingFolder:
             settings=_there(path / "settings.yaml"),
             equipment=_there(path / "equipment.yaml"),
         )
+        by_name: dict[str, Path] = {}
+        for take in found.takes:
+            if (other := by_name.setdefault(take.name, take.path)) != take.path:
+                raise RecordingError(f"{take.path}: is a take of the same name as {other}; rename one of the two")
         if found.rom is None and not found.takes and found.reference is None:
             raise RecordingError(f"{path}: holds nothing that could be solved; expected\n{LAYOUT}")
         return found

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
+from bodycam_ros.doctor import registered_samples
 from bodycam_ros.doctor.check_blur import blur_of, check_blur
 from bodycam_ros.doctor.check_cameras import check_cameras
 from bodycam_ros.doctor.check_clocks import check_clocks
@@ -14,7 +15,7 @@ from bodycam_ros.doctor.check_exposure import check_exposure
 from bodycam_ros.doctor.check_features import check_features
 from bodycam_ros.doctor.check_lens import check_lens
 from bodycam_ros.doctor.check_rates import check_rates
-from bodycam_ros.doctor.doctor_settings import DoctorSettings
+from bodycam_ros.doctor.doctor_settings import DoctorGroups, DoctorSettings
 from bodycam_ros.doctor.finding import Finding, Light, by_limits, worst
 from bodycam_ros.doctor.sampled_recording import SampledCamera, SampledRecording
 
@@ -105,6 +106,33 @@ def test_blur_grows_with_what_a_picture_is_blurred_by(axis: int) -> None:
     blurs = [blur_of(np.asarray(cv2.blur(textured(), size if axis else size[::-1]))) for size in sizes]
     assert blurs == sorted(blurs)
     assert blurs[-1] - blurs[0] > 0.2
+
+
+def test_lenses_of_another_size_do_not_count_as_right() -> None:
+    found = list(check_lens(recording(sampled("foot"), sampled("head", lens=lens(width=640, height=480)))))
+    assert [f.what for f in found if not f.light] == ["1 lenses (equidistant) for images of their size"]
+
+
+def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Found:
+        world_T_camera = np.eye(4)
+
+        def register(self, *_: object) -> "Found":
+            return self
+
+    monkeypatch.setattr(registered_samples, "_registration", lambda *_: Found())
+    of = recording(sampled("head", images={3: textured()}))
+    advanced: list[int] = []
+    registered = registered_samples.register_samples(
+        of,
+        ["head"],
+        [0, 1, 2, 3],
+        None,
+        DoctorGroups(),
+        1,
+        lambda: advanced.append(1),  # type: ignore[arg-type]
+    )
+    assert list(registered.known("head")) == [3] and len(advanced) == 1
 
 
 def test_limits_go_both_ways() -> None:

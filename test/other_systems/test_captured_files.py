@@ -110,6 +110,11 @@ TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\
             "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 2\nFrame Time: 0.1\n1\n1 2",
             "frame 2 has 2 numbers, expected 1",
         ),
+        (
+            "a.bvh",
+            "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 3\nFrame Time: 0.1\n1\n2",
+            "it ends after 2 frames, 'Frames:' says 3",
+        ),
         ("a.tum", "1 2 3", "TUM format: expected 8 numbers"),
         ("a.fbx", "", "of no format that is known"),
     ],

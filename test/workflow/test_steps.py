@@ -87,6 +87,11 @@ def test_a_folder_of_something_else_is_told_what_it_should_be(tmp_path: Path) ->
         assert str(path) in str(refused.value) and LAYOUT in str(refused.value)
 
 
+def test_takes_of_one_name_would_replace_each_other(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"walk\.mcap: is a take of the same name as .*walk; rename"):
+        laid_out(tmp_path, "takes/walk/metadata.yaml", "takes/walk.mcap")
+
+
 @pytest.fixture
 def step(tmp_path: Path) -> Step:
     (tmp_path / "bag").mkdir()

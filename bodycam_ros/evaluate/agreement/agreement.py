@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.geometry import Array
 from bodycam_ros.other_systems.clock_search import Clock
 
@@ -35,7 +36,7 @@ class PointAgreement:
     @property
     def is_camera(self) -> bool:
         """Whether it is the centre of a worn camera."""
-        return self.link.endswith("_optical_frame")
+        return self.link.endswith(CAMERA_SUFFIX)
 
     @property
     def errors(self) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.evaluate.agreement.agreement import NONE, SIMILARITY, Agreement
 from bodycam_ros.evaluate.agreement.agreement_figures import CM_PER_M, DIRECTIONS
 from bodycam_ros.evaluate.agreement.anatomical_angles import PLANES, joint_name, meaning
@@ -13,7 +14,6 @@ WAYS, JOINTS, BLAND_ALTMAN = "ways.png", "joints.png", "bland_altman.png"
 
 _SPREAD = ("mean", "median", "sd", "min", "max")
 _LIMITS = ("bias", "95 % from", "to", "rmse")
-_CAMERA = "_optical_frame"
 _UNITS = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches"}
 
 
@@ -122,8 +122,8 @@ def _points(agreement: Agreement) -> list[tuple[str, ...]]:
         differences = [Spread.of(values) for values in along.T]
         rows.append(
             (
-                point.name.removesuffix(_CAMERA) + ("*" if point.is_fitted else ""),
-                ("camera " if point.is_camera else "") + point.link.removesuffix(_CAMERA).replace("_", " "),
+                point.name.removesuffix(CAMERA_SUFFIX) + ("*" if point.is_fitted else ""),
+                ("camera " if point.is_camera else "") + point.link.removesuffix(CAMERA_SUFFIX).replace("_", " "),
                 *_spread(Spread.of(CM_PER_M * point.errors)),
                 *(f"{number(of.mean, signed=True)} +-{number(of.sd)}" if of.sd == of.sd else "" for of in differences),
             )

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement.agreement import NONE, SIMILARITY
 from bodycam_ros.geometry import Array, inverse, transform_points, umeyama
@@ -105,7 +106,7 @@ def aligned(
     with_scale = align == SIMILARITY if with_scale is None else with_scale
     places = list(tracked.places.values())
     exact = np.array([not place.is_fitted for place in places])
-    cameras = np.array([place.link.endswith("_optical_frame") for place in places])
+    cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in places])
     trusted = exact & ~cameras if (exact & ~cameras).sum() >= _ENOUGH else exact
     anchored = trusted if trusted.sum() >= _ENOUGH else np.ones(len(places), bool)
     at = tracked.known_at

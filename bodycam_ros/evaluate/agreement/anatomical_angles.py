@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bodycam_ros.calibration.anatomy import JOINT_ABOVE, SegmentName
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 PLANES = ("sagittal", "frontal", "transverse")
@@ -18,31 +19,18 @@ TRUNK_MEANING = ("forward bend", "bend to the left", "turn to the left")
 
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
-JOINTS: Mapping[str, str] = {
-    "torso": "spine",
-    "head": "neck",
-    "upper_arm": "shoulder",
-    "forearm": "elbow",
-    "hand": "wrist",
-    "thigh": "hip",
-    "shin": "knee",
-    "foot": "ankle",
-}
-"""Kind of segment -> the joint that it hangs on."""
 
 
 def kind_and_side(segment: str) -> tuple[str, str]:
     """``thigh_left`` -> thigh, left; of what has no side the side is empty."""
-    for side in ("left", "right"):
-        if segment.endswith(f"_{side}"):
-            return segment.removesuffix(f"_{side}"), side
-    return segment, ""
+    name = SegmentName(segment)
+    return name.kind, name.side.removeprefix("_")
 
 
 def joint_name(segment: str) -> str:
     """``thigh_left`` -> hip left; of a segment that nobody knows its own name."""
     kind, side = kind_and_side(segment)
-    return f"{JOINTS.get(kind, kind.replace('_', ' '))} {side}".strip()
+    return f"{JOINT_ABOVE.get(kind, kind.replace('_', ' '))} {side}".strip()
 
 
 def meaning(segment: str) -> tuple[str, ...]:

@@ -9,9 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from bodycam_ros.calibration.anatomy import JOINT_ABOVE
 from bodycam_ros.drawing.picture_style import CENTRE, INK, LEFT, QUIET, RIGHT, TYPOGRAPHY, light_grid, side_colour
 from bodycam_ros.evaluate.agreement.agreement import Agreement, AngleAgreement
-from bodycam_ros.evaluate.agreement.anatomical_angles import JOINTS, PLANES, kind_and_side, meaning
+from bodycam_ros.evaluate.agreement.anatomical_angles import PLANES, kind_and_side, meaning
 from bodycam_ros.evaluate.agreement.spread import LimitsOfAgreement
 from bodycam_ros.evaluate.page.page import number
 from bodycam_ros.geometry import Array
@@ -61,12 +62,12 @@ def draw_bland_altman(agreement: Agreement, path: Path) -> None:
 
 
 def _kinds(agreement: Agreement) -> dict[str, list[AngleAgreement]]:
-    """Kind of joint -> its sides, in the order of ``JOINTS``."""
+    """Kind of joint -> its sides, in the order of ``JOINT_ABOVE``."""
     found: dict[str, list[AngleAgreement]] = {}
     for angle in agreement.angles:
         kind = kind_and_side(angle.segment)[0]
-        found.setdefault(JOINTS.get(kind, kind), []).append(angle)
-    order = [*JOINTS.values()]
+        found.setdefault(JOINT_ABOVE.get(kind, kind), []).append(angle)
+    order = [*JOINT_ABOVE.values()]
     return dict(sorted(found.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
 
 

@@ -9,10 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from bodycam_ros.calibration.anatomy import JOINT_ABOVE
 from bodycam_ros.drawing.picture_style import CENTRE, INK, LEFT, RIGHT, TYPOGRAPHY, light_grid, panel_title, side_colour
 from bodycam_ros.evaluate.agreement.agreement import Agreement
 from bodycam_ros.evaluate.agreement.agreement_figures import CM_PER_M
-from bodycam_ros.evaluate.agreement.anatomical_angles import JOINTS, kind_and_side
+from bodycam_ros.evaluate.agreement.anatomical_angles import kind_and_side
 from bodycam_ros.geometry import Array
 from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
 
@@ -64,7 +65,7 @@ def _draw_turned(axes: Axes, solved: SolvedRecording, agreement: Agreement, join
     """Angles of a kind of joint."""
     errors = []
     for angle in agreement.angles:
-        if JOINTS.get(kind_and_side(angle.segment)[0]) != joint:
+        if JOINT_ABOVE.get(kind_and_side(angle.segment)[0]) != joint:
             continue
         errors.append(np.degrees(agreement.angle_errors[angle.segment]))
         axes.plot(*_curve(solved, agreement, np.degrees(angle.ours_turned)), color=side_colour(angle.segment), lw=1.5)
@@ -79,7 +80,7 @@ def _draw_off(axes: Axes, solved: SolvedRecording, agreement: Agreement, joint: 
     errors = []
     for point in agreement.joints:
         kind, _ = kind_and_side(point.link)
-        if JOINTS.get(kind, kind) != joint:
+        if JOINT_ABOVE.get(kind, kind) != joint:
             continue
         errors.append(CM_PER_M * point.errors)
         axes.plot(*_curve(solved, agreement, errors[-1]), color=side_colour(point.link), linewidth=1.2)

@@ -15,8 +15,11 @@ from bodycam_ros.solved.solved_recording import SolvedRecording
 
 def compare_with_truth(
     solved: SolvedRecording, truth: TrueMotion, options: AgreementOptions
-) -> tuple[Comparison, Agreement]:
+) -> tuple[Comparison, Agreement, TrueMotion]:
     """Compare with a recording's truth by our measures, and as any other system is; by one clock in both.
+
+    Returns:
+        Both, and the truth with the stamps of our clock.
 
     Raises:
         RecordingError: they share no time or too few segments, or the truth's cameras are malformed.
@@ -25,10 +28,11 @@ def compare_with_truth(
     captured = _captured(solved, truth)
     agreement = replace(agree(solved, captured, options), name=truth.recording)
     if comparison is not None:
-        return comparison, agreement
+        return comparison, agreement, truth
     start_ns = solved.start_ns + round(1e9 * agreement.clock.start_s)
     since_ns = np.rint(agreement.clock.rate * (truth.stamps_ns - truth.stamps_ns[0])).astype(np.int64)
-    return compare(solved, replace(truth, stamps_ns=start_ns + since_ns)), agreement
+    truth = replace(truth, stamps_ns=start_ns + since_ns)
+    return compare(solved, truth), agreement, truth
 
 
 def _captured(solved: SolvedRecording, truth: TrueMotion) -> CapturedMotion:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
 from bodycam_ros.drawing.picture_style import CENTRE, LEFT, QUIET, RIGHT, TRUTH, TYPOGRAPHY, side_colour
 from bodycam_ros.evaluate.agreement.agreement import Agreement, PointAgreement
 from bodycam_ros.evaluate.agreement.agreement_figures import CM_PER_M
@@ -127,7 +127,7 @@ def _of_joints(agreement: Agreement) -> tuple[PointAgreement, ...]:
 
 
 def _side_of(camera: PointAgreement) -> str:
-    return camera.link.removesuffix("_optical_frame")
+    return camera.link.removesuffix(CAMERA_SUFFIX)
 
 
 def _note(errors: Array) -> str:

@@ -39,7 +39,7 @@ class FootEvents:
     rests: NDArray[np.bool_]
 
     def stances(self) -> list[tuple[float, float]]:
-        """(contact, release) [s] of each stance of which both are known and in which the foot rests."""
+        """(contact, release) [s] of each stance of which both are known."""
         found = []
         for contact in self.contacts.tolist():
             after = self.releases[self.releases > contact]
@@ -47,6 +47,11 @@ class FootEvents:
             if len(after) and (not len(following) or after[0] < following[0]):
                 found.append((contact, float(after[0])))
         return found
+
+    def next_contact(self, at_s: float) -> float | None:
+        """When the heel meets the floor again [s]; None where it was not seen."""
+        following = self.contacts[self.contacts > at_s]
+        return float(following[0]) if len(following) else None
 
 
 def foot_events(seconds: Array, sole: Array, pelvis: Array, ahead: Array) -> FootEvents:

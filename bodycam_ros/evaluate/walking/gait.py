@@ -118,12 +118,11 @@ def gait(
     strides = [
         stride
         for side in SIDES
-        for stance, following in zip(
-            stances[side], stances[side][1:] + _last(events[side], stances[side]), strict=False
-        )
-        if _unbroken(seconds, stance[0], following[0], longest_step_s)
+        for stance in stances[side]
+        if (end_s := events[side].next_contact(stance[0])) is not None
+        and _unbroken(seconds, stance[0], end_s, longest_step_s)
         and rested(events[side], seconds, stance)
-        and (stride := motion.stride(side, stance, following[0])) is not None
+        and (stride := motion.stride(side, stance, end_s)) is not None
     ]
     if len(strides) < LEAST_STRIDES or {stride.side for stride in strides} != set(SIDES):
         return None
@@ -230,12 +229,6 @@ def _flexions(world_T_segment: Mapping[str, Array]) -> dict[str, Array]:
             parent, child = (world_T_segment[s][:, :3, :3] for s in (above, f"{kind}_{side}"))
             found[f"{joint}_{side}"] = planes_of(f"{kind}_{side}", np.swapaxes(parent, 1, 2) @ child)[:, 0]
     return found
-
-
-def _last(events: FootEvents, stances: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """The contact after the last stance, of which nobody saw how the foot left the floor again."""
-    after = events.contacts[events.contacts > stances[-1][1]] if stances else events.contacts[:0]
-    return ((float(after[0]), np.inf),) if len(after) else ()
 
 
 def _unbroken(seconds: Array, start_s: float, end_s: float, longest_step_s: float) -> bool:

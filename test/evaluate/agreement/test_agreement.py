@@ -1,5 +1,6 @@
 """A solved walk against the same walk as other systems have it, by clocks, units and worlds of their own."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
 from bodycam_ros.evaluate.agreement.agreement import Agreement
 from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
+from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
+from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.other_systems.read_captured import read_captured
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
@@ -154,3 +157,12 @@ def test_directions_are_the_bodys(walk: Walk, tmp_path: Path) -> None:
     found = against(recording, path, "none", shares_clock=True)
     foot = next(point for point in found.points if point.name == "foot_left")
     np.testing.assert_allclose(np.nanmedian(foot.errors_along, axis=0), [0.02, 0.0, 0.0], atol=1e-5)
+
+
+def test_a_truth_by_another_clock_is_brought_to_ours(sample_out: Path, sample: Path) -> None:
+    """Whatever else is compared with it must see it so, too."""
+    truth = read_true_motion(sample / "sample")
+    late = replace(truth, stamps_ns=truth.stamps_ns + 700_000_000)
+    comparison, agreement, brought = compare_with_truth(read_solved(sample_out), late, AgreementOptions())
+    assert np.abs(brought.stamps_ns - truth.stamps_ns).max() < 2_000_000
+    assert agreement.clock.start_sigma_s > 0.0 and comparison.coverage > 0.95

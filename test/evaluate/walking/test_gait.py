@@ -3,11 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from known_gait import KnownGait
 
 from bodycam_ros.body.sole import sole_points
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.evaluate.walking import gait as gait_module
+from bodycam_ros.evaluate.walking.foot_events import FootEvents, foot_events
 from bodycam_ros.evaluate.walking.gait import Gait, gait
 from bodycam_ros.evaluate.walking.gait_figures import gait_figures
 from bodycam_ros.evaluate.walking.gait_picture import draw_gait
@@ -41,6 +44,17 @@ def test_strides_are_as_long_as_they_were_made(heading_rad: float) -> None:
     assert figures["heel_rise_cm"]["mean"] == pytest.approx(10.0, abs=0.3)
     assert all(abs(figures[key]["symmetry_percent"]) < 3.0 for key in ("stride_s", "stride_m", "knee_range_deg"))
     assert 3 <= sum(figures["strides"].values()) <= 9
+
+
+def test_a_release_that_nobody_saw_makes_no_stride_of_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_the_third(*given: object) -> FootEvents:
+        found = foot_events(*given)  # type: ignore[arg-type]
+        return replace(found, releases=np.delete(found.releases, 2))
+
+    monkeypatch.setattr(gait_module, "foot_events", without_the_third)
+    found = measured(KnownGait())
+    assert found is not None
+    assert max(stride.duration for stride in found.strides) == pytest.approx(1.1, abs=0.05)
 
 
 def test_a_limp_is_told_by_side() -> None:
