@@ -46,7 +46,7 @@ def test_a_fisheye_is_measured_from_images_of_a_charuco_board(tmp_path, capsys):
     picture = cv2.imread(str(lens.with_suffix(".png")))
     assert picture.shape[0] > 800
     assert picture.std() > 10.0
-    assert "left out" in capsys.readouterr().out
+    assert "coverage and errors" in capsys.readouterr().out
     # What is there is replaced only when that is said.
     assert main(words) == 1
     assert "--force" in capsys.readouterr().err

@@ -183,7 +183,8 @@ def test_help_lists_every_command() -> None:
         assert f"    {command} " in result.stdout
 
 
-def test_missing_recording_is_a_clear_error() -> None:
-    result = bodycam("replay", "nowhere.mcap", "--map", "map", "--body", "body.yaml", "-o", "out")
+def test_missing_recording_is_a_clear_error(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    result = bodycam("replay", "nowhere.mcap", "--map", "map", "--body", "body.yaml", "-o", out)
     assert result.returncode == 1
     assert result.stderr.startswith("bodycam: error: nowhere.mcap: does not exist")
