@@ -17,7 +17,6 @@ from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.outside.stations_file import read_stations
-from bodycam_ros.outside.usual_limits import with_usual_limits
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.said_segments import SaidSegments
@@ -94,7 +93,7 @@ class Stations:
         """
         of = self._node.settings
         placed = placed_body(Path(self._start), self._file, self.stations, body, of.region) if self._start else None
-        return StationReports(with_usual_limits(body), placed, of.region, of.motion)
+        return StationReports(body, placed, of.region, of.motion)
 
     def tell(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
         """Where the body is at the latest instant, once; and at the one before, of which more is known by now.
