@@ -67,11 +67,15 @@ def live_graph(
         outside: what is known of static cameras, if there are any.
 
     Raises:
-        StationError: the file of static cameras cannot be read, or there is neither a map nor any of them.
+        StationError: the file of static cameras cannot be read, there is neither a map nor any of them, or what worn
+            cameras need is given without a map.
         BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``; or the equipment
             cannot be read, or does not fit the body.
     """
     if reference_map is None:
+        given = {"cameras": cameras, "rig": rig, "grown_map": grown_map}
+        if needless := [name for name, value in given.items() if value]:
+            raise StationError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
         return _static_alone(body, equipment, outside)
     known, what = (body, "body") if rig is None else (rig, "rig")
     if rig is None:
@@ -119,6 +123,21 @@ def live_graph(
         *watching,
         NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
     ]
+
+
+def outside_input(stations: Path | None, surface: Path | None, start: Path | None) -> OutsideInput | None:
+    """What is known of static cameras; None where there are none.
+
+    Raises:
+        StationError: something is known, but not where they stand.
+    """
+    if stations is not None:
+        return OutsideInput(stations, surface, start)
+    if needless := [name for name, value in {"surface": surface, "start": start}.items() if value is not None]:
+        raise StationError(
+            f"{', '.join(needless)}: for static cameras; say where they stand with stations:=cameras.yaml"
+        )
+    return None
 
 
 def _static_alone(body: Path, equipment: str, outside: OutsideInput | None) -> list[NodeProcess]:

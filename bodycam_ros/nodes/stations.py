@@ -66,13 +66,19 @@ class Stations:
             node.subscription(SEGMENT_POSES_TYPE, topic, partial(self._hear, station), reliable(STAGE_DEPTH))
 
     @classmethod
-    def of(cls, node: StageNode[SolverParameters], on_said: Callable[[SaidSegments], None]) -> Self:
-        """Those that the solver's parameters name.
+    def of(cls, node: StageNode[SolverParameters], on_said: Callable[[SaidSegments], None]) -> Self | None:
+        """Those that the solver's parameters name; None if they name none.
 
         Raises:
-            StationError: as above, a body is to be made, or nobody says where it is at first.
+            StationError: as above, a body is to be made, nobody says where it is at first, or what only static cameras
+                have is said of none.
         """
         of = node.parameters
+        if not of.stations and (of.start or not of.worn):
+            said = f"start {of.start}" if of.start else "worn false"
+            raise StationError(f"{said}: is for static cameras; say with the parameter 'stations' where they stand")
+        if not of.stations:
+            return None
         if of.rig:
             raise StationError(
                 f"{of.stations}: static cameras take no part in a range of motion; make the body first, then start "
