@@ -15,8 +15,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironment
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
-from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, player, stations_of
-from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, outside_input, player, stations_of
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
@@ -121,7 +120,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         TRUTH[value("overwrite_body")],
         path("grown_map"),
         value("equipment"),
-        OutsideInput(Path(value("stations")), path("surface"), path("start")) if value("stations") else None,
+        outside_input(path("stations"), path("surface"), path("start")),
     )
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from ended_with_us import ended_with_us
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
@@ -39,7 +40,9 @@ class Started:
         self._log = folder / f"{node.name}.log"
         command = [sys.executable, "-m", "bodycam_ros.nodes.start", node.executable, *node.arguments()]
         with self._log.open("w") as log:
-            self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=_REPOSITORY)
+            self.process = subprocess.Popen(
+                ended_with_us(command), stdout=log, stderr=subprocess.STDOUT, cwd=_REPOSITORY
+            )
 
     @property
     def log(self) -> str:

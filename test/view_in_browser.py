@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from ended_with_us import ended_with_us
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Locator, Page, sync_playwright
@@ -61,7 +62,9 @@ def served(*arguments: str | Path) -> Iterator[Served]:
     """Run ``bodycam view`` on any free port, and end it as Ctrl-C does."""
     command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments), "--port", "0"]
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=REPOSITORY, process_group=0) as process:
+    with subprocess.Popen(
+        ended_with_us(command), stdout=pipe, stderr=pipe, text=True, cwd=REPOSITORY, process_group=0
+    ) as process:
         try:
             assert process.stdout is not None
             running = Served(process.stdout.readline().split()[1])

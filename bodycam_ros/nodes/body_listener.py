@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -50,11 +51,12 @@ class BodyListener:
 
     def watch(self, cameras: Iterable[str]) -> None:
         """Hear from now on where these cameras find themselves."""
-        for camera in cameras:
-            if camera not in self._poses:
-                self._poses[camera] = deque(maxlen=_KEPT)
-                kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
-                self._listen(kind, f"{camera}/pose", partial(self._hear_camera, camera), reliable(OUTPUT_DEPTH))
+        fresh = [camera for camera in cameras if camera not in self._poses]
+        # Another table, for the thread that hears may be going through this one.
+        self._poses = self._poses | {camera: deque(maxlen=_KEPT) for camera in fresh}
+        for camera in fresh:
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            self._listen(kind, f"{camera}/pose", partial(self._hear_camera, camera), reliable(OUTPUT_DEPTH))
 
     def stop(self) -> None:
         """Leave the graph."""
@@ -65,7 +67,12 @@ class BodyListener:
         rclpy.try_shutdown(context=self._context)
 
     def _listen(self, kind: str, topic: str, hear: Callable[[Any], None], quality: Any) -> None:
-        self._node.create_subscription(message_class(kind), topic, hear, quality)
+        def heard(message: Any) -> None:
+            # Others publish on such topics, too: joint states without positions are theirs, and no reason to end.
+            with suppress(ValueError):
+                hear(message)
+
+        self._node.create_subscription(message_class(kind), topic, heard, quality)
 
     def _spin(self) -> None:
         executor = SingleThreadedExecutor(context=self._context)

@@ -11,7 +11,7 @@ from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.outside.stations_file import read_stations
+from bodycam_ros.outside.stations_file import read_stations, refuse_worn
 
 READERS_OF_INFO = 3
 """Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
@@ -56,7 +56,8 @@ def live_graph(
     """A tracker for each camera, the registration and the solver; a region tracker for each static camera.
 
     Args:
-        reference_map: folder of the map; None where static cameras alone tell, in the frame of their file.
+        reference_map: folder of the map; None where static cameras alone tell, in the frame of their file. They also do
+            with a map where the body wears none.
         body: body YAML; with ``rig`` it is written, from a range of motion.
         cameras: those to use; all of the body if empty. A calibration needs all of the rig.
         registrations: processes that share the registration of the cameras among them.
@@ -67,16 +68,25 @@ def live_graph(
         outside: what is known of static cameras, if there are any.
 
     Raises:
-        StationError: the file of static cameras cannot be read, or there is neither a map nor any of them.
+        StationError: the file of static cameras cannot be read, the body wears one of them, there is neither a map nor
+            any of them, or what worn cameras need is given without a map.
         BodyError: the body or the rig cannot be read, carries no camera, or lacks one of ``cameras``; or the equipment
             cannot be read, or does not fit the body.
     """
     if reference_map is None:
-        return _static_alone(body, equipment, outside)
+        given = {"cameras": cameras, "rig": rig, "grown_map": grown_map}
+        if needless := [name for name, value in given.items() if value]:
+            raise StationError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
+        return _static_alone(body, equipment, outside, None)
     known, what = (body, "body") if rig is None else (rig, "rig")
     if rig is None:
         person = read_body(body)
-        carried = tuple(coupled_body(person, held_equipment(equipment, person) if equipment else None).mounts)
+        whole = coupled_body(person, held_equipment(equipment, person) if equipment else None)
+        if outside is not None:
+            refuse_worn(outside.stations, read_stations(outside.stations), whole)
+            if not whole.mounts and not cameras:
+                return _static_alone(body, equipment, outside, reference_map)
+        carried = tuple(whole.mounts)
     else:
         if equipment:
             read_equipment(equipment)
@@ -121,18 +131,35 @@ def live_graph(
     ]
 
 
-def _static_alone(body: Path, equipment: str, outside: OutsideInput | None) -> list[NodeProcess]:
-    """The graph without cameras on the body, and without a map."""
+def outside_input(stations: Path | None, surface: Path | None, start: Path | None) -> OutsideInput | None:
+    """What is known of static cameras; None where there are none.
+
+    Raises:
+        StationError: something is known, but not where they stand.
+    """
+    if stations is not None:
+        return OutsideInput(stations, surface, start)
+    if needless := [name for name, value in {"surface": surface, "start": start}.items() if value is not None]:
+        raise StationError(
+            f"{', '.join(needless)}: for static cameras; say where they stand with stations:=cameras.yaml"
+        )
+    return None
+
+
+def _static_alone(
+    body: Path, equipment: str, outside: OutsideInput | None, reference_map: Path | None
+) -> list[NodeProcess]:
+    """The graph without cameras on the body; the map, if any, says what the world is."""
     if outside is None:
         raise StationError(
             "there is neither a map, which cameras on the body are registered in, nor a file of static cameras; give "
             "map:=MAP, stations:=cameras.yaml, or both"
         )
-    of_solver: dict[str, object] = {"body": str(body), "worn": False, **_of_stations(outside, None)}
+    of_solver: dict[str, object] = {"body": str(body), "worn": False, **_of_stations(outside, reference_map)}
     if equipment:
         of_solver["equipment"] = equipment
     return [
-        *_region_trackers(body, equipment, outside, None),
+        *_region_trackers(body, equipment, outside, reference_map),
         NodeProcess("skeleton_solver", "skeleton_solver", of_solver),
     ]
 

@@ -27,7 +27,6 @@ from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.lone_station import LoneStation
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.outside.usual_limits import with_usual_limits
 from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
@@ -92,7 +91,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
     def _begin(self) -> None:
         """Nothing is known of the body and its colours."""
         alone = {self.camera: self._station}
-        tracker = RegionTracker(with_usual_limits(self._body), self._surface, alone, self.settings.region)
+        tracker = RegionTracker(self._body, self._surface, alone, self.settings.region)
         self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.region, self.settings.motion)
         self._answers.forget()
         self._answered_ns = self._solved_ns = 0

@@ -63,7 +63,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None
         self._calibration: LiveCalibration | None = None
-        self._stations = Stations.of(self, self._on_said) if of.stations else None
+        self._stations = Stations.of(self, self._on_said)
         path = Path(self.required("body"))
         carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None

@@ -17,7 +17,6 @@ from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.outside.stations_file import read_stations
-from bodycam_ros.outside.usual_limits import with_usual_limits
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.said_segments import SaidSegments
@@ -67,13 +66,19 @@ class Stations:
             node.subscription(SEGMENT_POSES_TYPE, topic, partial(self._hear, station), reliable(STAGE_DEPTH))
 
     @classmethod
-    def of(cls, node: StageNode[SolverParameters], on_said: Callable[[SaidSegments], None]) -> Self:
-        """Those that the solver's parameters name.
+    def of(cls, node: StageNode[SolverParameters], on_said: Callable[[SaidSegments], None]) -> Self | None:
+        """Those that the solver's parameters name; None if they name none.
 
         Raises:
-            StationError: as above, a body is to be made, or nobody says where it is at first.
+            StationError: as above, a body is to be made, nobody says where it is at first, or what only static cameras
+                have is said of none.
         """
         of = node.parameters
+        if not of.stations and (of.start or not of.worn):
+            said = f"start {of.start}" if of.start else "worn false"
+            raise StationError(f"{said}: is for static cameras; say with the parameter 'stations' where they stand")
+        if not of.stations:
+            return None
         if of.rig:
             raise StationError(
                 f"{of.stations}: static cameras take no part in a range of motion; make the body first, then start "
@@ -94,7 +99,7 @@ class Stations:
         """
         of = self._node.settings
         placed = placed_body(Path(self._start), self._file, self.stations, body, of.region) if self._start else None
-        return StationReports(with_usual_limits(body), placed, of.region, of.motion)
+        return StationReports(body, placed, of.region, of.motion)
 
     def tell(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
         """Where the body is at the latest instant, once; and at the one before, of which more is known by now.

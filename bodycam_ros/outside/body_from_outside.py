@@ -11,7 +11,6 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array
-from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.body_shape import BodyShape
 from bodycam_ros.outside.bulges import BULGES
 from bodycam_ros.outside.region_settings import RegionSettings
@@ -20,10 +19,8 @@ from bodycam_ros.outside.shape_evidence import ShapeEvidence
 from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas, predict
-
-_FOLLOWED = np.repeat([0.03, 0.01], 3)
-"""[rad], [m] errors of what a prediction goes on from."""
+from bodycam_ros.outside.station_watch import followed
+from bodycam_ros.solving.motion import MotionSettings, predict
 
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 
@@ -69,7 +66,7 @@ class MeasuredBody:
         lengths, girths: what became of each.
         instants: that were asked.
         rounds: that it took.
-        converged: whether nothing changed any more.
+        converged: whether no length changed any more.
         seen: share of the segments that the cameras saw, on average.
     """
 
@@ -179,9 +176,7 @@ class OutsideMeasurement:
             else:
                 previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
                 expected = predict(before, poses, previous_s, dt_s, self._motion) if len(before) else poses
-                sigmas = np.hypot(motion_sigmas(dt_s, previous_s or dt_s, self._motion), _FOLLOWED)
-                joint_sigma = float(np.sqrt(2.0) * sigmas[0])
-                found = tracker.look(instant.images, ExpectedBody(expected, sigmas, joint_sigma))
+                found = tracker.look(instant.images, followed(expected, dt_s, self._motion, previous_s))
                 before, poses = poses, found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
             latest_ns = instant.stamp_ns

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from bodycam_ros.geometry import Array
 from bodycam_ros.settings import setting
 
 
@@ -51,3 +54,13 @@ class RegionSettings:
     start_rounds: int = setting(
         6, limits=(1, 50), reason="how often colours are learned and the body is found anew in the first image"
     )
+
+    @property
+    def start_sigmas(self) -> Array:
+        """(6,) how far a segment may be from where a person placed it [rad], [m]."""
+        return np.repeat([self.start_rotation_sigma, self.start_translation_sigma], 3)
+
+    @property
+    def start_joint_sigma(self) -> float:
+        """How far a joint may be from where a person placed its two segments [rad]."""
+        return float(np.sqrt(2.0) * self.start_rotation_sigma)

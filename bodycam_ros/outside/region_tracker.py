@@ -19,6 +19,7 @@ from bodycam_ros.outside.presence import Presence
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Contour, Image, SegmentRegions, StationView
+from bodycam_ros.outside.usual_limits import with_usual_limits
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.seen_body import SeenBody
 
@@ -39,7 +40,7 @@ class RegionTracker:
     """Follows a body in the images of stations.
 
     Args:
-        body: segments and joints; with equipment beside it or without.
+        body: segments and joints, held to people's usual limits where it has none; with equipment or without.
         surface: of its segments.
         stations: by name.
         settings: lines, colours, trust.
@@ -52,6 +53,7 @@ class RegionTracker:
         stations: Mapping[str, Station],
         settings: RegionSettings,
     ) -> None:
+        body = with_usual_limits(body)
         self.body, self._settings = body, settings
         jointed = np.eye(len(body.segments), dtype=bool)
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
@@ -69,8 +71,7 @@ class RegionTracker:
         of = self._settings
         placed = self._step.closed(placed)
         firm = _MIXED**-0.5
-        joint_sigma = firm * np.sqrt(2.0) * of.start_rotation_sigma  # of the two segments
-        sigmas = firm * np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
+        joint_sigma, sigmas = firm * of.start_joint_sigma, firm * of.start_sigmas
         expected = ExpectedBody(placed, sigmas, firm * _AS_ONE_RAD)
         poses = placed
         everything = np.ones(len(self.body.segments), bool)

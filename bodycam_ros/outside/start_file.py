@@ -78,9 +78,8 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
     """
     of = settings or RegionSettings()
     world_T_placed = first_poses(body, [SegmentPose(name, pose, np.eye(6)) for name, pose in placed.items()])
-    sigmas = np.repeat([of.start_rotation_sigma, of.start_translation_sigma], 3)
     information = np.zeros((len(body.segments), 6, 6))
-    information[[body.segment_index[name] for name in placed]] = np.diag(sigmas**-2.0)
+    information[[body.segment_index[name] for name in placed]] = np.diag(of.start_sigmas**-2.0)
     step = ArticulatedStep(body, obeys_limits=False)
     poses = step.closed(world_T_placed)
     for _ in range(_MOST_STEPS):
@@ -94,15 +93,13 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
 
 def placed_expectation(poses: Array, settings: RegionSettings) -> ExpectedBody:
     """A body that somebody placed at poses (S, 4, 4), joints closed, and how far it may be from there."""
-    sigmas = np.repeat([settings.start_rotation_sigma, settings.start_translation_sigma], 3)
-    return ExpectedBody(poses, sigmas, float(np.sqrt(2.0) * settings.start_rotation_sigma))  # of two segments
+    return ExpectedBody(poses, settings.start_sigmas, settings.start_joint_sigma)
 
 
 def placed_segments(body: BodyModel, poses: Array, settings: RegionSettings) -> list[SegmentPose]:
     """What it says of the person that somebody placed a body at poses (S, 4, 4)."""
-    sigmas = np.repeat([settings.start_rotation_sigma, settings.start_translation_sigma], 3)
     return [
-        SegmentPose(segment, poses[row], np.diag(sigmas**2))
+        SegmentPose(segment, poses[row], np.diag(settings.start_sigmas**2))
         for row, segment in enumerate(body.segments)
         if segment not in body.equipment_segments
     ]

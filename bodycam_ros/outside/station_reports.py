@@ -11,6 +11,7 @@ from bodycam_ros.outside.articulated_step import ArticulatedStep
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.start_file import placed_expectation, placed_segments
 from bodycam_ros.outside.station_watch import followed
+from bodycam_ros.outside.usual_limits import with_usual_limits
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.motion import MotionSettings
@@ -24,7 +25,7 @@ class StationReports:
     """Puts together what stations say of a body, joints closed, as ``RegionTracker`` does that has all their images.
 
     Args:
-        body: segments and joints; with its equipment, if any.
+        body: segments and joints, held to people's usual limits where it has none; with its equipment, if any.
         placed: (S, 4, 4) where the body is at the first instant, as a person placed it; None where nobody did.
         settings: how well it was placed.
         motion: how suddenly segments change their motion.
@@ -33,7 +34,7 @@ class StationReports:
     def __init__(self, body: BodyModel, placed: Array | None, settings: RegionSettings, motion: MotionSettings) -> None:
         self._body, self._placed = body, placed
         self._settings, self._motion = settings, motion
-        self._step = ArticulatedStep(body)
+        self._step = ArticulatedStep(with_usual_limits(body))
         self._seen: Array | None = None
         self._seen_ns = 0
 

@@ -24,9 +24,14 @@ _FOLLOWED = np.repeat([0.03, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from."""
 
 
-def followed(world_T_segment: Array, dt_s: float, motion: MotionSettings) -> ExpectedBody:
-    """A body that should be at poses (S, 4, 4) ``dt_s`` after it was seen, and how far it may be from there."""
-    sigmas = np.hypot(motion_sigmas(dt_s, dt_s, motion), _FOLLOWED)
+def followed(
+    world_T_segment: Array, dt_s: float, motion: MotionSettings, previous_s: float | None = None
+) -> ExpectedBody:
+    """A body that should be at poses (S, 4, 4) ``dt_s`` after it was seen, and how far it may be from there.
+
+    Its velocity is the mean over ``previous_s`` before that; over as long a time if it is not said.
+    """
+    sigmas = np.hypot(motion_sigmas(dt_s, previous_s or dt_s, motion), _FOLLOWED)
     return ExpectedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import LensError, StationError
 from bodycam_ros.geometry import Array, nearest_rotation, rigid
@@ -80,6 +81,24 @@ def stations_text(stations: Iterable[Station]) -> str:
     """The text of a file of stations whose world is the map's frame; ``read_stations`` reads them back."""
     document = {station.name: _entry(station.world_T_camera, station.camera) for station in stations}
     return _TITLE + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=1000)
+
+
+def refuse_worn(path: Path, stations: Iterable[str], body: BodyModel) -> None:
+    """Refuse static cameras that the body wears.
+
+    Args:
+        path: their file.
+        stations: their names.
+        body: with its equipment, if any.
+
+    Raises:
+        StationError: there is one.
+    """
+    if worn := sorted(set(stations) & set(body.mounts)):
+        raise StationError(
+            f"{path}: says where {', '.join(worn)} stands, but body {body.name} wears it; name static cameras "
+            "otherwise, or take it out of one of the two"
+        )
 
 
 def write_stations(path: Path, stations: Iterable[Station]) -> None:

@@ -2,7 +2,9 @@
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
+from heapq import merge
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -67,7 +69,7 @@ def measure_body(
         measurement = OutsideMeasurement(
             body,
             stations,
-            lambda: _instants(recording_path, stations, refused),
+            lambda: station_instants(recording_path, stations, refused),
             lambda begun: placed_body(start, given.stations, stations, begun, pipeline.region),
             settings,
             pipeline.region,
@@ -82,13 +84,24 @@ def measure_body(
                 raise RangeOfMotionError(f"{recording_path}: {error}") from error
 
 
-def _instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
-    """Images that are of one time, and the share of the recording before them; of refused cameras one was warned of."""
-    with open_recording(path) as recording:
-        start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
+def station_instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
+    """Images that are of one time, in order of time, and the share of the recording before them.
+
+    Args:
+        path: of the recording.
+        stations: by name.
+        refused: cameras of which an image could not be used, which was warned of; others are added.
+    """
+    with ExitStack() as opened:
+        # A recording each: a bag has images in the order in which they came, which need not be that of their stamps.
+        recordings = {name: opened.enter_context(open_recording(path)) for name in stations}
+        any_of = next(iter(recordings.values()))
+        start_ns, length_ns = any_of.start_ns, max(1e9 * any_of.duration_s, 1.0)
         together: list[CameraImage] = []
-        for image in recording.images(list(stations)):
-            if together and image.stamp_ns - together[0].stamp_ns > _AT_ONCE_NS:
+        streams = (recording.images([name]) for name, recording in recordings.items())
+        for image in merge(*streams, key=lambda image: image.stamp_ns):
+            is_later = together and image.stamp_ns - together[0].stamp_ns > _AT_ONCE_NS
+            if is_later or any(image.camera == each.camera for each in together):
                 yield from _decoded(together, (together[0].stamp_ns - start_ns) / length_ns, stations, refused)
                 together = []
             together.append(image)

@@ -13,8 +13,7 @@ from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_watch import StationWatch
-from bodycam_ros.outside.stations_file import read_stations
-from bodycam_ros.outside.usual_limits import with_usual_limits
+from bodycam_ros.outside.stations_file import read_stations, refuse_worn
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -42,11 +41,7 @@ def stations_of(
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
-    if worn := sorted(set(there) & set(body.mounts)):
-        raise StationError(
-            f"{given.stations}: says where {', '.join(worn)} stands, but body {body.name} wears it; name static "
-            "cameras otherwise, or take it out of one of the two"
-        )
+    refuse_worn(given.stations, there, body)
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
@@ -74,7 +69,7 @@ def station_watch(
         BodyError: the body's surface, or the start, cannot be used.
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
-    tracker = RegionTracker(with_usual_limits(body), surface, stations, settings.region)
+    tracker = RegionTracker(body, surface, stations, settings.region)
     placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings.region)
     return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
 

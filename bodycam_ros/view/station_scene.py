@@ -29,6 +29,7 @@ class StationScene:
     def __init__(self, scene: SceneApi, stations: Mapping[str, Station]) -> None:
         self.stations = stations
         self._tracker: RegionTracker | None = None
+        self._surfaces: Mapping[str, Surface] | None = None
         self._cameras: dict[str, CameraFrustumHandle] = {}
         for name, station in stations.items():
             camera = station.camera
@@ -48,7 +49,8 @@ class StationScene:
         Raises:
             BodyError: the surfaces are none of this body.
         """
-        if self._tracker is None:
+        if self._tracker is None or self._surfaces is not surfaces:
+            self._surfaces = surfaces
             self._tracker = RegionTracker(body, BodySurface.of(body, surfaces), self.stations, RegionSettings())
         pixels: Array = self._tracker.views[station].contour(world_T_segment).points[:, :2]
         return pixels

@@ -1,13 +1,19 @@
 """Which processes make the graph; without ROS."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
+from outside.dressed_body import stations_around
 from two_cameras import write_body
 
-from bodycam_ros.errors import BodyError
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_file import write_body as write_body_file
+from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.nodes.graph import READERS_OF_INFO, NodeProcess, cameras_of, live_graph, player
+from bodycam_ros.outside.outside_files import OutsideInput
+from bodycam_ros.outside.stations_file import write_stations
 
 
 def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
@@ -60,6 +66,25 @@ def test_equipment_is_the_solvers_and_its_cameras_are_tracked(tmp_path: Path) ->
     assert nodes[-1].parameters == {"body": str(tmp_path / "body.yaml"), "equipment": str(machine)}
     with pytest.raises(BodyError, match="bicycle: attachment foot_left is to segment foot_left, which body two"):
         live_graph(tmp_path / "map", tmp_path / "body.yaml", equipment="bicycle")
+
+
+def test_static_cameras_around_a_body_that_wears_none_may_have_a_map(tmp_path: Path) -> None:
+    body = write_body(tmp_path / "body.yaml")
+    write_body_file(replace(read_body(body), mounts={}), body)
+    outside = OutsideInput(tmp_path / "cameras.yaml", start=tmp_path / "start.yaml")
+    write_stations(outside.stations, stations_around(1).values())
+    nodes = live_graph(tmp_path / "map", body, outside=outside)
+    assert [node.executable for node in nodes] == ["region_tracker", "skeleton_solver"]
+    assert all(node.parameters["map"] == str(tmp_path / "map") for node in nodes)
+    assert nodes[1].parameters["worn"] is False
+
+
+def test_a_camera_cannot_be_worn_and_stand(tmp_path: Path) -> None:
+    body = write_body(tmp_path / "body.yaml", "ext_00")
+    outside = OutsideInput(tmp_path / "cameras.yaml")
+    write_stations(outside.stations, stations_around(2).values())
+    with pytest.raises(StationError, match="says where ext_00 stands, but body two.* wears it"):
+        live_graph(tmp_path / "map", body, outside=outside)
 
 
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:

@@ -110,6 +110,12 @@ def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
         _launched(map="map", body=body, respawn="perhaps")
     with pytest.raises(BodyError, match="no camera hat"):
         _launched(map="map", body=body, cameras="hat")
+    stations = str(tmp_path / "cameras.yaml")
+    write_stations(Path(stations), stations_around(1).values())
+    with pytest.raises(StationError, match="cameras, grown_map: for cameras on the body, which need a map"):
+        _launched(body=body, stations=stations, cameras="left", grown_map="grown")
+    with pytest.raises(StationError, match="surface, start: for static cameras"):
+        _launched(map="map", body=body, surface="scan", start="start.yaml")
 
 
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:

@@ -65,10 +65,13 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         world_T_root = rigid(np.eye(3), np.array([2.0, 1.0, 0.9]))
         covariance = np.eye(6) * 1e-6
         stamp = 10 * SECOND
+        # Of another program: names without positions are allowed, and must not end what listens.
+        nobodys = message_class("sensor_msgs/msg/JointState")(name=["wheel"])
 
         def publish() -> None:
             nonlocal stamp
             stamp += SECOND // 30
+            joints.publish(nobodys)
             camera.publish(stamped_pose_message(make, stamp, np.eye(4), covariance))
             joints.publish(
                 message_class("sensor_msgs/msg/JointState")(

@@ -64,6 +64,8 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
         ): "live, give the number of frames (0 to 60)",
         ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
         ("skeleton_solver", *static, "worn", False): "static cameras alone do not know where the body is at first",
+        ("skeleton_solver", "body", body, "worn", False): "worn false: is for static cameras",
+        ("skeleton_solver", "body", body, "start", "start.yaml"): "start start.yaml: is for static cameras",
         ("region_tracker", *static, "camera", "hat"): "there is no camera hat; it has ext_00",
         ("region_tracker", *static, "camera", "ext_00", "surface", str(tmp_path / "no_scan")): "no_scan",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",

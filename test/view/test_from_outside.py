@@ -25,6 +25,7 @@ from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.scene import Scene
 from bodycam_ros.view.scene_nodes import rgb, segment_name
 from bodycam_ros.view.sources import Sources
+from bodycam_ros.view.station_scene import StationScene
 
 STATIONS = stations_around(2)
 
@@ -116,6 +117,17 @@ def test_the_contour_is_drawn_into_a_stations_image(server: LocalServer, scene: 
     assert server.scene.get_handle_by_name("/world/stations/ext_01").image is not None
     scene.show_picture(body, 0, "ext_00", None)
     assert server.scene.get_handle_by_name("/world/stations/ext_01").image is None
+
+
+def test_the_contour_is_that_of_the_body_as_it_is_corrected(server: LocalServer, body: BodyModel) -> None:
+    longer = Correction(body).moved_by(Part("joint", "knee_left"), Move(np.array([0.0, 0.0, -60.0]), np.zeros(3))).body
+    seen = StationScene(server.scene, STATIONS)
+    contours = [
+        scene.contour("ext_01", shown, capsule_surfaces(shown), Motion.standing(shown).segments_at(shown, 0))
+        for scene, shown in ((seen, body), (seen, longer), (StationScene(server.scene, STATIONS), longer))
+    ]
+    np.testing.assert_array_equal(contours[1], contours[2])
+    assert not np.array_equal(contours[0], contours[1])
 
 
 def test_hands_are_seen_but_not_written(stations: Path, body_file: Path) -> None:

@@ -8,13 +8,16 @@ import sys
 from pathlib import Path
 
 import pytest
+from ended_with_us import ended_with_us
 
 REPOSITORY = Path(__file__).parent.parent.parent
 
 
 def bodycam_view(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=REPOSITORY, timeout=120)
+    return subprocess.run(
+        ended_with_us(command), capture_output=True, text=True, check=False, cwd=REPOSITORY, timeout=120
+    )
 
 
 @pytest.mark.parametrize(("signal_number", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -23,8 +26,9 @@ def test_it_prints_its_address_and_ends_cleanly(
 ) -> None:
     command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", "--map", str(sample / "map")]
     command += ["--body", str(body_file), "--port", "0"]
+    pipe = subprocess.PIPE
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=REPOSITORY, process_group=0
+        ended_with_us(command), stdout=pipe, stderr=pipe, text=True, cwd=REPOSITORY, process_group=0
     ) as process:
         assert process.stdout is not None and process.stderr is not None
         address = process.stdout.readline()
