@@ -85,6 +85,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [f for kind in ("yaml", "xml", "rviz", "json") for f in glob(f"config/*.{kind}")]),
         (f"share/{NAME}/config/equipment", glob("config/equipment/*.yaml")),
+        (f"share/{NAME}/config/robot", glob("config/robot/*.yaml")),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=[

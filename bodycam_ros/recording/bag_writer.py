@@ -26,11 +26,11 @@ from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
-LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
+_LATCHED_TOPICS = frozenset({"/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
-_LATCHED_ENDINGS = ("/camera_info", "/timing")
-"""And those of every camera."""
+_LATCHED_ENDINGS = ("/robot_description", "/camera_info", "/timing")
+"""And those of every body and robot, and of every camera."""
 
 INGEST = "bodycam ingest"
 _WRITTEN_BY = "written_by"
@@ -154,7 +154,7 @@ def _topic_types(information: dict[str, Any]) -> dict[str, str]:
 
 def is_latched(topic: str) -> bool:
     """Whether the topic's last message still reaches those that subscribe late."""
-    return topic in LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
+    return topic in _LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
 
 
 def _quality(topic: str) -> Qos:
