@@ -120,20 +120,30 @@ def check_replaceable(force: bool, path: Path) -> None:
         )
 
 
-def check_ingested(force: bool, path: Path) -> None:
-    """Refuse to replace what is no bag that was made of videos, which are there to make it again.
+def check_written_by(command: str, what: str, force: bool, path: Path) -> None:
+    """Refuse to replace what is no bag of a command that can make it again from what it was made of.
+
+    Args:
+        command: that wrote it, as ``written_by`` of ``write_recording``.
+        what: it writes, for messages: "bag of videos".
+        force: replace what it wrote.
+        path: of the bag to be.
 
     Raises:
-        OutputError: something is at ``path``, and ``force`` is off or it is no bag that 'bodycam ingest' wrote.
+        OutputError: something is at ``path``, and ``force`` is off or it is no bag that the command wrote.
     """
-    check_folder(path, force, METADATA, _PARTS, "bag of videos")
+    check_folder(path, force, METADATA, _PARTS, what)
     if not any(path.iterdir()):
         return
     custom = _information(path / METADATA).get("custom_data")
-    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != INGEST:
+    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != command:
         raise OutputError(
-            f"{path}: is no bag that '{INGEST}' wrote, so --force does not replace it; choose another name"
+            f"{path}: is no bag that '{command}' wrote, so --force does not replace it; choose another name"
         )
+
+
+check_ingested = partial(check_written_by, INGEST, "bag of videos")
+"""Videos are there to make such a bag again."""
 
 
 def _information(metadata: Path) -> dict[str, Any]:
