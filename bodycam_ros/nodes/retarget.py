@@ -126,7 +126,7 @@ class RetargetNode(StageNode[RetargetParameters]):
         names = self._robot.joint_names
         self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
-            root = f"{self.parameters.robot}/{self._robot.mapping.root}"
+            root = f"{self.parameters.robot}/{self._robot.tree_root}"
             self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
 
     def health(self) -> list[Health]:

@@ -41,6 +41,7 @@ class Robot:
         model: pinocchio's, with a floating base.
         hulls: pinocchio's collision geometry, each mesh replaced by its convex hull.
         pairs: (K, 2) of hulls that must stay apart.
+        tree_root: link that all others hang on, which need not be the one that follows the pelvis.
         joint_names: (J,) that turn or slide, in the order of a configuration's.
         lowest, highest: (J,) limits [rad or m].
         fastest: (J,) limits of their speeds [rad/s or m/s].
@@ -62,6 +63,7 @@ class Robot:
             )
         except (ValueError, RuntimeError) as error:
             raise BodyError(f"{urdf}: cannot be read as a robot: {error}") from error
+        self.tree_root = next(str(f.name) for f in self.model.frames if f.type == pin.FrameType.BODY)
         self.joint_names = tuple(self.model.names[2:])
         self._check(urdf)
         self.lowest = np.asarray(self.model.lowerPositionLimit[FLOATING:], np.float64)

@@ -107,5 +107,5 @@ def robot_messages(make: MessageFactory, robot: Robot, state: RobotState) -> dic
         "/joint_states": joint_state_message(
             make, state.stamp_ns, robot.joint_names, state.positions, state.velocities
         ),
-        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.mapping.root, state.world_T_root)]),
+        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.tree_root, state.world_T_root)]),
     }

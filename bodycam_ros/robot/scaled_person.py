@@ -65,8 +65,8 @@ class ScaledPerson:
         hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
         if hips[2] <= ankles[2]:
             raise BodyError(
-                f"{mapping.path}: in the N-pose the ankles of the robot are not below its hips: name the links from the "
-                "hip down, and in n_pose the angles in which it stands"
+                f"{mapping.path}: in the N-pose the ankles of the robot are not below its hips: name the links from "
+                "the hip down, and in n_pose the angles in which it stands"
             )
         legs = [self._bones(at_rest, side, _LEG) for side in SIDES]
         self.scale = float(reach * (hips - ankles)[2]) / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))

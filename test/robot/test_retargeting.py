@@ -12,7 +12,7 @@ from unshown_progress import Unshown
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
@@ -156,6 +156,25 @@ def test_a_robot_that_stands_on_its_head_is_refused(robot: Robot, solved: Solved
     upside_down = {side: limb[::-1] for side, limb in robot.mapping.legs.items()}
     with pytest.raises(BodyError, match=r"talos.yaml: in the N-pose the ankles of the robot are not below its hips"):
         Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)), RetargetSettings())
+
+
+def test_what_all_links_hang_on_is_placed_even_if_another_follows_the_pelvis(
+    robot: Robot, solved: SolvedBody, poses: Array, tmp_path: Path
+) -> None:
+    """Many robots have a footprint above their base; who publishes a tree of transforms begins with it."""
+    hung = (
+        '<link name="footprint"/><joint name="above" type="fixed"><parent link="footprint"/><child link="base_link"/>'
+        '<origin xyz="0.1 0 1.0" rpy="0 0 0.5"/></joint></robot>'
+    )
+    path = tmp_path / "hung.urdf"
+    path.write_text(talos_urdf().read_text().replace("</robot>", hung).replace("package://", f"{_share()}/"))
+    other = Robot(path, robot.mapping)
+    assert (robot.tree_root, other.tree_root) == ("base_link", "footprint")
+    base, under = (
+        Retargeting(solved.body, of, RetargetSettings()).follow(0, poses[0]).world_T_root for of in (robot, other)
+    )
+    footprint_T_base = rigid(exp_so3(np.array([0.0, 0.0, 0.5])), np.array([0.1, 0.0, 1.0]))
+    np.testing.assert_allclose(under @ footprint_T_base, base, atol=1e-6)
 
 
 def test_a_person_without_an_arm_is_refused(robot: Robot, solved: SolvedBody) -> None:
