@@ -1,10 +1,11 @@
 """The live graph: a tracker for each camera of the body, the registration and the solver, and a bag if one is given;
-static cameras have a region tracker each.
+static cameras have a region tracker each, and a robot may follow.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml equipment:=bicycle
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml stations:=cameras.yaml [surface:=FOLDER]
 ros2 launch bodycam_ros bodycam.launch.py body:=body.yaml stations:=cameras.yaml start:=start.yaml
+ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml robot:=robot.urdf mapping:=mapping.yaml
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP rig:=rig.yaml body:=body.yaml    then call /skeleton_solver/calibrate
 """
 
@@ -15,7 +16,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironment
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
-from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph, outside_input, player, stations_of
+from bodycam_ros.nodes.graph import NodeProcess, cameras_of, follower, live_graph, outside_input, player, stations_of
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
@@ -81,6 +82,14 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="",
                 description="with stations: YAML of where the person stands at first; empty where worn cameras tell",
             ),
+            DeclareLaunchArgument(
+                "robot", default_value="", description="URDF of a robot that follows the person; none if empty"
+            ),
+            DeclareLaunchArgument(
+                "mapping",
+                default_value="",
+                description="with robot: YAML of which links of it follow what, as config/robot/talos.yaml",
+            ),
             DeclareLaunchArgument("bagfile", default_value="", description="ros2 bag or .mcap file to play"),
             DeclareLaunchArgument("rate", default_value="1.0", description="times the recorded speed, for bagfile"),
             DeclareLaunchArgument(
@@ -122,6 +131,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         value("equipment"),
         outside_input(path("stations"), path("surface"), path("start")),
     )
+    graph += follower(path("robot"), path("mapping"))
     actions = [_action(node, value("config"), TRUTH[value("respawn")]) for node in graph]
     if value("bagfile"):
         # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.

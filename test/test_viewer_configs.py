@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.bag_writer import LATCHED_TOPICS
+from bodycam_ros.recording.bag_writer import is_latched
 
 CONFIG = Path(__file__).parent.parent / "config"
 
@@ -82,7 +82,7 @@ def test_rviz_shows_topics_of_a_solved_bag_with_their_types(
     for kind, topic, durability in shown:
         assert published[topic] == SHOWN_BY_RVIZ[kind]
         # Who asks for latched messages where none are offered hears nothing; who does not comes too late for the map.
-        assert (durability == "Transient Local") == (topic in LATCHED_TOPICS)
+        assert (durability == "Transient Local") == is_latched(topic)
     assert {rviz["Global Options"]["Fixed Frame"], rviz["Views"]["Current"]["Target Frame"]} <= frames
 
 

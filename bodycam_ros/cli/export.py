@@ -7,7 +7,6 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
 from bodycam_ros.cli.settings_flags import offer_settings
@@ -21,10 +20,8 @@ from bodycam_ros.export.rest_pose import REST_POSES
 from bodycam_ros.export.writing import export, export_all
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
+from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.shown import printable
-
-if TYPE_CHECKING:
-    from bodycam_ros.robot.retargeting import RobotSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -72,7 +69,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--mapping", type=Path, metavar="YAML", help=f"which of its links follow what, see config/robot ({ROBOT})"
     )
-    offer_settings(parser, _robot_settings)
+    parser.add_argument("--config", type=Path, help=f"ROS parameter YAML with settings; flags win over it ({ROBOT})")
+    offer_settings(parser, lambda: RobotSettings)
     parser.set_defaults(run=run)
 
 
@@ -84,7 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.to == ROBOT:
         return run_robot(arguments, options)
-    if given := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is not None]:
+    of_robot = [name for name in vars(arguments) if name in ("urdf", "mapping", "config") or "." in name]
+    if given := [f"--{name}" for name in of_robot if getattr(arguments, name) is not None]:
         raise SettingsError(f"{', '.join(given)} says nothing to {arguments.to}; {ROBOT} heeds it")
     check_output(output, sources, makes_folders=len(sources) > 1)
     if len(sources) == 1:
@@ -102,12 +101,6 @@ class _Bars:
     def step(self, name: str, total: int) -> Iterator[Advance]:
         with shown_progress() as progress, progress.step(name, total) as advance:
             yield advance
-
-
-def _robot_settings() -> "type[RobotSettings]":
-    from bodycam_ros.robot.retargeting import RobotSettings
-
-    return RobotSettings
 
 
 def _heeding(option: str) -> str:

@@ -1,5 +1,6 @@
 """Writes what is exported: every file whole or none, and never over what no such command wrote."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -113,9 +114,12 @@ def _contents(
     source: Path, output: Path, chosen: Format, options: MotionOptions, progress: Progress
 ) -> dict[Path, bytes]:
     made = chosen.content(source, options, progress)
+    places = {suffix: output.with_suffix(suffix) if suffix else output for suffix in made}
+    if len(set(places.values())) < len(places):
+        twice = next(path for path, count in Counter(places.values()).items() if count > 1)
+        raise OutputError(f"{twice}: would be two of the files to write; choose another name, or rename the segments")
     return {
-        output.with_suffix(suffix) if suffix else output: content.encode() if isinstance(content, str) else content
-        for suffix, content in made.items()
+        places[suffix]: content.encode() if isinstance(content, str) else content for suffix, content in made.items()
     }
 
 

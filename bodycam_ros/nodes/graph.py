@@ -12,6 +12,7 @@ from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import read_stations, refuse_worn
+from bodycam_ros.robot.mapping import read_mapping
 
 READERS_OF_INFO = 3
 """Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
@@ -205,6 +206,24 @@ def cameras_of(graph: Iterable[NodeProcess]) -> list[str]:
 def stations_of(graph: Iterable[NodeProcess]) -> list[str]:
     """The static cameras that a graph looks through."""
     return [str(node.parameters["camera"]) for node in graph if node.executable == "region_tracker"]
+
+
+def follower(urdf: Path | None, mapping: Path | None) -> list[NodeProcess]:
+    """A robot that follows the body, if there is one.
+
+    Args:
+        urdf: of the robot.
+        mapping: YAML of which of its links follow what.
+
+    Raises:
+        BodyError: one is given without the other, or the mapping cannot be read.
+    """
+    if urdf is None and mapping is None:
+        return []
+    if urdf is None or mapping is None:
+        raise BodyError("a robot that follows needs both: robot:=ROBOT.urdf mapping:=MAPPING.yaml")
+    read_mapping(mapping)
+    return [NodeProcess("retarget", "retarget", {"urdf": str(urdf), "mapping": str(mapping)})]
 
 
 def player(

@@ -1,5 +1,6 @@
 """Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.factory import Message, numbers
@@ -25,6 +26,8 @@ from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 _KEPT = 100  # instants of which only the angles, or only the root, is known
+_SKIPPED = "instants skipped"
+_NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
 @dataclass
@@ -42,6 +45,9 @@ class RetargetNode(StageNode[RetargetParameters]):
     def __init__(self) -> None:
         super().__init__("retarget", RetargetParameters)
         of = self.parameters
+        # Without one the robot would publish what it listens to.
+        if not _NAMESPACE.fullmatch(of.robot):
+            raise SettingsError(f"the parameter 'robot' must be a namespace such as talos, not '{of.robot}'")
         self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
         self._retarget = robot_settings(self.given).retarget
         declare(self, self._retarget, "retarget")
@@ -62,50 +68,55 @@ class RetargetNode(StageNode[RetargetParameters]):
     def _on_body(self, message: Message) -> None:
         try:
             body = body_from_urdf(message.data)
+            if self._following is None:
+                self._following = Retargeting(body, self._robot, self._retarget)
+            else:
+                self._following.imitate(body)
         except BodyError as error:
+            self._body = None  # what is told from now on is of a body that the robot cannot follow
             self.skipped.add("bodies skipped", f"robot_description: {error}")
             return
-        if self._following is None:
-            self._following = Retargeting(body, self._robot, self._retarget)
-        else:
-            self._following.imitate(body)
         self._body, self._joint_angles = body, JointAngles(body)
 
     def _on_angles(self, message: Message) -> None:
-        self._angles[stamp_ns(message.header.stamp)] = self._named(message)
-        self._follow(stamp_ns(message.header.stamp))
-
-    @staticmethod
-    def _named(message: Message) -> dict[str, float]:
-        positions = numbers(message.position, np.float64, len(message.name))
-        return dict(zip(message.name, positions.tolist(), strict=True))
+        instant_ns = stamp_ns(message.header.stamp)
+        try:
+            angles = numbers(message.position, np.float64, len(message.name))
+        except ValueError as error:
+            self.skipped.add(_SKIPPED, f"joint_states: malformed message ({error})")
+            return
+        self._angles[instant_ns] = dict(zip(message.name, angles.tolist(), strict=True))
+        self._follow(instant_ns)
 
     def _on_root(self, message: Message) -> None:
-        self._roots[stamp_ns(message.header.stamp)] = pose_and_covariance(message.pose)[0]
-        self._follow(stamp_ns(message.header.stamp))
+        instant_ns = stamp_ns(message.header.stamp)
+        self._roots[instant_ns] = pose_and_covariance(message.pose)[0]
+        self._follow(instant_ns)
 
     def _follow(self, instant_ns: int) -> None:
         """Follow an instant once its angles and its root have come, and the body is known."""
         for waiting in (self._angles, self._roots):
             while len(waiting) > _KEPT:
                 del waiting[next(iter(waiting))]
-        if (
-            self._following is None
-            or self._body is None
-            or not (self._angles.keys() & {instant_ns} & self._roots.keys())
-        ):
+        known = instant_ns in self._angles and instant_ns in self._roots
+        if self._following is None or self._body is None or not known:
             return
-        angles, root = self._angles.pop(instant_ns), self._roots.pop(instant_ns)
+        told, root = self._angles.pop(instant_ns), self._roots.pop(instant_ns)
         names = self._joint_angles.names
-        if missing := [name for name in names if name not in angles]:
-            self.skipped.add(
-                "instants skipped", f"joint_states lacks {missing[0]}; is it of another robot_description?"
-            )
+        if missing := [name for name in names if name not in told]:
+            self.skipped.add(_SKIPPED, f"joint_states lacks {missing[0]}; is it of another robot_description?")
+            return
+        angles = np.array([told[name] for name in names])
+        if not (np.isfinite(angles).all() and np.isfinite(root).all()):
+            self.skipped.add(_SKIPPED, f"joint_states or odometry at {instant_ns} ns is not finite")
+            return
+        if instant_ns == self._followed_ns:
+            self.skipped.add(_SKIPPED, f"the instant {instant_ns} ns was told twice; do two solvers publish?")
             return
         if instant_ns < self._followed_ns:
             self._following = Retargeting(self._body, self._robot, self._retarget)
         self._followed_ns = instant_ns
-        poses = self._joint_angles.poses(np.array([angles[name] for name in names]))
+        poses = self._joint_angles.poses(angles)
         self._publish(self._following.follow(instant_ns, self._body.forward_kinematics(root, poses)))
 
     def _publish(self, state: RobotState) -> None:
@@ -115,7 +126,7 @@ class RetargetNode(StageNode[RetargetParameters]):
         names = self._robot.joint_names
         self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
-            root = f"{self.parameters.robot}/{self._robot.mapping.root}"
+            root = f"{self.parameters.robot}/{self._robot.tree_root}"
             self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
 
     def health(self) -> list[Health]:
@@ -127,8 +138,10 @@ class RetargetNode(StageNode[RetargetParameters]):
             "instants held by limits": tally.held,
             **self.skipped.counts,
         }
+        skipped = self.skipped.lately()
         if not tally.instants:
-            return [Health("robot", HealthLevel.WARN, "nothing to follow: no body is solved", values)]
+            text = self.skipped.latest if skipped or self._body is None else ""
+            return [Health("robot", HealthLevel.WARN, text or "nothing to follow: no body is solved", values)]
         level, text = (HealthLevel.WARN, "its limits hold it back") if tally.held else (HealthLevel.OK, "follows")
         return [Health("robot", level, text, values)]
 

@@ -26,11 +26,11 @@ from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
-LATCHED_TOPICS = frozenset({"/robot_description", "/map/points", "/tf_static"})
+_LATCHED_TOPICS = frozenset({"/map/points", "/tf_static"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
-_LATCHED_ENDINGS = ("/camera_info", "/timing")
-"""And those of every camera."""
+_LATCHED_ENDINGS = ("/robot_description", "/camera_info", "/timing")
+"""And those of every body and robot, and of every camera."""
 
 INGEST = "bodycam ingest"
 _WRITTEN_BY = "written_by"
@@ -120,20 +120,30 @@ def check_replaceable(force: bool, path: Path) -> None:
         )
 
 
-def check_ingested(force: bool, path: Path) -> None:
-    """Refuse to replace what is no bag that was made of videos, which are there to make it again.
+def check_written_by(command: str, what: str, force: bool, path: Path) -> None:
+    """Refuse to replace what is no bag of a command that can make it again from what it was made of.
+
+    Args:
+        command: that wrote it, as ``written_by`` of ``write_recording``.
+        what: it writes, for messages: "bag of videos".
+        force: replace what it wrote.
+        path: of the bag to be.
 
     Raises:
-        OutputError: something is at ``path``, and ``force`` is off or it is no bag that 'bodycam ingest' wrote.
+        OutputError: something is at ``path``, and ``force`` is off or it is no bag that the command wrote.
     """
-    check_folder(path, force, METADATA, _PARTS, "bag of videos")
+    check_folder(path, force, METADATA, _PARTS, what)
     if not any(path.iterdir()):
         return
     custom = _information(path / METADATA).get("custom_data")
-    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != INGEST:
+    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != command:
         raise OutputError(
-            f"{path}: is no bag that '{INGEST}' wrote, so --force does not replace it; choose another name"
+            f"{path}: is no bag that '{command}' wrote, so --force does not replace it; choose another name"
         )
+
+
+check_ingested = partial(check_written_by, INGEST, "bag of videos")
+"""Videos are there to make such a bag again."""
 
 
 def _information(metadata: Path) -> dict[str, Any]:
@@ -154,7 +164,7 @@ def _topic_types(information: dict[str, Any]) -> dict[str, str]:
 
 def is_latched(topic: str) -> bool:
     """Whether the topic's last message still reaches those that subscribe late."""
-    return topic in LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
+    return topic in _LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
 
 
 def _quality(topic: str) -> Qos:

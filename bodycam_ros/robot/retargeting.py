@@ -54,7 +54,7 @@ class RobotState:
 
     Attributes:
         stamp_ns: the person's.
-        world_T_root: (4, 4) of its root link [m].
+        world_T_root: (4, 4) of the link that all others of its URDF hang on [m].
         positions: (J,) of its joints [rad or m].
         velocities: (J,) since the instant before [rad/s or m/s].
         errors_m: hand or foot -> how far it is from where it should be.
@@ -132,7 +132,8 @@ class Retargeting:
     def _begin(self, targets: Mapping[str, LinkTarget]) -> None:
         """The robot in the N-pose, its root where it should be."""
         q = self._robot.n_pose.copy()
-        q[:FLOATING] = self._pin.SE3ToXYZQUAT(self._pin.SE3(targets[self._robot.mapping.root].world_T_link))
+        placed = targets[self._robot.mapping.root].world_T_link @ self._robot.link_in_n_pose(self._robot.tree_root)
+        q[:FLOATING] = self._pin.SE3ToXYZQUAT(self._pin.SE3(placed))
         model = self._robot.model
         self._configuration = self._pink.Configuration(model, model.createData(), q)
 
@@ -190,7 +191,7 @@ class Retargeting:
         positions = np.clip(self._configuration.q[FLOATING:], self._robot.lowest, self._robot.highest)
         return RobotState(
             stamp_ns,
-            self._pose_of(self._robot.mapping.root),
+            self._pose_of(self._robot.tree_root),
             positions,
             (positions - before[FLOATING:]) / dt_s,
             {

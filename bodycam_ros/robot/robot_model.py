@@ -20,6 +20,10 @@ _FLOATING_SPEEDS = 6
 _TOUCHING_M = 0.02
 """Links that are so near each other in the N-pose are neighbours, and are not kept apart."""
 
+_SPACE = 3
+_FLAT = 1e-6
+"""A mesh whose corners lie so much nearer to a plane than they are apart is in it."""
+
 _LIMITED_BY_JOINTS = 3
 """Links so few joints from each other meet where their joints' limits say; hulls, which fill hollows, do sooner."""
 
@@ -37,13 +41,14 @@ class Robot:
         model: pinocchio's, with a floating base.
         hulls: pinocchio's collision geometry, each mesh replaced by its convex hull.
         pairs: (K, 2) of hulls that must stay apart.
+        tree_root: link that all others hang on, which need not be the one that follows the pelvis.
         joint_names: (J,) that turn or slide, in the order of a configuration's.
         lowest, highest: (J,) limits [rad or m].
         fastest: (J,) limits of their speeds [rad/s or m/s].
         n_pose: (7 + J) configuration in the N-pose, the root at the origin.
 
     Raises:
-        BodyError: no URDF, a mesh is missing, or a link or joint of the mapping is not there.
+        BodyError: no URDF, a mesh is missing or flat, a link or joint of the mapping is not there, or cannot be so.
     """
 
     def __init__(self, urdf: Path, mapping: RobotMapping) -> None:
@@ -58,8 +63,9 @@ class Robot:
             )
         except (ValueError, RuntimeError) as error:
             raise BodyError(f"{urdf}: cannot be read as a robot: {error}") from error
-        self._check(urdf)
+        self.tree_root = next(str(f.name) for f in self.model.frames if f.type == pin.FrameType.BODY)
         self.joint_names = tuple(self.model.names[2:])
+        self._check(urdf)
         self.lowest = np.asarray(self.model.lowerPositionLimit[FLOATING:], np.float64)
         self.highest = np.asarray(self.model.upperPositionLimit[FLOATING:], np.float64)
         speeds = np.asarray(self.model.velocityLimit[_FLOATING_SPEEDS:], np.float64)
@@ -80,17 +86,25 @@ class Robot:
         path = self.mapping.path
         if missing := [link for link in self.mapping.links if not self.model.existFrame(link)]:
             raise BodyError(f"{path}: {urdf.name} has no link {', '.join(missing)}")
-        if missing := [joint for joint in self.mapping.n_pose if joint not in self.model.names]:
+        if missing := [joint for joint in self.mapping.n_pose if joint not in self.joint_names]:
             raise BodyError(f"{path}: n_pose: {urdf.name} has no joint {', '.join(missing)}")
         for name, joint in zip(self.model.names[2:], self.model.joints[2:], strict=True):
             if joint.nq != 1:
                 raise BodyError(f"{urdf}: joint {name} turns for ever or has several angles; give it limits")
+        if flat := [hull.name for hull in self.hulls.geometryObjects if _is_flat(hull.geometry)]:
+            raise BodyError(f"{urdf}: the collision mesh of {', '.join(flat)} is flat; give it a thickness, or a box")
 
     def _standing(self) -> Array:
         """The configuration in the N-pose."""
         joints = np.clip(np.zeros(len(self.joint_names)), self.lowest, self.highest)
         for joint, angle in self.mapping.n_pose.items():
-            joints[self.joint_names.index(joint)] = angle
+            row = self.joint_names.index(joint)
+            low, high = float(self.lowest[row]), float(self.highest[row])
+            if not low <= angle <= high:
+                raise BodyError(
+                    f"{self.mapping.path}: n_pose: {joint} turns from {low:g} to {high:g}, so not to {angle:g}"
+                )
+            joints[row] = angle
         return np.concatenate([[0.0] * 6, [1.0], joints])
 
     def _hulls_apart(self) -> NDArray[np.int64]:
@@ -127,6 +141,15 @@ class Robot:
             ways.append(way)
         shared = next(joint for joint in ways[0] if joint in ways[1])
         return ways[0].index(shared) + ways[1].index(shared)
+
+
+def _is_flat(shape: Any) -> bool:
+    """Whether a shape is a mesh in a plane, of which no hull can be made: the library that makes them would crash."""
+    if not hasattr(shape, "num_vertices"):
+        return False
+    corners = np.array([shape.vertex(row) for row in range(shape.num_vertices)]).reshape(-1, 3)
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False) if len(corners) > _SPACE else np.zeros(1)
+    return bool(spread[-1] <= _FLAT * spread[0])
 
 
 def _pinocchio() -> Any:

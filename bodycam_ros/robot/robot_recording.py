@@ -3,6 +3,7 @@
 import time
 from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,14 @@ from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import MAP_FRAME
 from bodycam_ros.messages.status import text_message
-from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.bag_writer import check_written_by, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
 from bodycam_ros.solved.solved_body import read_solved_body
+
+_COMMAND = "bodycam export --to robot"
 
 
 @dataclass
@@ -67,7 +70,7 @@ def write_robot(
         mapping_path: YAML of what of it follows what.
         output: ros2 bag folder to be, with ``/robot_description``, ``/joint_states`` and ``/tf`` of the robot.
         settings: how it follows.
-        force: replace an output that is there already.
+        force: replace an output that is there already, if it is of a robot.
         progress: is told of the messages, then of the instants.
 
     Raises:
@@ -75,14 +78,17 @@ def write_robot(
         BodyError: the robot or the mapping cannot be used.
         OutputError: the output cannot be written.
     """
-    solved = read_solved_body(source, progress)
+    check = partial(check_written_by, _COMMAND, "bag of a robot")
+    if output.exists():  # asked before the work
+        check(force, output)
     robot = Robot(urdf, read_mapping(mapping_path))
+    solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot, settings)
     joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
     poses = solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
     summary, make = RobotSummary(following.scale), recorded_messages()
     stamps_ns = solved.motion.stamps_ns.tolist()
-    with write_recording(output, force) as writer, progress.step("robot", len(stamps_ns)) as advance:
+    with write_recording(output, force, check, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
             started_s = time.process_time()
@@ -101,5 +107,5 @@ def robot_messages(make: MessageFactory, robot: Robot, state: RobotState) -> dic
         "/joint_states": joint_state_message(
             make, state.stamp_ns, robot.joint_names, state.positions, state.velocities
         ),
-        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.mapping.root, state.world_T_root)]),
+        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.tree_root, state.world_T_root)]),
     }

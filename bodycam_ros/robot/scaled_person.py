@@ -49,7 +49,7 @@ class ScaledPerson:
         scale: of what the legs reach, robot to person.
 
     Raises:
-        BodyError: the person lacks legs, or an arm that the robot has.
+        BodyError: the person lacks legs, or an arm that the robot has; or the robot does not stand on its legs.
     """
 
     def __init__(self, body: BodyModel, robot: Robot, reach: float) -> None:
@@ -63,6 +63,11 @@ class ScaledPerson:
         at_rest = body.forward_kinematics(np.eye(4), np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
         self._in_n = {link: robot.link_in_n_pose(link) for link in mapping.links}
         hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
+        if hips[2] <= ankles[2]:
+            raise BodyError(
+                f"{mapping.path}: in the N-pose the ankles of the robot are not below its hips: name the links from "
+                "the hip down, and in n_pose the angles in which it stands"
+            )
         legs = [self._bones(at_rest, side, _LEG) for side in SIDES]
         self.scale = float(reach * (hips - ankles)[2]) / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))
         self._hips = hips

@@ -210,3 +210,13 @@ def test_a_chain_of_hundreds_of_bones_is_refused_in_words(tmp_path: Path, capsys
         assert main(["export", str(out), "--to", to, "-o", str(tmp_path / "snake")]) == 1
         assert "a chain of more than 200 segments is not written as bones" in capsys.readouterr().err
     assert main(["export", str(out), "--to", "trc", "-o", str(tmp_path / "snake.trc")]) == 0
+
+
+def test_no_file_takes_the_place_of_one_beside_it(
+    capsys: pytest.CaptureFixture[str], gappy: Exported, tmp_path: Path
+) -> None:
+    """The motion would be lost to its model."""
+    output = tmp_path / "model.osim"
+    assert main(["export", str(gappy.out), "--to", "mot", "-o", str(output)]) == 1
+    assert "model.osim: would be two of the files to write" in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir())

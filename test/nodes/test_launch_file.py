@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from launch_stand_in import Node, performed
 from outside.dressed_body import stations_around
+from talos import MAPPING
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
@@ -79,6 +80,20 @@ def test_static_cameras_have_region_trackers(tmp_path: Path) -> None:
     shared = {"body": body, "stations": str(stations), "start": "start.yaml", "equipment": "bicycle"}
     assert alone["region_tracker_ext_00"].parameters == shared | {"camera": "ext_00"}
     assert alone["skeleton_solver"].parameters == shared | {"worn": False}
+
+
+def test_a_robot_follows_where_one_is_given(tmp_path: Path) -> None:
+    given = {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), "bagfile": "bag"}
+    assert "retarget" not in _launched(**given)
+    nodes = _launched(**given, robot="talos.urdf", mapping=str(MAPPING))
+    assert nodes["retarget"].parameters == {"urdf": "talos.urdf", "mapping": str(MAPPING)}
+    assert nodes["retarget"].executable == "retarget" and nodes["retarget"].respawn
+    with pytest.raises(BodyError, match="needs both: robot:=ROBOT.urdf mapping:=MAPPING.yaml"):
+        _launched(**given, robot="talos.urdf")
+    with pytest.raises(BodyError, match="needs both"):
+        _launched(**given, mapping=str(MAPPING))
+    with pytest.raises(BodyError, match="nothing.yaml"):
+        _launched(**given, robot="talos.urdf", mapping="nothing.yaml")
 
 
 @pytest.mark.parametrize("respawn", ["true", "false"])

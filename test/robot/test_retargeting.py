@@ -12,7 +12,7 @@ from unshown_progress import Unshown
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
@@ -120,6 +120,10 @@ def test_what_a_robot_lacks_is_named(robot: Robot, tmp_path: Path) -> None:
         Robot(talos_urdf(), replace(robot.mapping, head="tail"))
     with pytest.raises(BodyError, match=r"n_pose: talos_reduced.urdf has no joint wing"):
         Robot(talos_urdf(), replace(robot.mapping, n_pose={"wing": 0.1}))
+    with pytest.raises(BodyError, match=r"n_pose: talos_reduced.urdf has no joint root_joint"):
+        Robot(talos_urdf(), replace(robot.mapping, n_pose={"root_joint": 0.1}))
+    with pytest.raises(BodyError, match=r"n_pose: leg_left_4_joint turns from 0 to 2.618, so not to -0.5"):
+        Robot(talos_urdf(), replace(robot.mapping, n_pose={"leg_left_4_joint": -0.5}))
     (tmp_path / "robot.urdf").write_text("<robot name='r'><link name='a'/>")
     with pytest.raises(BodyError, match=r"robot.urdf: cannot be read as a robot"):
         Robot(tmp_path / "robot.urdf", robot.mapping)
@@ -130,6 +134,47 @@ def test_what_a_robot_lacks_is_named(robot: Robot, tmp_path: Path) -> None:
     )
     with pytest.raises(BodyError, match=r"meshless.urdf: cannot be read as a robot: .*nowhere"):
         Robot(meshless, robot.mapping)
+
+
+def test_a_flat_mesh_is_refused(robot: Robot, tmp_path: Path) -> None:
+    """A hull of it would crash the process."""
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    mesh = f"<collision><geometry><mesh filename='{tmp_path / 'flat.obj'}'/></geometry></collision>"
+    text, link = talos_urdf().read_text(), '<link name="base_link">'
+    assert link in text
+    (tmp_path / "flat.urdf").write_text(text.replace(link, link + mesh).replace("package://", f"{_share()}/"))
+    with pytest.raises(BodyError, match=r"flat.urdf: the collision mesh of base_link_0 is flat"):
+        Robot(tmp_path / "flat.urdf", robot.mapping)
+
+
+def _share() -> Path:
+    """Where the packages of Talos's meshes are."""
+    return next(folder for folder in talos_urdf().parents if folder.name == "share")
+
+
+def test_a_robot_that_stands_on_its_head_is_refused(robot: Robot, solved: SolvedBody) -> None:
+    upside_down = {side: limb[::-1] for side, limb in robot.mapping.legs.items()}
+    with pytest.raises(BodyError, match=r"talos.yaml: in the N-pose the ankles of the robot are not below its hips"):
+        Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)), RetargetSettings())
+
+
+def test_what_all_links_hang_on_is_placed_even_if_another_follows_the_pelvis(
+    robot: Robot, solved: SolvedBody, poses: Array, tmp_path: Path
+) -> None:
+    """Many robots have a footprint above their base; who publishes a tree of transforms begins with it."""
+    hung = (
+        '<link name="footprint"/><joint name="above" type="fixed"><parent link="footprint"/><child link="base_link"/>'
+        '<origin xyz="0.1 0 1.0" rpy="0 0 0.5"/></joint></robot>'
+    )
+    path = tmp_path / "hung.urdf"
+    path.write_text(talos_urdf().read_text().replace("</robot>", hung).replace("package://", f"{_share()}/"))
+    other = Robot(path, robot.mapping)
+    assert (robot.tree_root, other.tree_root) == ("base_link", "footprint")
+    base, under = (
+        Retargeting(solved.body, of, RetargetSettings()).follow(0, poses[0]).world_T_root for of in (robot, other)
+    )
+    footprint_T_base = rigid(exp_so3(np.array([0.0, 0.0, 0.5])), np.array([0.1, 0.0, 1.0]))
+    np.testing.assert_allclose(under @ footprint_T_base, base, atol=1e-6)
 
 
 def test_a_person_without_an_arm_is_refused(robot: Robot, solved: SolvedBody) -> None:

@@ -1,0 +1,164 @@
+"""``bodycam export --to robot``: what it writes as rosbags reads it, and what it refuses, leaving nothing behind."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yourdfpy
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from talos import MAPPING, talos_urdf
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.errors import BodyError
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.robot.retargeting import Retargeting, RobotState
+from bodycam_ros.solved.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE
+
+Array = NDArray[np.float64]
+KEPT = 12  # instants of the sample, so that it takes no longer than it must
+
+
+@pytest.fixture(scope="module")
+def solved(sample_out: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The body and its first instants."""
+    path = tmp_path_factory.mktemp("short") / "out"
+    with AnyReader([sample_out]) as bag, write_recording(path) as writer:
+        for topic, kind in {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}.items():
+            wanted = [connection for connection in bag.connections if connection.topic == topic]
+            for row, (_, stamp_ns, cdr) in enumerate(bag.messages(wanted)):
+                if row < KEPT:
+                    writer.write_serialized(topic, kind, stamp_ns, cdr)
+    return path
+
+
+def robot_flags() -> list[str]:
+    return ["--urdf", str(talos_urdf()), "--mapping", str(MAPPING)]
+
+
+def exported(*given: str | Path) -> int:
+    return main(["export", "--to", "robot", *map(str, given)])
+
+
+@pytest.fixture(scope="module")
+def written(solved: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("robot") / "talos"
+    assert exported(solved, *robot_flags(), "-o", path) == 0
+    return path
+
+
+def test_what_is_written_moves_the_robot_that_is_described(solved: Path, written: Path) -> None:
+    seconds: list[float] = []
+    positions, velocities, feet = [], [], []
+    with AnyReader([written]) as bag:
+        assert {topic: of.msgcount for topic, of in bag.topics.items()} == {
+            "/robot_description": 1,
+            "/joint_states": KEPT,
+            "/tf": KEPT,
+        }
+        told = {c.topic: [bag.deserialize(cdr, c.msgtype) for _, _, cdr in bag.messages([c])] for c in bag.connections}
+        stamps = [stamp for _, stamp, _ in bag.messages([c for c in bag.connections if c.topic == "/joint_states"])]
+    assert told["/robot_description"][0].data == talos_urdf().read_text()
+    robot = yourdfpy.URDF.load(str(talos_urdf()), load_meshes=False, build_scene_graph=True)
+    for state, moved in zip(told["/joint_states"], told["/tf"], strict=True):
+        assert sorted(state.name) == sorted(robot.actuated_joint_names)
+        seconds.append(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
+        positions.append(state.position)
+        velocities.append(state.velocity)
+        (placed,) = moved.transforms
+        assert (placed.header.frame_id, placed.child_frame_id) == ("map", "base_link")
+        assert placed.header.stamp == state.header.stamp
+        robot.update_cfg(dict(zip(state.name, state.position, strict=True)))
+        foot = robot.get_transform("left_sole_link", "base_link")[:3, 3]
+        rotation, at = placed.transform.rotation, placed.transform.translation
+        feet.append(turned([rotation.x, rotation.y, rotation.z, rotation.w], foot)[2] + at.z)
+    np.testing.assert_allclose(seconds, 1e-9 * np.array(stamps), atol=1e-6)
+    with AnyReader([solved]) as bag:
+        assert stamps == [stamp for c, stamp, _ in bag.messages() if c.topic == "/joint_states"]
+    # Nobody knows how fast it was before the first instant; later ones say how it went on.
+    np.testing.assert_array_equal(velocities[0], 0.0)
+    np.testing.assert_allclose(velocities[1:], np.diff(positions, axis=0) / np.diff(stamps)[:, None] * 1e9, atol=1e-6)
+    assert np.abs(velocities[1:]).max() > 0.1
+    assert -0.03 < min(feet) and max(feet) < 0.5
+
+
+def turned(xyzw: list[float], vector: Array) -> Array:
+    """A vector turned by a quaternion."""
+    axis = np.array(xyzw[:3])
+    across: Array = 2.0 * np.cross(axis, vector)
+    return np.asarray(vector + xyzw[3] * across + np.cross(axis, across))
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (["--mapping", "m.yaml"], "--to robot needs --urdf: which robot"),
+        ([], "needs --urdf and --mapping"),
+        (["again", "--urdf", "r.urdf", "--mapping", "m.yaml"], "takes one recording a call, not 2"),
+        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate says nothing to robot"),
+        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.rounds", "99"], "rounds = 99 is out of range"),
+        (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
+        (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
+        (["--to", "bvh", "--mapping", "m.yaml"], "--mapping says nothing to bvh; robot heeds it"),
+        (["--to", "bvh", "--retarget.rounds", "3"], "--retarget.rounds says nothing to bvh"),
+        (["--to", "bvh", "--config", "c.yaml"], "--config says nothing to bvh"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_leaves_nothing(
+    capsys: pytest.CaptureFixture[str], solved: Path, tmp_path: Path, given: list[str], complaint: str
+) -> None:
+    assert exported(solved, *given, "-o", tmp_path / "talos") == 1
+    error = capsys.readouterr().err
+    assert error.strip().startswith("bodycam: error: ") and complaint in " ".join(error.split())
+    assert not list(tmp_path.iterdir())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def scale_of(printed: str) -> float:
+    """What the command says of the robot's size."""
+    (scale,) = re.findall(r"instants at ([\d.]+) of the person's size", " ".join(printed.split()))
+    return float(scale)
+
+
+def test_only_robots_are_replaced(
+    capsys: pytest.CaptureFixture[str], solved: Path, written: Path, tmp_path: Path
+) -> None:
+    there = Path(shutil.copytree(written, tmp_path / "talos"))
+    before = contents(there)
+    assert exported(solved, *robot_flags(), "-o", there) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert contents(there) == before
+    config = tmp_path / "settings.yaml"
+    config.write_text("/**:\n  ros__parameters:\n    retarget:\n      reach: 0.6\n")
+    assert exported(solved, *robot_flags(), "--config", config, "-o", there, "--force") == 0
+    assert contents(there) != before
+    by_config = scale_of(capsys.readouterr().out)
+    assert exported(solved, *robot_flags(), "--config", config, "--retarget.reach", 0.9, "-o", there, "--force") == 0
+    assert scale_of(capsys.readouterr().out) / by_config == pytest.approx(0.9 / 0.6, abs=0.03)
+
+    person = Path(shutil.copytree(solved, tmp_path / "person"))
+    assert exported(solved, *robot_flags(), "-o", person, "--force") == 1
+    assert "is no bag that 'bodycam export --to robot' wrote" in " ".join(capsys.readouterr().err.split())
+    assert contents(person) == contents(solved)
+
+
+def test_what_ends_half_way_leaves_nothing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, solved: Path, tmp_path: Path
+) -> None:
+    follow, done = Retargeting.follow, []
+
+    def breaks(self: Retargeting, stamp_ns: int, world_T_segment: Array) -> RobotState:
+        done.append(stamp_ns)
+        if len(done) > KEPT // 2:
+            raise BodyError("the robot fell")
+        return follow(self, stamp_ns, world_T_segment)
+
+    monkeypatch.setattr(Retargeting, "follow", breaks)
+    assert exported(solved, *robot_flags(), "-o", tmp_path / "talos") == 1
+    assert "the robot fell" in capsys.readouterr().err
+    assert len(done) > KEPT // 2 and not list(tmp_path.iterdir())

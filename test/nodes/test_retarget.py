@@ -1,0 +1,124 @@
+"""Node ``retarget``: a real process lets Talos do what it is told of the sample's person, as offline."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from talos import MAPPING, talos_urdf
+from unshown_progress import Unshown
+
+from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.messages.factory import numbers
+from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.nodes.graph import follower
+from bodycam_ros.robot.mapping import read_mapping
+from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.robot_model import Robot
+from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
+
+INSTANTS = slice(0, 30, 5)
+_START_S, _SOON_S = 60.0, 30.0
+_HEARD = {
+    "/robot/robot_description": "std_msgs/msg/String",
+    "/robot/joint_states": "sensor_msgs/msg/JointState",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+
+
+@pytest.fixture(scope="module")
+def solved(sample_out: Path) -> SolvedBody:
+    return read_solved_body(sample_out, Unshown())
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot(talos_urdf(), read_mapping(MAPPING))
+
+
+@pytest.fixture(scope="module")
+def states(robot: Robot, solved: SolvedBody) -> list[RobotState]:
+    """What the robot does offline."""
+    following = Retargeting(solved.body, robot, RetargetSettings())
+    motion = solved.motion
+    poses = solved.body.forward_kinematics(
+        motion.world_T_root[INSTANTS], JointAngles(solved.body).poses(motion.joint_angles[INSTANTS])
+    )
+    return [following.follow(*each) for each in zip(motion.stamps_ns[INSTANTS].tolist(), poses, strict=True)]
+
+
+class Solver:
+    """Says what the solver would, of the sample's person."""
+
+    def __init__(self, graph: Any, solved: SolvedBody) -> None:
+        from bodycam_ros.nodes.message_classes import node_messages
+        from bodycam_ros.nodes.qos import latched
+
+        self._solved, self._make = solved, node_messages()
+        self._described = graph.publisher("/robot_description", "std_msgs/msg/String", latched())
+        self._angles = graph.publisher("/joint_states", "sensor_msgs/msg/JointState")
+        self._root = graph.publisher("/odometry", "nav_msgs/msg/Odometry")
+
+    def is_heard(self) -> bool:
+        return all(each.get_subscription_count() for each in (self._described, self._angles, self._root))
+
+    def describe(self, text: str) -> None:
+        from bodycam_ros.messages.status import text_message
+
+        self._described.publish(text_message(self._make, text))
+
+    def tell(self, row: int, **angles: float) -> None:
+        """An instant; angles are given to joints by name instead of what was solved."""
+        from bodycam_ros.messages.body import joint_state_message
+        from bodycam_ros.messages.header import MAP_FRAME, header_message
+        from bodycam_ros.messages.pose import pose_with_covariance_message
+
+        motion = self._solved.motion
+        stamp, root = int(motion.stamps_ns[row]), motion.world_T_root[row]
+        known = dict(zip(motion.joint_names, motion.joint_angles[row].tolist(), strict=True)) | angles
+        positions = np.array(list(known.values()))
+        self._angles.publish(joint_state_message(self._make, stamp, list(known), positions, np.zeros(len(known))))
+        pose = pose_with_covariance_message(self._make, root, np.eye(6))
+        header = header_message(self._make, stamp, MAP_FRAME)
+        self._root.publish(self._make("nav_msgs/msg/Odometry", header=header, child_frame_id="pelvis", pose=pose))
+
+
+def test_a_robot_follows_live_as_offline(
+    graph: Any, robot: Robot, solved: SolvedBody, states: list[RobotState]
+) -> None:
+    graph.listen(_HEARD)
+    solver = Solver(graph, solved)
+    (started,) = graph.start(*follower(talos_urdf(), MAPPING))
+    graph.until_known(_START_S)
+    graph.until(solver.is_heard, _START_S, "the robot hears the solver")
+
+    legless = urdf_text(solved.body).replace("shin_left", "stump")
+    solver.describe(legless)
+    solver.tell(0)
+    graph.until(lambda: "has no shin_left" in graph.diagnostics("retarget: robot").get("text", ""), _SOON_S, "a no")
+    assert started.process.poll() is None and not graph.heard["/robot/joint_states"]
+
+    solver.describe(urdf_text(solved.body))
+    rows = range(len(solved.motion.stamps_ns))[INSTANTS]
+    for row in rows:
+        solver.tell(row)
+    solver.tell(rows[-1])  # once more
+    solver.tell(rows[-1] + 1, knee_left_y=math.nan)
+    graph.until(lambda: len(graph.heard["/robot/joint_states"]) >= len(rows), _SOON_S, "an answer to every instant")
+    graph.until(
+        lambda: graph.diagnostics("retarget: robot").get("instants skipped") == "2", _SOON_S, "what is no instant"
+    )
+    assert set(graph.end().values()) == {0}, graph.report()
+    assert "Traceback" not in graph.report()
+
+    said = graph.messages("/robot/joint_states")
+    assert [stamp_ns(message.header.stamp) for message in said] == [state.stamp_ns for state in states]
+    for message, state in zip(said, states, strict=True):
+        assert tuple(message.name) == robot.joint_names
+        for told, offline in ((message.position, state.positions), (message.velocity, state.velocities)):
+            np.testing.assert_allclose(numbers(told, np.float64, len(robot.joint_names)), offline, atol=1e-6)
+    assert np.ptp([message.position for message in said], axis=0).max() > 0.05  # it moves
+    (described,) = graph.messages("/robot/robot_description")
+    assert described.data == talos_urdf().read_text()
