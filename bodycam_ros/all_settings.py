@@ -18,7 +18,7 @@ OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     LensCalibrationSettings,
     RobotSettings,
 )
-"""Those that commands alone read."""
+"""Those that no stage of the pipeline reads: commands do, and of the nodes only ``retarget`` its own."""
 
 ALL: tuple[type[SettingsGroups], ...] = (PipelineSettings, CalibrationSettings, *OF_COMMANDS)
 

@@ -1,5 +1,6 @@
 """Pictures of a board: images, or of a video the sharpest frame of each part."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ class LensPicture:
 
 
 def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
-    """Pictures of videos, of images and of folders with images, all of one size.
+    """Pictures of videos, of images and of folders with images, all of one size, each with a name of its own.
 
     Raises:
         LensError: there is none, or they differ in size.
@@ -36,7 +37,7 @@ def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
     """
     images: list[Path] = []
     pictures: list[LensPicture] = []
-    for source in sources:
+    for source in dict.fromkeys(sources):
         if not source.exists():
             raise LensError(f"{source}: no such file or folder; give a video or images of the board")
         if source.is_dir():
@@ -44,12 +45,15 @@ def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
         elif source.suffix.lower() in _IMAGES:
             images.append(source)
         else:
-            pictures += _of_video(source, most)
+            alike = sum(other.name == source.name for other in dict.fromkeys(sources))
+            pictures += _of_video(source, most, source.name if alike == 1 else str(source))
+    images = list(dict.fromkeys(images))  # one may be given by itself and by its folder
     if images:
         most = max(2, min(most, _MOST_BYTES // max(1, _image(images[0]).size)))
         if len(images) > most:
             images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
-        pictures += [LensPicture(path.name, _image(path)) for path in images]
+        called = Counter(path.name for path in images)
+        pictures += [LensPicture(path.name if called[path.name] == 1 else str(path), _image(path)) for path in images]
     if not pictures:
         raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
     first = pictures[0]
@@ -72,7 +76,7 @@ def lit(pictures: Sequence[LensPicture], threshold: int = 24) -> NDArray[np.bool
     return np.asarray(full, np.bool_)
 
 
-def _of_video(path: Path, most: int) -> Iterator[LensPicture]:
+def _of_video(path: Path, most: int, name: str) -> Iterator[LensPicture]:
     video = CameraVideo.of_files(path.stem, [path])
     facts = video.facts
     frames = facts.frames or round(facts.rate_hz * facts.duration_s)
@@ -91,7 +95,7 @@ def _of_video(path: Path, most: int) -> Iterator[LensPicture]:
         before = small
         if best is None or score > best[0]:
             upright = np.ascontiguousarray(np.rot90(grey, facts.rotation_deg // 90))
-            best = score, LensPicture(f"{path.name} at {seconds:.2f} s", upright)
+            best = score, LensPicture(f"{name} at {seconds:.2f} s", upright)
     if best is not None:
         yield best[1]
 
