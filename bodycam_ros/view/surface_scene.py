@@ -74,6 +74,8 @@ class SurfaceScene:
                 surface.faces,
                 color=segment_rgb(segment),
                 opacity=_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
             )
             for name, segment, surface in shown
         ]
