@@ -25,7 +25,6 @@ from bodycam_ros.view.station_scene import StationScene
 from bodycam_ros.view.surface_scene import SurfaceReader, SurfaceScene
 
 _POINT_M = 0.012
-_AMBIENT = 1.0
 _CELL_M, _SECTION_M = 0.5, 1.0
 _FADES_M = 18.0
 
@@ -48,7 +47,6 @@ class Scene:
         self._motion = motion
         # Following the body moves the world past it: a browser's own camera stays under its user's hands.
         self._world = server.scene.add_frame(WORLD, show_axes=False)
-        _add_light(server.scene)
         self._landmarks = _add_map(server.scene, reference_map)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
         self._equipment = LineScene(server.scene, "equipment", len(motion.equipment))
@@ -181,13 +179,6 @@ class Scene:
             contour = self._stations.contour(footage.camera, body, self._surface.surfaces(body), world_T_segment)
         matches = footage.matches.get(image.stamp_ns)
         return draw_picture(image, footage.model, world_T_camera, limbs, matches, contour)
-
-
-def _add_light(scene: SceneApi) -> None:
-    """Light without shadows and reflections, which take half of the time of a picture without a graphics card."""
-    scene.configure_default_lights(cast_shadow=False)
-    scene.configure_environment_map(hdri=None)
-    scene.add_light_ambient(f"{WORLD}/light", intensity=_AMBIENT)
 
 
 def _add_map(scene: SceneApi, reference_map: ReferenceMap | None) -> SceneNodeHandle | None:

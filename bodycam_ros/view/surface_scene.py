@@ -74,8 +74,6 @@ class SurfaceScene:
                 surface.faces,
                 color=segment_rgb(segment),
                 opacity=_OPACITY,
-                cast_shadow=False,
-                receive_shadow=False,
             )
             for name, segment, surface in shown
         ]
