@@ -130,14 +130,14 @@ def _exchange(path: Path, new: Path) -> None:
 
 @contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
-    """An empty folder in another, removed afterwards; those that killed processes left there are removed as well.
+    """An empty folder in another, for nobody else to see, removed afterwards; so are those of killed processes.
 
     Raises:
         OSError: it cannot be made.
     """
     scratch = parent / f"{SCRATCH_PREFIX}{uuid.uuid4().hex}"
     try:
-        scratch.mkdir()
+        scratch.mkdir(0o700)
         with _held(scratch):
             _clear_stale(parent)
             yield scratch

@@ -53,9 +53,11 @@ def read_text(path: Path | str, what: str, error_type: type[BodycamError], most_
         # Without waiting for somebody to write into a pipe.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
                 raise error_type(f"{path}: cannot read this {what}: it is a folder, pipe or device, not a file")
-            content = file.read(most_bytes + 1)
+            # Python makes room for all that is asked for before it reads.
+            content = file.read(min(most_bytes, status.st_size) + 1)
     except (OSError, ValueError) as error:  # ValueError: a name with a null character
         raise error_type(f"{path}: cannot read this {what}: {getattr(error, 'strerror', None) or error}") from error
     if len(content) > most_bytes:

@@ -233,3 +233,16 @@ def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_holds_is_no
             process.communicate()
     write_whole(tmp_path / "file", "text")
     assert names(tmp_path) == [f"{SCRATCH_PREFIX}new", "file"]
+
+
+def test_what_is_unfinished_is_seen_by_nobody_else(tmp_path: Path) -> None:
+    """Keys and pictures are copied there before they have the modes that they will have."""
+    with whole_folder(tmp_path / "made", replaceable) as unfinished:
+        make(unfinished, NEW)
+        assert unfinished.parent.stat().st_mode & 0o077 == 0
+    assert (tmp_path / "made").stat().st_mode & 0o777 == 0o777 & ~_umask()
+
+
+def _umask() -> int:
+    os.umask(mask := os.umask(0))
+    return mask

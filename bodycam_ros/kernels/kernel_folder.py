@@ -67,12 +67,14 @@ def kernel_folder() -> Path | None:
 @cache
 def folder_name() -> str:
     """What compiles, and what is compiled, as two short hashes."""
+    # As numba does: no features (what the processor's name implies) are not the same as not saying which.
+    processor, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
     machine = (
         sys.version,
         numba.__version__,
         np.__version__,
-        numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name(),
-        numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten(),
+        llvmlite.binding.get_host_cpu_name() if processor is None else processor,
+        llvmlite.binding.get_host_cpu_features().flatten() if features is None else features,
     )
     sources = [(PACKAGE / file).read_bytes() for file in (*KERNEL_FILES, *CONSTANT_FILES)]
     return f"{_short_hash(*(text.encode() for text in machine))}-{_short_hash(*sources)}"

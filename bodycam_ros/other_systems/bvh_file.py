@@ -14,6 +14,8 @@ from bodycam_ros.shown import shown
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _DEEPEST = 200
+_MOST_CHANNELS = 6
+"""Of a joint: three places, three turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,10 @@ def _joints(words: Iterator[str]) -> list[_Joint]:
                 of = joints[above[-1]]
                 joints[of.name] = _Joint(of.name, of.parent, offset, of.channels)
         elif word == "CHANNELS":
-            channels = tuple(next(words, "") for _ in range(int(_number(next(words, "")))))
+            count = _number(next(words, ""))
+            if not 0 <= count <= _MOST_CHANNELS:
+                raise ValueError(f"a joint has at most {_MOST_CHANNELS} channels, not {count:g}")
+            channels = tuple(next(words, "") for _ in range(int(count)))
             if not above or above[-1] is None:
                 raise ValueError("CHANNELS outside of a joint")
             of = joints[above[-1]]

@@ -13,6 +13,9 @@ from bodycam_ros.shown import shown
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254}
 _TYPE, _KEYS, _VALUES, _NAMES, _FIRST_ROW = 0, 1, 2, 3, 5
 _AXES = 3
+_MOST_CELLS, _SMALL = 20, 1_000_000
+"""Of a table, for each letter of the file: cells that are missing at the end of a row take a tab less, but as much
+memory. A small table may be as it likes."""
 
 
 def captured_trc(path: Path) -> CapturedMotion:
@@ -35,11 +38,11 @@ def captured_trc(path: Path) -> CapturedMotion:
             raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
         if len(columns) != sum(map(bool, names)):
             raise ValueError("line 4: two markers have the same name")
-        rows = [
-            _numbers(line, number, max(columns.values()) + _AXES)
-            for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1)
-            if line.strip()
-        ]
+        listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
+        width = max(columns.values()) + _AXES
+        if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):
+            raise ValueError(f"line 4 names {len(columns)} markers, of which next to none is in the {len(listed)} rows")
+        rows = [_numbers(line, number, width) for number, line in listed]
         table = np.array(rows)
         stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))
     except ValueError as error:

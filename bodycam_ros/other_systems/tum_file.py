@@ -1,6 +1,6 @@
 """Trajectories in TUM format: one body over time, as robots and SLAM systems write it."""
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,7 @@ def read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
         if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(stamps) > 0).all():
             raise ValueError("expected two lines or more, finite, with increasing stamps")
         return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
-    except (ValueError, InvalidOperation, OverflowError) as error:
+    except (ValueError, DecimalException, OverflowError) as error:
         raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {_told(error)}") from error
 
 

@@ -8,11 +8,11 @@ from types import TracebackType
 from typing import Any, Literal
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.bag_fault import check_files, fault_of
+from bodycam_ros.recording.bounded_unpacking import Reader
 from bodycam_ros.recording.typestore import recording_typestore
 
 _SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)

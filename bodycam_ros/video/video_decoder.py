@@ -8,6 +8,7 @@ from av import CodecContext, Packet, VideoFrame
 from av.error import FFmpegError
 from av.video.codeccontext import VideoCodecContext
 
+from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
@@ -66,7 +67,8 @@ class VideoDecoder:
         decoder = CodecContext.create(codec, "r")
         assert isinstance(decoder, VideoCodecContext)
         decoder.thread_count = self._threads
-        decoder.options = {"err_detect": "explode"}  # a hole that is painted over would be tracked
+        # A hole that is painted over would be tracked.
+        decoder.options = {"err_detect": "explode", "max_pixels": str(MOST_PIXELS)}
         self._codec = decoder
         self._damage = ""
         return ready

@@ -1,5 +1,6 @@
 """One file of a camera, such as an MP4: its frames with their own times, and its sound."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from av.error import FFmpegError
 from av.stream import Discard, Stream
 from numpy.typing import NDArray
 
+from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 
@@ -20,6 +22,9 @@ SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
 """Of files that are taken for videos in a folder; a file that is named may have any."""
 
 _BITSTREAM_FILTERS = {"h264": "h264_mp4toannexb", "hevc": "hevc_mp4toannexb"}
+_FORMATS = "mov,matroska,avi,mpegts,mpeg,h264,hevc"
+"""What is looked for in a file, whatever its name: FFmpeg also knows lists of other files, and of addresses."""
+
 _LOOKED_AT = 150
 """Packets whose order tells whether the stream has B-frames: encoders that make them make them all along."""
 
@@ -116,7 +121,13 @@ def opened(path: Path) -> Iterator[InputContainer]:
     try:
         if not path.is_file():
             raise RecordingError(f"{path}: is no file" if path.exists() else f"{path}: does not exist")
-        with av.open(str(path), "r", metadata_errors="replace") as container:
+        # Absolute: what stands before a colon would be a protocol.
+        with av.open(
+            os.path.abspath(path),
+            "r",
+            metadata_errors="replace",
+            container_options={"format_whitelist": _FORMATS, "protocol_whitelist": "file"},
+        ) as container:
             yield container
     except (FFmpegError, ValueError) as error:
         raise RecordingError(f"{path}: {_fault(path, error)}") from error
@@ -220,7 +231,12 @@ def _demuxed(container: InputContainer, stream: "av.VideoStream") -> "Iterator[a
 
 def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
     for stream in container.streams.video:
-        if stream.codec_context is not None and stream.codec_context.width:
+        context = stream.codec_context
+        if context is not None and context.width:
+            if context.width * context.height > MOST_PIXELS:
+                raise RecordingError(f"{path}: is not decoded: {context.width} x {context.height} pixels a frame")
+            # They may grow on the way.
+            context.options = {"max_pixels": str(MOST_PIXELS)}
             return stream
     raise RecordingError(
         f"{path}: has no video that can be decoded: it is sound alone, or cut off or damaged; copy it again from the "

@@ -148,7 +148,7 @@ def test_raw_images_with_padded_rows(tmp_path: Path, encoding: str, channels: in
 
 @pytest.mark.parametrize(
     ("encoding", "rows", "complaint"),
-    [("bayer_rggb8", HEIGHT, "encoding 'bayer_rggb8'"), ("bgr8", HEIGHT, "cannot have"), ("mono8", 3, "cannot have")],
+    [("32FC1", HEIGHT, "encoding '32FC1'"), ("bgr8", HEIGHT, "cannot have"), ("mono8", 3, "cannot have")],
 )
 def test_raw_images_that_we_cannot_read(tmp_path: Path, encoding: str, rows: int, complaint: str) -> None:
     with write_recording(tmp_path / "bag") as writer:

@@ -1,3 +1,4 @@
+import socket
 from pathlib import Path
 
 import av
@@ -7,6 +8,7 @@ from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, t
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.video import video_decoder, video_file
 from bodycam_ros.video.camera_video import CameraVideo
 from bodycam_ros.video.upright_frames import h264_packets, jpegs
 from bodycam_ros.video.video_decoder import VideoDecoder
@@ -208,3 +210,41 @@ def test_sound_comes_in_blocks_with_their_times(tmp_path: Path) -> None:
     assert at_s == pytest.approx(click_s, abs=1e-4)
     silent = make_video(tmp_path / "silent.mp4", frames=3)
     assert not read_facts(silent).has_sound and not list(CameraVideo.of_files("silent", [silent]).sound())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{address}\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile '{address}'\n",
+        "ffconcat version 1.0\nfile other.mp4\n",
+        "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n",
+    ],
+)
+def test_a_list_of_other_files_or_addresses_is_no_video(content: str, tmp_path: Path) -> None:
+    make_video(tmp_path / "other.mp4", frames=5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.0)
+        address = f"http://127.0.0.1:{server.getsockname()[1]}/a.ts"
+        (tmp_path / "head.mp4").write_text(content.format(address=address))
+        with pytest.raises(RecordingError, match="is not a video that can be read"):
+            read_facts(tmp_path / "head.mp4")
+        with pytest.raises(BlockingIOError):  # nobody has come
+            server.accept()
+
+
+def test_a_name_that_looks_like_a_protocol_is_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_video(tmp_path / "concat:a|b.mp4", frames=5)
+    monkeypatch.chdir(tmp_path)
+    assert read_facts(Path("concat:a|b.mp4")).frames == 5
+
+
+def test_larger_pictures_than_any_camera_makes_are_not_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = make_video(tmp_path / "head.mp4", frames=5)
+    timed = list(packets(path))
+    for module in (video_file, video_decoder):
+        monkeypatch.setattr(module, "MOST_PIXELS", WIDTH * HEIGHT // 2)
+    with pytest.raises(RecordingError, match=f"is not decoded: {WIDTH} x {HEIGHT} pixels"):
+        read_facts(path)
+    with pytest.raises(RecordingError, match="damaged|no frame"):
+        decoded(timed)

@@ -8,6 +8,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_png
 from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables, summary_line
+from bodycam_ros.drawing.page_policy import PAGE_POLICY
 from bodycam_ros.drawing.picture_style import FAINT, INK, QUIET, WARNING
 from bodycam_ros.whole_file import write_whole
 
@@ -44,6 +45,7 @@ def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:
         '<html lang="en">',
         "<head>",
         '<meta charset="utf-8">',
+        PAGE_POLICY,
         '<meta name="viewport" content="width=device-width">',
         f"<title>{title}</title>",
         f"<style>{_STYLE}</style>",

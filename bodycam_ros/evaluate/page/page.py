@@ -19,6 +19,19 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A cell that leads to another file.
+
+    Attributes:
+        text: that is shown.
+        target: path from the folder of the page on.
+    """
+
+    text: str
+    target: str
+
+
+@dataclass(frozen=True)
 class Table:
     """Cells as they are shown; the first column is of names, all others are of numbers.
 
@@ -28,7 +41,7 @@ class Table:
     """
 
     columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    rows: Sequence[Sequence[str | Link]]
 
 
 @dataclass(frozen=True)

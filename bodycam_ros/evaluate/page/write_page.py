@@ -4,9 +4,11 @@ import base64
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
+from bodycam_ros.drawing.page_policy import PAGE_POLICY
 from bodycam_ros.drawing.picture_style import FAINT, INK, QUIET
-from bodycam_ros.evaluate.page.page import Heading, Page, Picture, Table, Text
+from bodycam_ros.evaluate.page.page import Heading, Link, Page, Picture, Table, Text
 
 _STYLE = f"""
 body {{ margin: 2rem auto; max-width: 76rem; padding: 0 1rem; font: 15px/1.45 "DejaVu Sans", sans-serif; color: {INK} }}
@@ -52,6 +54,7 @@ def html(page: Page, folder: Path) -> str:
         '<html lang="en">',
         "<head>",
         '<meta charset="utf-8">',
+        PAGE_POLICY,
         '<meta name="viewport" content="width=device-width">',
         f"<title>{title}</title>",
         f"<style>{_STYLE}</style>",
@@ -76,12 +79,22 @@ def html(page: Page, folder: Path) -> str:
     return "\n".join([*parts, "</body>", "</html>"]) + "\n"
 
 
-def _cells(kind: str, row: Sequence[str]) -> str:
-    return "<tr>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in row) + "</tr>"
+def _cells(kind: str, row: Sequence[str | Link]) -> str:
+    return "<tr>" + "".join(f"<{kind}>{_html(cell)}</{kind}>" for cell in row) + "</tr>"
 
 
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(_plain(cell).replace("|", "\\|") for cell in cells) + " |"
+def _html(cell: str | Link) -> str:
+    return f'<a href="{quote(cell.target)}">{escape(cell.text)}</a>' if isinstance(cell, Link) else escape(cell)
+
+
+def _row(cells: Sequence[str | Link]) -> str:
+    return "| " + " | ".join(map(_marked, cells)) + " |"
+
+
+def _marked(cell: str | Link) -> str:
+    if isinstance(cell, Link):
+        return f"[{_marked(cell.text)}]({quote(cell.target)})"
+    return _plain(cell).replace("|", "\\|")
 
 
 def _plain(text: str) -> str:

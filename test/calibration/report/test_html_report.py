@@ -75,7 +75,8 @@ def test_the_picture_is_inside_and_nothing_is_fetched_or_run(body: BodyModel, di
     assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == body_png(body, diagnosis)
     assert not {"script", "link", "iframe"} & set(page.tags)
     assert not any(name == "href" or name.startswith("on") for name, _ in page.attributes)
-    assert "http" not in text and "url(" not in text
+    assert "://" not in text and "url(" not in text
+    assert text.index("Content-Security-Policy") < text.index("<style"), "from the first element on"
 
 
 def test_names_are_taken_as_text(body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
