@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.file_picture import file_values
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 
@@ -28,8 +29,9 @@ class CameraImage:
     Attributes:
         camera: the camera's name.
         stamp_ns: mid-exposure of the middle row [ns].
-        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, or one with colours, a
-            video's frame, decoded or still a packet, or the error that says why there is none.
+        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, a picture in another
+            encoding, raw or in a file, a video's frame, decoded or still a packet, or the error that says why there is
+            none.
     """
 
     camera: str
@@ -72,14 +74,4 @@ def _decodable(image: CameraImage) -> bytes | NDArray[np.uint8] | Picture:
 
 
 def _file_pixels(image: CameraImage, file: bytes, mode: int) -> NDArray[np.uint8]:
-    encoded = np.frombuffer(file, dtype=np.uint8)
-    try:
-        pixels = cv2.imdecode(encoded, mode) if encoded.size else None
-    except cv2.error:  # a header that claims an absurd size
-        pixels = None
-    if pixels is None:
-        raise RecordingError(
-            f"camera {image.camera}: the image of stamp {image.stamp_ns} ns ({len(file)} bytes) "
-            "cannot be decoded; expected JPEG or PNG"
-        )
-    return np.asarray(pixels, dtype=np.uint8)
+    return np.asarray(file_values(image.camera, image.stamp_ns, file, mode), dtype=np.uint8)

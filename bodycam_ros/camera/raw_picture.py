@@ -1,36 +1,34 @@
-"""A raw image with colours, as a driver published it."""
+"""A raw image, as a driver published it."""
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from bodycam_ros.camera.pixel_encoding import ENCODINGS
 
 
 @dataclass(frozen=True, eq=False)
 class RawPicture:
-    """Pixels whose order is left as it came until somebody wants them: most want grey, and pay for no other.
+    """Values that are left as they came until somebody wants pixels: most want grey, and pay for no other.
 
     Attributes:
-        pixels: (H, W, 3) uint8, maybe of rows with a gap between them.
-        red_first: red, green, blue; else blue, green, red.
+        encoding: of ``ENCODINGS``.
+        values: (rows, W) or (rows, W, values) uint8 or uint16, maybe with a gap between the rows.
     """
 
-    pixels: NDArray[np.uint8]
-    red_first: bool
+    encoding: str
+    values: NDArray[np.uint8] | NDArray[np.uint16]
 
     @property
     def nbytes(self) -> int:
-        """Memory that the pixels take."""
-        return self.pixels.nbytes
+        """Memory that the values take."""
+        return self.values.nbytes
 
     def grey(self) -> NDArray[np.uint8]:
         """Grey pixels (H, W)."""
-        code = cv2.COLOR_RGB2GRAY if self.red_first else cv2.COLOR_BGR2GRAY
-        return np.asarray(cv2.cvtColor(self.pixels, code), dtype=np.uint8)
+        return ENCODINGS[self.encoding].grey(self.values)
 
     def colour(self) -> NDArray[np.uint8]:
-        """Pixels (H, W, 3): blue, green, red."""
-        if self.red_first:
-            return np.asarray(cv2.cvtColor(self.pixels, cv2.COLOR_RGB2BGR), dtype=np.uint8)
-        return np.array(self.pixels, dtype=np.uint8, order="C")
+        """Pixels (H, W, 3): blue, green, red; the caller's own."""
+        return ENCODINGS[self.encoding].colour(self.values)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from bodycam_ros.camera.other_size import mode_of_size
 from bodycam_ros.doctor.finding import Finding, Light
 from bodycam_ros.doctor.sampled_recording import SampledCamera, SampledRecording
 
@@ -31,7 +32,7 @@ def _of(camera: SampledCamera) -> Iterator[Finding]:
     sizes = {(grey.shape[1], grey.shape[0]) for grey in camera.images.values()} - {(lens.width, lens.height)}
     for width, height in sorted(sizes):
         what = f"its images have {width} x {height} px, its lens is for {lens.width} x {lens.height}"
-        remedy = "calibrate the lens in the mode that it records in, or set it to the mode that was calibrated"
+        remedy = mode_of_size((lens.width, lens.height), (width, height))
         yield Finding(_CHECK, Light.RED, what, remedy, of)
     off = max(abs(lens.cx / lens.width - 0.5), abs(lens.cy / lens.height - 0.5))
     if off > _OFF_CENTRE:

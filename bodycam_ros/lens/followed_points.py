@@ -19,6 +19,40 @@ _LONGEST = 30  # pictures from the first of a pair to the second
 _RETURN_PX = 0.5
 
 
+class FollowedPoints:
+    """Follows points from picture to picture until they have moved far enough."""
+
+    def __init__(self) -> None:
+        self._before: Grey | None = None
+        self._start = self._now = np.zeros((0, 2), np.float32)
+        self._age = 0
+
+    def add(self, picture: Grey) -> PointPair | None:
+        """A pair of pictures that have many points in common and show them in different places, if this completes one.
+
+        Args:
+            picture: grey (H, W), of the size of those before.
+        """
+        scale = min(1.0, _WIDTH / picture.shape[1])
+        small = np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+        pair: PointPair | None = None
+        if self._before is not None and len(self._now):
+            ahead, kept = _followed(self._before, small, self._now)
+            self._start, self._now = self._start[kept], ahead[kept]
+            self._age += 1
+            moved = float(np.median(np.linalg.norm(self._now - self._start, axis=1))) if len(self._now) else 0.0
+            if len(self._now) >= _LEAST_LEFT and moved >= _FAR * small.shape[1]:
+                pair = _whole(self._start, scale), _whole(self._now, scale)
+                self._now = self._now[:0]
+        if len(self._now) < _LEAST_LEFT or self._age >= _LONGEST:
+            corners = cv2.goodFeaturesToTrack(small, _POINTS, 0.01, 7.0)
+            none = np.zeros((0, 2), np.float32)
+            self._now = none if corners is None else np.asarray(corners, np.float32).reshape(-1, 2)
+            self._start, self._age = self._now, 0
+        self._before = small
+        return pair
+
+
 def followed_pairs(pictures: Iterable[Grey], most: int) -> Iterator[PointPair]:
     """Pairs of pictures that have many points in common and show them in different places.
 
@@ -27,28 +61,13 @@ def followed_pairs(pictures: Iterable[Grey], most: int) -> Iterator[PointPair]:
         most: pairs.
     """
     found = 0
-    before: Grey | None = None
-    start = now = np.zeros((0, 2), np.float32)
-    age, scale = 0, 1.0
+    points = FollowedPoints()
     for picture in pictures:
-        scale = min(1.0, _WIDTH / picture.shape[1])
-        small = np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
-        if before is not None and len(now):
-            ahead, kept = _followed(before, small, now)
-            start, now = start[kept], ahead[kept]
-            age += 1
-            moved = float(np.median(np.linalg.norm(now - start, axis=1))) if len(now) else 0.0
-            if len(now) >= _LEAST_LEFT and moved >= _FAR * small.shape[1]:
-                yield _whole(start, scale), _whole(now, scale)
-                found += 1
-                now = now[:0]
-                if found >= most:
-                    return
-        if len(now) < _LEAST_LEFT or age >= _LONGEST:
-            corners = cv2.goodFeaturesToTrack(small, _POINTS, 0.01, 7.0)
-            now = np.zeros((0, 2), np.float32) if corners is None else np.asarray(corners, np.float32).reshape(-1, 2)
-            start, age = now, 0
-        before = small
+        if (pair := points.add(picture)) is not None:
+            yield pair
+            found += 1
+            if found >= most:
+                return
 
 
 def _followed(before: Grey, after: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -84,10 +84,31 @@ def lens_match(camera: CameraModel, pairs: Sequence[PointPair]) -> LensMatch:
         camera: as the recording says.
         pairs: points of some pictures, some tenths of a second apart; those between which it hardly turned say nothing.
     """
-    telling = [pair for pair in pairs if _turn_deg(camera, pair) >= _LEAST_TURN_DEG]
-    if len(telling) < _LEAST_PAIRS:
-        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(telling))
-    errors = np.array([[_epipolar_error(_scaled(camera, scale), pair) for scale in SCALES] for pair in telling])
+    return judged(
+        camera, [[error_at(camera, scale, pair) for scale in SCALES] for pair in pairs if tells(camera, pair)]
+    )
+
+
+def tells(camera: CameraModel, pair: PointPair) -> bool:
+    """Whether the camera turned far enough between two pictures for them to tell of its lens."""
+    return _turn_deg(camera, pair) >= _LEAST_TURN_DEG
+
+
+def error_at(camera: CameraModel, scale: float, pair: PointPair) -> float:
+    """Median epipolar error of a pair [px] with focal lengths that are so many times as long; infinite if none fits."""
+    return _epipolar_error(_scaled(camera, scale), pair)
+
+
+def judged(camera: CameraModel, of_pairs: Sequence[Sequence[float]]) -> LensMatch:
+    """What errors say.
+
+    Args:
+        camera: as the recording says.
+        of_pairs: (pairs, SCALES) of ``error_at``, of pairs that tell.
+    """
+    if len(of_pairs) < _LEAST_PAIRS:
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(of_pairs))
+    errors = np.array(of_pairs)
     whole = np.median(errors, axis=0)
     said, best = len(SCALES) // 2, int(np.argmin(whole))
     if not np.isfinite(whole[said]):
@@ -97,7 +118,7 @@ def lens_match(camera: CameraModel, pairs: Sequence[PointPair]) -> LensMatch:
     clear = whole[best] < _CLEAR_SHARE * whole[said] and gains >= _CLEAR_PAIRS
     if not clear or 1.0 / _MISMATCH < scale < _MISMATCH:
         scale, best = 1.0, said
-    return LensMatch(camera.name, scale, float(whole[said]), float(whole[best]), len(telling))
+    return LensMatch(camera.name, scale, float(whole[said]), float(whole[best]), len(of_pairs))
 
 
 def _mode(scale: float) -> str:

@@ -113,7 +113,10 @@ def _speed(before: NDArray[np.float32] | None, after: NDArray[np.float32]) -> fl
 
 
 def _image(path: Path) -> Grey:
-    grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    try:
+        grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
+        grey = None
     if grey is None:
         raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
     return np.asarray(grey, np.uint8)

@@ -17,13 +17,15 @@ _PAIRS, _MOST_IMAGES = 8, 300
 
 
 def other_lenses(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]:
-    """What points of a bag say against the lenses of some of its cameras; some seconds each.
+    """What points of a bag say against the lenses of those of some cameras that it has; some seconds each.
 
     Raises:
-        RecordingError: not a bag, or it lacks one of the cameras.
+        RecordingError: not a bag.
     """
     with open_recording(path) as recording:
         for camera in cameras:
+            if camera not in recording.cameras:
+                continue
             pictures = islice(_pictures(recording, camera), _MOST_IMAGES)
             match = lens_match(recording.camera_model(camera), list(followed_pairs(pictures, _PAIRS)))
             if not match.matches:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.link_transforms import LinkTransform
 from bodycam_ros.geometry import inverse
 from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
 from bodycam_ros.messages.factory import Message, MessageFactory, flat
@@ -13,7 +14,6 @@ from bodycam_ros.messages.header import MAP_FRAME, header_message
 from bodycam_ros.messages.pose import (
     point_message,
     pose_with_covariance_message,
-    transform_message,
     transform_messages,
     vector_message,
 )
@@ -99,7 +99,7 @@ def odometry_message(make: MessageFactory, state: BodyState, root: str, root_vel
     return make(
         "nav_msgs/msg/Odometry",
         header=header_message(make, state.stamp_ns, MAP_FRAME),
-        child_frame_id=root,
+        child_frame_id=make.frame(root),
         pose=pose_with_covariance_message(
             make, state.world_T_segment[state.segments.index(root)], state.uncertainty.root
         ),
@@ -117,18 +117,17 @@ def _linear_first(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ascontiguousarray(covariance[np.ix_(order, order)])
 
 
-def transforms_message(
-    make: MessageFactory, stamp_ns: int, transforms: Sequence[tuple[str, str, NDArray[np.float64]]]
-) -> Message:
+def transforms_message(make: MessageFactory, stamp_ns: int, transforms: Sequence[LinkTransform]) -> Message:
     """tf2_msgs/TFMessage of (parent frame, child frame, parent_T_child (4, 4))."""
+    poses = np.array([parent_T_child for _, _, parent_T_child in transforms]).reshape(-1, 4, 4)
     stamped = [
         make(
             "geometry_msgs/msg/TransformStamped",
-            header=header_message(make, stamp_ns, parent),
-            child_frame_id=child,
-            transform=transform_message(make, parent_T_child),
+            header=header_message(make, stamp_ns, parent if parent == MAP_FRAME else make.frame(parent)),
+            child_frame_id=make.frame(child),
+            transform=transform,
         )
-        for parent, child, parent_T_child in transforms
+        for (parent, child, _), transform in zip(transforms, transform_messages(make, poses), strict=True)
     ]
     return make("tf2_msgs/msg/TFMessage", transforms=stamped)
 
@@ -170,8 +169,14 @@ def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tup
     return make("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
-def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -> dict[str, Message]:
-    """Topic -> message of one instant: joint states, joint rotations, odometry, tf, skeleton, and equipment if any."""
+def output_messages(
+    make: MessageFactory, output: BodyOutput, body: BodyModel, links: Sequence[LinkTransform] = ()
+) -> dict[str, Message]:
+    """Topic -> message of one instant: joint states, joint rotations, odometry, tf, skeleton, and equipment if any.
+
+    Args:
+        links: what tf is to say beside where the root is.
+    """
     state = output.state
     rows = [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints]
     parents, children = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [])
@@ -190,6 +195,6 @@ def output_messages(make: MessageFactory, output: BodyOutput, body: BodyModel) -
             make, state.stamp_ns, joint_names, joints_observed, state.uncertainty.joints
         ),
         "/odometry": odometry_message(make, state, body.root, output.root_velocity),
-        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, body.root, world_T_root)]),
+        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, body.root, world_T_root), *links]),
         "/skeleton": skeleton_message(make, state, bones),
     }

@@ -12,7 +12,7 @@ def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int
     k = np.array(camera.k)
     return make(
         "sensor_msgs/msg/CameraInfo",
-        header=header_message(make, stamp_ns, optical_frame(camera.name)),
+        header=header_message(make, stamp_ns, make.frame(optical_frame(camera.name))),
         width=camera.width,
         height=camera.height,
         distortion_model=camera.distortion_model,

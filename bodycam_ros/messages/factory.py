@@ -21,20 +21,27 @@ class MessageFactory:
             have the message's defaults.
         sequence: flat NumPy array -> what the library stores in a numeric field of dynamic length.
         byte: number -> what it stores in a field of type byte.
+        frame_prefix: before the name of every frame but the map's, as robot_state_publisher has it: several people
+            share one map, and one tree of frames.
     """
 
     message_class: Callable[[str], Callable[..., Message]]
     sequence: Callable[[NDArray[Any]], Any]
     byte: Callable[[int], Any]
+    frame_prefix: str = ""
+
+    def frame(self, name: str) -> str:
+        """Name on the wire of a segment's, a link's or a camera's frame."""
+        return f"{self.frame_prefix}{name}"
 
     def __call__(self, type_name: str, **fields: Any) -> Message:
         """Make a message; NumPy arrays among the fields must be of the field's dtype and flat."""
         return self.message_class(type_name)(**fields)
 
 
-def live_messages(message_class: Callable[[str], Callable[..., Message]]) -> MessageFactory:
+def live_messages(message_class: Callable[[str], Callable[..., Message]], frame_prefix: str = "") -> MessageFactory:
     """Makes messages of rclpy, given their classes by type name: only the nodes may import those."""
-    return MessageFactory(message_class, sequence=array_sequence, byte=lambda value: bytes([value]))
+    return MessageFactory(message_class, array_sequence, lambda value: bytes([value]), frame_prefix)
 
 
 def array_sequence(values: NDArray[Any]) -> "array.array[Any]":

@@ -1,9 +1,12 @@
 """What a camera driver publishes: images and intrinsics."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.file_picture import FilePicture
+from bodycam_ros.camera.pixel_encoding import ENCODINGS
 from bodycam_ros.camera.raw_picture import RawPicture
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
@@ -11,7 +14,7 @@ from bodycam_ros.messages.factory import Message, numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.shown import shown
 
-_CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
+_GREY = ("mono8", "8UC1")
 _CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc"}
 
 
@@ -21,8 +24,20 @@ def image_stamp_ns(message: Message) -> int:
 
 
 def compressed_image(message: Message, camera: str) -> CameraImage:
-    """Camera image of a sensor_msgs/CompressedImage, still encoded."""
-    return CameraImage(camera, stamp_ns(message.header.stamp), bytes(message.data))
+    """Camera image of a sensor_msgs/CompressedImage, still encoded.
+
+    Its ``format`` is a file's ("jpeg"), or says as well what was put in it ("bayer_rggb8; png compressed").
+    """
+    stamp, file = stamp_ns(message.header.stamp), bytes(message.data)
+    before, semicolon, after = str(message.format).partition(";")
+    encoding = before.strip()
+    # Colours are put into files as OpenCV wants them, unless an old publisher left them as they were.
+    is_turned = encoding.startswith("rgb") and "compressed rgb" in after
+    # What says so was a mosaic at the sensor, and became colours before it was compressed.
+    is_mosaic = encoding.startswith("bayer_") and "compressed bgr" not in after
+    if semicolon and (is_turned or is_mosaic):
+        return CameraImage(camera, stamp, FilePicture(camera, stamp, file, encoding))
+    return CameraImage(camera, stamp, file)
 
 
 def compressed_video(message: Message, camera: str) -> CameraImage:
@@ -40,28 +55,39 @@ def compressed_video(message: Message, camera: str) -> CameraImage:
 
 
 def raw_image(message: Message, camera: str) -> CameraImage:
-    """Camera image of a sensor_msgs/Image in mono8, bgr8 or rgb8.
+    """Camera image of a sensor_msgs/Image in one of ``ENCODINGS``.
 
     Raises:
-        RecordingError: another encoding, or fewer bytes than the image's size wants.
+        RecordingError: another encoding, a size that the encoding cannot have, or fewer bytes than that wants.
     """
-    if message.encoding not in _CHANNELS:
+    name = str(message.encoding)
+    if name not in ENCODINGS:
         raise RecordingError(
-            f"camera {camera}: image encoding '{message.encoding}' is not supported; expected {', '.join(_CHANNELS)}"
+            f"camera {camera}: the image encoding {shown(name)} is not supported; known are {', '.join(ENCODINGS)}"
         )
-    channels = _CHANNELS[message.encoding]
+    encoding = ENCODINGS[name]
     height, width, step = int(message.height), int(message.width), int(message.step)
-    if step < width * channels or len(message.data) < height * step or height * width == 0:
-        raise RecordingError(
-            f"camera {camera}: an image of {width}x{height} {message.encoding} with rows of {step} bytes cannot have "
-            f"{len(message.data)} bytes"
-        )
-    rows = numbers(message.data, np.uint8, len(message.data))[: height * step].reshape(height, step)
-    pixels = rows[:, : width * channels]
+    across, down = encoding.block
+    bytes_per_row = width * encoding.values * encoding.bits // 8
+    rows = int(height * encoding.rows)
+    size = f"camera {camera}: an image of {width}x{height} {name}"
+    if width % across or height % down:
+        raise RecordingError(f"{size} cannot be: its width must be a multiple of {across}, its height of {down}")
+    if step < bytes_per_row or len(message.data) < rows * step or rows * width == 0:
+        raise RecordingError(f"{size} with rows of {step} bytes cannot have {len(message.data)} bytes")
+    data = numbers(message.data, np.uint8, len(message.data))[: rows * step].reshape(rows, step)[:, :bytes_per_row]
     stamp = stamp_ns(message.header.stamp)
-    if channels == 3:
-        return CameraImage(camera, stamp, RawPicture(pixels.reshape(height, width, 3), message.encoding == "rgb8"))
-    return CameraImage(camera, stamp, np.ascontiguousarray(pixels))
+    if name in _GREY:
+        return CameraImage(camera, stamp, np.ascontiguousarray(data))
+    values = data if encoding.bits == 8 else _sixteen_bits(data, bool(message.is_bigendian))
+    return CameraImage(
+        camera, stamp, RawPicture(name, values.reshape(rows, width, -1) if encoding.values > 1 else values)
+    )
+
+
+def _sixteen_bits(rows: NDArray[np.uint8], is_bigendian: bool) -> NDArray[np.uint16]:
+    """Values of rows of bytes, in this machine's order."""
+    return np.ascontiguousarray(rows).view(">u2" if is_bigendian else "<u2").astype(np.uint16, copy=False)
 
 
 def camera_model(message: Message, camera: str) -> CameraModel:

@@ -8,8 +8,9 @@ from bodycam_ros.messages.segment_poses import SEGMENT_POSES_TYPE, segment_poses
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.camera_evidence import SegmentPose
 
-SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "/segments_now", SEGMENT_POSES_TYPE
-"""Topic and type. It waits for no later instant, as joint states do; confidence is 1 of what cameras see, else 0.
+SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "segments_now", SEGMENT_POSES_TYPE
+"""Topic, in the nodes' namespace, and type. It waits for no later instant, as joint states do; confidence is 1 of what
+cameras see, else 0.
 
 With each instant comes the one before it once more, as it is known by then: what lies between is the body's motion.
 """

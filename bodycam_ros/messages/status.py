@@ -36,13 +36,14 @@ class Health:
     values: Mapping[str, object] = field(default_factory=dict)
 
 
-def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Health]) -> Message:
-    """diagnostic_msgs/DiagnosticArray."""
+def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Health], computer: str = "") -> Message:
+    """diagnostic_msgs/DiagnosticArray; ``computer`` is where the parts are, if that is worth telling."""
     statuses = [
         make(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=make.byte(int(part.level)),
             name=part.name,
+            hardware_id=computer,
             message=part.text,
             values=[
                 make("diagnostic_msgs/msg/KeyValue", key=key, value=str(value)) for key, value in part.values.items()

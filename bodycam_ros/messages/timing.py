@@ -37,7 +37,7 @@ def timing_message(make: MessageFactory, camera: str, timing: SaidTiming) -> Mes
     """bodycam_msgs/CameraTiming of a camera."""
     return make(
         "bodycam_msgs/msg/CameraTiming",
-        header=header_message(make, timing.stamp_ns, optical_frame(camera)),
+        header=header_message(make, timing.stamp_ns, make.frame(optical_frame(camera))),
         source=timing.source,
         offset=timing.offset,
         offset_sigma=timing.offset_sigma,

@@ -20,7 +20,7 @@ def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
     """bodycam_msgs/FeatureTracks of a track frame."""
     return make(
         "bodycam_msgs/msg/FeatureTracks",
-        header=header_message(make, frame.stamp_ns, optical_frame(frame.camera)),
+        header=header_message(make, frame.stamp_ns, make.frame(optical_frame(frame.camera))),
         previous_stamp=time_message(make, frame.previous_stamp_ns),
         track_ids=make.sequence(flat(frame.track_ids, np.uint32)),
         pixels=make.sequence(flat(frame.pixels, np.float32)),
@@ -63,7 +63,7 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
     world_T_camera = np.eye(4) if matches.world_T_camera is None else matches.world_T_camera
     return make(
         "bodycam_msgs/msg/LandmarkMatches",
-        header=header_message(make, matches.stamp_ns, optical_frame(matches.camera)),
+        header=header_message(make, matches.stamp_ns, make.frame(optical_frame(matches.camera))),
         previous_stamp=time_message(make, matches.previous_stamp_ns),
         track_ids=make.sequence(flat(matches.track_ids, np.uint32)),
         landmark_ids=make.sequence(flat(matches.landmark_ids, np.uint32)),

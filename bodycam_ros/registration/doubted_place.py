@@ -23,23 +23,22 @@ class DoubtSettings:
         unit="s",
         limits=(0.0, 60.0),
         reason="then the same landmarks count again: a body that is wrong itself must not keep a camera out for ever",
+        live=True,
     )
     stronger: float = setting(
         1.5,
         limits=(1.0, 100.0),
         reason="with this many times the landmarks that agreed before, the camera is believed against the body",
+        live=True,
     )
     reach: float = setting(
-        0.3, unit="m", limits=(0.0, 10.0), reason="what is this near to the doubted place is the same place"
+        0.3, unit="m", limits=(0.0, 10.0), reason="what is this near to the doubted place is the same place", live=True
     )
-    reach_turn: float = setting(0.3, unit="rad", limits=(0.0, 3.2), reason="the same for the rotation")
+    reach_turn: float = setting(0.3, unit="rad", limits=(0.0, 3.2), reason="the same for the rotation", live=True)
     speed: float = setting(
-        2.0,
-        unit="m/s",
-        limits=(0.0, 20.0),
-        reason="the wrong place moves as the camera does meanwhile",
+        2.0, unit="m/s", limits=(0.0, 20.0), reason="the wrong place moves as the camera does meanwhile", live=True
     )
-    turning: float = setting(5.0, unit="rad/s", limits=(0.0, 50.0), reason="the same for the rotation")
+    turning: float = setting(5.0, unit="rad/s", limits=(0.0, 50.0), reason="the same for the rotation", live=True)
 
 
 @dataclass(frozen=True)

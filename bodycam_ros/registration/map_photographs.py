@@ -157,7 +157,10 @@ class MapPhotographs:
         for view in np.unique(views[~self._developed[views]]):
             camera = self.camera_of_view[view]
             height, width = self.levels[camera, 0, 1:]
-            picture = cv2.imdecode(np.frombuffer(self.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
+            try:
+                picture = cv2.imdecode(np.frombuffer(self.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
+            except cv2.error:  # nothing at all, or a header that claims an absurd size
+                picture = None
             if picture is None or picture.shape != (height, width):
                 raise MapError(f"photograph {view} of the map is damaged; build the map again with 'bodycam map'")
             write_pyramid(picture, self.levels[camera], self.pyramids[view])

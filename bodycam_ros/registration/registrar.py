@@ -41,6 +41,7 @@ class Registrar:
         readout: how long the camera's rows are read out, as far as it is known before the first image.
 
     Attributes:
+        settings, doubt_settings: may be replaced between two images.
         readout: the read-out time of the camera's rows.
     """
 
@@ -74,7 +75,7 @@ class Registrar:
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
         self._until_rows = 0
-        self._doubt = doubt or DoubtSettings()
+        self.doubt_settings = doubt or DoubtSettings()
         self._doubted: DoubtedPlace | None = None
 
     def learn(self, readout: Readout) -> None:
@@ -95,7 +96,7 @@ class Registrar:
     def doubt(self, stamp_ns: int) -> None:
         """The body contradicts the pose of an image [ns]: search anew, and come back by stronger evidence only."""
         if self._world_T_camera is not None:
-            self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self._doubt)
+            self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self.doubt_settings)
         self._world_T_camera, self._previous_T_camera, self._frames_predicted = None, np.eye(4), 0
         self._carried.forget(np.ones(len(self._carried.rows), bool))
 

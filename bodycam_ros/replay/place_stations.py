@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.other_size import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
 from bodycam_ros.outside.station_registration import RegisteredStation, StationRegistration
 from bodycam_ros.outside.station_settings import StationsSettings
@@ -70,7 +71,7 @@ def _spread_images(recording: Recording, camera: CameraModel, count: int) -> lis
             continue
         refused = (
             f"camera {camera.name}: its images have {grey.shape[1]} x {grey.shape[0]} px, but its camera_info says "
-            f"{camera.width} x {camera.height}; record the camera_info that belongs to them"
+            f"{camera.width} x {camera.height}, {mode_of_size((camera.width, camera.height), grey.shape[::-1])}"
         )
     if not images:
         raise RecordingError(refused or f"camera {camera.name}: {recording.path} holds no image of it")

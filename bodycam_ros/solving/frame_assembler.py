@@ -43,6 +43,7 @@ class AssemblerSettings:
         limits=(0.05, 60.0),
         reason="a camera that is silent while another goes on for this long, in time of the recording, is not waited "
         "for any more until it speaks again",
+        live=True,
     )
     first_wait: float = setting(
         10.0,
@@ -99,6 +100,7 @@ class FrameAssembler:
         assembled: frames made so far.
         late: registrations that came after their frame had gone, and are left out.
         late_of: the same by camera.
+        max_wait_ns: by the settings, or as it is replaced.
         restarts: how often time began anew.
         synchrony: how the cameras go together.
     """
@@ -106,7 +108,7 @@ class FrameAssembler:
     def __init__(self, cameras: Iterable[str], settings: AssemblerSettings | None = None, live: bool = False) -> None:
         settings = settings or AssemblerSettings()
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
-        self._max_wait_ns = round(1e9 * settings.max_wait)
+        self.max_wait_ns = round(1e9 * settings.max_wait)
         self._live = live
         self._streams = {camera: _Stream() for camera in cameras}
         self._turn = 0
@@ -152,7 +154,7 @@ class FrameAssembler:
         else:
             self._come_home(stream, matches.stamp_ns)
             stream.queue.append(matches)
-            while stream.queue[-1].stamp_ns - stream.queue[0].stamp_ns > max(_KEPT_NS, 2 * self._max_wait_ns):
+            while stream.queue[-1].stamp_ns - stream.queue[0].stamp_ns > max(_KEPT_NS, 2 * self.max_wait_ns):
                 self.late_of[stream.queue.popleft().camera] += 1
             frames = []
         return frames + self.look()
@@ -177,10 +179,10 @@ class FrameAssembler:
         if goes_back and stream.heard_ns is not None:
             stream.left_ns = stream.heard_ns
         elif stream.heard_ns is not None:
-            stream.run_ns += min(stamp_ns - stream.heard_ns, self._max_wait_ns)
+            stream.run_ns += min(stamp_ns - stream.heard_ns, self.max_wait_ns)
         stream.heard_ns = stamp_ns
         stream.others_run_ns = self._runs_ns()
-        far_ns = stamp_ns + _FAR_BEHIND * self._max_wait_ns
+        far_ns = stamp_ns + _FAR_BEHIND * self.max_wait_ns
         far_ahead = sum(s.heard_ns is not None and s.heard_ns > far_ns for s in self._streams.values())
         stream.far_behind = 2 * far_ahead > len(self._streams)
         stream.heard_s = time.monotonic()
@@ -201,8 +203,8 @@ class FrameAssembler:
         late_ns = self._assembled_ns - matches.stamp_ns
         if goes_back:
             stream.behind = [kept for kept in stream.behind if kept.stamp_ns < matches.stamp_ns]
-        comes_home = stream.left_ns > self._assembled_ns + self._max_wait_ns or len(stream.behind) >= _LATELY
-        if late_ns <= self._max_wait_ns and comes_home:
+        comes_home = stream.left_ns > self._assembled_ns + self.max_wait_ns or len(stream.behind) >= _LATELY
+        if late_ns <= self.max_wait_ns and comes_home:
             # From a time that the body has left, or nobody went with it: it is merely late, and waited for.
             self._come_home(stream, matches.stamp_ns)
         elif stream.behind or goes_back or late_ns > _ELSEWHERE_NS:
@@ -267,13 +269,13 @@ class FrameAssembler:
         """Whether a camera is not worth waiting for: one of the others went on alone, or most are far ahead of it."""
         if stream.far_behind:
             return True
-        if self._live and time.monotonic() - stream.heard_s < 1e-9 * self._max_wait_ns:
+        if self._live and time.monotonic() - stream.heard_s < 1e-9 * self.max_wait_ns:
             return False
-        since_ns = -self._max_wait_ns if stream.heard_ns is None else stream.heard_ns
+        since_ns = -self.max_wait_ns if stream.heard_ns is None else stream.heard_ns
         for camera, other in self._streams.items():
-            if other.heard_ns is None or other is stream or other.heard_ns - since_ns <= self._max_wait_ns:
+            if other.heard_ns is None or other is stream or other.heard_ns - since_ns <= self.max_wait_ns:
                 continue
-            if other.run_ns - stream.others_run_ns.get(camera, 0) > self._max_wait_ns:
+            if other.run_ns - stream.others_run_ns.get(camera, 0) > self.max_wait_ns:
                 return True
         return False
 

@@ -23,12 +23,13 @@ class EverySecondImage:
         recovery_s: how long nothing may have waited before all images are taken again.
 
     Attributes:
+        longest_wait_s, recovery_s: as given; they may be replaced.
         active: whether every second image is left out.
     """
 
     def __init__(self, longest_wait_s: float, recovery_s: float) -> None:
-        self._longest_wait_s = longest_wait_s
-        self._recovery_s = recovery_s
+        self.longest_wait_s = longest_wait_s
+        self.recovery_s = recovery_s
         self._calm_since_s: float | None = None
         self._stamps_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._slot: int | None = None
@@ -63,13 +64,13 @@ class EverySecondImage:
         self._slot = None
 
     def _judge(self, waited_s: float, now_s: float) -> None:
-        if self._longest_wait_s <= 0.0:
+        if self.longest_wait_s <= 0.0:
             return
-        if waited_s > self._longest_wait_s:
+        if waited_s > self.longest_wait_s:
             self.active = True
-        if not self.active or waited_s > _EMPTY * self._longest_wait_s:
+        if not self.active or waited_s > _EMPTY * self.longest_wait_s:
             self._calm_since_s = None
             return
         self._calm_since_s = now_s if self._calm_since_s is None else self._calm_since_s
-        if now_s - self._calm_since_s >= self._recovery_s:
+        if now_s - self._calm_since_s >= self.recovery_s:
             self.active, self._calm_since_s = False, None

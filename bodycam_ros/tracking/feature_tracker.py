@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.other_size import mode_of_size
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
@@ -161,9 +162,10 @@ class FeatureTracker:
         """Refuse what is no next image of this camera; raises RecordingError as ``track``."""
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
+            size, of_lens = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
             raise RecordingError(
-                f"camera {self.camera.name}: image of {image.shape[1]}x{image.shape[0]} pixels, but its camera_info "
-                f"says {expected[1]}x{expected[0]}; record camera_info at the resolution of the images"
+                f"camera {self.camera.name}: image of {size[0]}x{size[1]} pixels, but its camera_info says "
+                f"{of_lens[0]}x{of_lens[1]}, {mode_of_size(of_lens, size)}"
             )
         if self._image is not None and stamp_ns <= self._stamp_ns:
             raise RecordingError(

@@ -212,13 +212,16 @@ class LiveVerdict:
         cameras: models by name.
         settings: thresholds, how far it looks back, and how often it judges.
         pose_fit: which landmarks a registration took for its own; they tell of the lens.
+
+    Attributes:
+        settings: may be replaced; how far it looks back, and how often at the cameras, stays as it was at first.
     """
 
     def __init__(
         self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: VerdictSettings, pose_fit: PoseFitSettings
     ) -> None:
         self._body = body
-        self._settings = settings
+        self.settings = settings
         self._log = AgreementLog(body, cameras, settings, pose_fit.inlier_px, settings.span)
         self._latest = Verdict.of(())
         self._judged_ns: int | None = None
@@ -238,7 +241,7 @@ class LiveVerdict:
 
     def verdict(self) -> Verdict:
         """The latest; made anew when ``interval`` has passed since, in time of the recording."""
-        if self._judged_ns is not None and self._solved_ns - self._judged_ns >= 1e9 * self._settings.interval:
-            self._latest = judge(self._log.agreement(), self._body, self._settings)
+        if self._judged_ns is not None and self._solved_ns - self._judged_ns >= 1e9 * self.settings.interval:
+            self._latest = judge(self._log.agreement(), self._body, self.settings)
             self._judged_ns = self._solved_ns
         return self._latest

@@ -43,9 +43,9 @@ def encoded(suffix: str, pixels: NDArray[np.uint8]) -> bytes:
     [
         (encoded(".png", coloured()), 0),
         (encoded(".jpg", coloured()), 12),
-        (RawPicture(coloured(), red_first=False), 0),
-        (RawPicture(padded(coloured()), red_first=False), 0),
-        (RawPicture(padded(coloured()[..., ::-1]), red_first=True), 0),
+        (RawPicture("bgr8", coloured()), 0),
+        (RawPicture("bgr8", padded(coloured())), 0),
+        (RawPicture("rgb8", padded(coloured()[..., ::-1])), 0),
     ],
     ids=["png", "jpg", "bgr", "bgr with gaps", "rgb with gaps"],
 )
@@ -73,9 +73,9 @@ def test_a_grey_image_has_three_times_the_same(make: Callable[[NDArray[np.uint8]
 
 def test_the_colours_of_a_raw_image_are_the_callers_own() -> None:
     """Who draws into them must not draw into the message."""
-    picture = RawPicture(coloured(), red_first=False)
+    picture = RawPicture("bgr8", coloured())
     decode_colour(CameraImage("head", 5, picture))[:] = 0
-    np.testing.assert_array_equal(picture.pixels, coloured())
+    np.testing.assert_array_equal(picture.values, coloured())
 
 
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])

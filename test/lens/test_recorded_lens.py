@@ -2,14 +2,16 @@ from collections import Counter
 
 import numpy as np
 
+from bodycam_ros.cli.evaluate import compare_lenses
 from bodycam_ros.lens.recorded_lens import other_lenses
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.verdict.verdict import Finding, Level, Verdict
 
 _FRAMES = 120
 
 
-def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path):
+def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path, capsys):
     kinds = ("camera_info", "image_raw/compressed")
     topics = [f"/{camera}/{kind}" for camera in ("shin_left", "thigh_left") for kind in kinds]
     counts = Counter()
@@ -25,3 +27,10 @@ def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path):
     line = match.text
     assert "camera shin_left: was not recorded with its lens" in line
     assert "1.33 times as long" in line
+
+    # Of a result that is looked at afterwards those are asked that contradict the body, and are in the recording.
+    accused = (Finding(camera, Level.WRONG, "contradicts") for camera in ("shin_left", "head"))
+    compare_lenses(Verdict.of(tuple(accused)), tmp_path / "bag")
+    assert " ".join(capsys.readouterr().out.split()) == line
+    compare_lenses(Verdict.of((Finding("thigh_left", Level.DOUBTFUL, "contradicts"),)), tmp_path / "bag")
+    assert not capsys.readouterr().out

@@ -1,0 +1,223 @@
+"""Raw and compressed images in every encoding, of a scene whose colours are known, laid out by NumPy alone."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bodycam_ros.camera.camera_image import decode_colour, decode_grey
+from bodycam_ros.camera.pixel_encoding import ENCODINGS
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.images import compressed_image, raw_image
+
+HEIGHT, WIDTH = 48, 64
+_LUMA = np.array([0.114, 0.587, 0.299])
+"""Of blue, green and red (BT.601)."""
+
+_CHROMA = np.array([[0.5, -0.331264, -0.168736], [-0.081312, -0.418688, 0.5]])
+"""What U and V are of blue, green and red."""
+
+_HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=5))
+
+
+def scene() -> NDArray[np.uint8]:
+    """Pixels (H, W, 3), blue, green, red: slopes that differ, so that no colour can be taken for another."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    slopes = (60 + 2 * x, 200 - 2 * y - x, 90 + 3 * y)
+    return np.stack(slopes, axis=2).astype(np.uint8)
+
+
+def mosaic(order: str) -> NDArray[np.uint8]:
+    """One colour a pixel, as the sensor has them in its first two rows."""
+    values, seen = np.zeros((HEIGHT, WIDTH), np.uint8), scene()
+    for place, colour in enumerate(order):
+        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+        values[rows, columns] = seen[rows, columns, "bgr".index(colour)]
+    return values
+
+
+def yuv(half_rows: bool) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Y (H, W), U and V of two pixels in a row, or of two by two; studio levels, as cameras have them."""
+    pixels = scene().astype(float)
+    luma = 16 + pixels @ _LUMA * 219 / 255
+    u, v = np.moveaxis(128 + pixels @ _CHROMA.T * 224 / 255, 2, 0)
+    halves = [0.5 * (plane[:, ::2] + plane[:, 1::2]) for plane in (u, v)]
+    if half_rows:
+        halves = [0.5 * (plane[::2] + plane[1::2]) for plane in halves]
+    return tuple(np.rint(plane).astype(np.uint8) for plane in (luma, *halves))  # type: ignore[return-value]
+
+
+def packed(luma_first: bool) -> NDArray[np.uint8]:
+    luma, u, v = yuv(half_rows=False)
+    values = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
+    values[..., 0 if luma_first else 1] = luma
+    values[:, ::2, 1 if luma_first else 0], values[:, 1::2, 1 if luma_first else 0] = u, v
+    return values
+
+
+def in_planes(v_first: bool) -> NDArray[np.uint8]:
+    luma, u, v = yuv(half_rows=True)
+    colours = np.stack((v, u) if v_first else (u, v), axis=2).reshape(HEIGHT // 2, WIDTH)
+    return np.concatenate((luma, colours))
+
+
+def laid_out(encoding: str) -> NDArray[Any]:
+    """The scene as a driver lays it out: (rows, W) or (rows, W, values) uint8 or uint16."""
+    bgr = scene()
+    full = np.full((HEIGHT, WIDTH, 1), 255, np.uint8)
+    grey = np.rint(bgr @ _LUMA).astype(np.uint8)
+    eight_bits = {
+        "mono": grey,
+        "8UC": bgr if encoding == "8UC3" else grey,
+        "bgr": bgr,
+        "rgb": bgr[..., ::-1],
+        "bgra": np.dstack([bgr, full]),
+        "rgba": np.dstack([bgr[..., ::-1], full]),
+        "nv": in_planes(v_first=encoding == "nv21"),
+    } | {f"bayer_{order}": mosaic(order) for order in ("rggb", "bggr", "gbrg", "grbg")}
+    if encoding in ("yuv422", "uyvy", "yuv422_yuy2", "yuyv"):
+        return packed(luma_first=encoding in ("yuv422_yuy2", "yuyv"))
+    values = eight_bits[encoding.rstrip("0123456789")]
+    # As many bits as there are: the lower ones are not the upper ones again.
+    return values.astype(np.uint16) * 256 + 77 if encoding.endswith("16") else values
+
+
+def message(encoding: str, values: NDArray[Any], padding: int = 0, big: bool = False) -> Any:
+    of_values = values.astype(values.dtype.newbyteorder(">" if big else "<"))
+    rows = np.frombuffer(of_values.tobytes(), np.uint8).reshape(len(values), -1)
+    rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=201)
+    return SimpleNamespace(
+        header=_HEADER,
+        height=HEIGHT,
+        width=WIDTH,
+        encoding=encoding,
+        is_bigendian=int(big),
+        step=rows.shape[1],
+        data=rows.tobytes(),
+    )
+
+
+def _is_grey(encoding: str) -> bool:
+    return encoding.startswith("mono") or encoding == "8UC1"
+
+
+def _assert_is_the_scene(image: Any, encoding: str, off: float, border: int = 0) -> None:
+    """Within what the encoding can hold; what is interpolated from the nearest pixels not at the border."""
+    inner = (slice(border, HEIGHT - border), slice(border, WIDTH - border))
+    luma = scene() @ _LUMA
+    is_yuv = encoding.startswith(("yu", "uy", "nv"))
+    grey, colour = decode_grey(image), decode_colour(image)
+    assert grey.shape == (HEIGHT, WIDTH) and colour.shape == (HEIGHT, WIDTH, 3)
+    for pixels in (grey, colour):
+        assert pixels.dtype == np.uint8 and pixels.flags.c_contiguous
+    assert colour.flags.writeable
+    expected = 16 + luma * 219 / 255 if is_yuv else luma
+    np.testing.assert_allclose(grey[inner], expected[inner], atol=off)
+    wanted = np.dstack([luma] * 3) if _is_grey(encoding) else scene()
+    np.testing.assert_allclose(colour[inner], wanted[inner], atol=off)
+
+
+@pytest.mark.parametrize("padding", [0, 7], ids=["", "padded"])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_each_encoding_shows_the_scene(encoding: str, padding: int) -> None:
+    image = raw_image(message(encoding, laid_out(encoding), padding), "head")
+    # Half a level of each number that was rounded, of YUV enlarged by what turns it into colours.
+    off = {"y": 3.0, "u": 3.0, "n": 4.0}.get(encoding[0], 1.0)
+    _assert_is_the_scene(image, encoding, off, border=1 if encoding.startswith("bayer") else 0)
+
+
+@pytest.mark.parametrize("encoding", [name for name in ENCODINGS if name.endswith("16")])
+def test_sixteen_bits_in_the_other_order(encoding: str) -> None:
+    image = raw_image(message(encoding, laid_out(encoding), padding=3, big=True), "head")
+    _assert_is_the_scene(image, encoding, 1.0, border=1)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_the_smallest_image_has_pixels_too(encoding: str) -> None:
+    """OpenCV must not end in an error of its own."""
+    across, down = ENCODINGS[encoding].block
+    values = laid_out(encoding)[: int(down * ENCODINGS[encoding].rows), :across]
+    small = message(encoding, values)
+    small.height, small.width = down, across
+    image = raw_image(small, "head")
+    assert decode_grey(image).shape == (down, across) and decode_colour(image).shape == (down, across, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"encoding": "32FC1"}, "encoding '32FC1' is not supported; known are .*bayer_rggb8.*nv21"),
+        ({"encoding": "16UC1"}, "encoding '16UC1' is not supported"),
+        ({"encoding": "\x1b[31mred"}, r"encoding '\\x1b\[31mred' is not"),
+        ({"encoding": "yuv422", "width": 63}, "63x48 yuv422 cannot be: its width must be a multiple of 2"),
+        ({"encoding": "nv12"}, "64x48 nv12 with rows of 64 bytes cannot have 3072 bytes"),
+        ({"encoding": "mono16"}, "64x48 mono16 with rows of 64 bytes cannot have"),
+        ({"height": 0}, "64x0 mono8"),
+    ],
+)
+def test_what_cannot_be_is_named(change: dict[str, Any], complaint: str) -> None:
+    wrong = message("mono8", laid_out("mono8"))
+    vars(wrong).update(change)
+    with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):
+        raw_image(wrong, "head")
+
+
+def _file(suffix: str, values: NDArray[Any]) -> bytes:
+    return cv2.imencode(suffix, values)[1].tobytes()
+
+
+def _compressed(format_text: str, file: bytes) -> Any:
+    return compressed_image(SimpleNamespace(header=_HEADER, format=format_text, data=file), "head")
+
+
+@pytest.mark.parametrize(
+    ("format_text", "encoding", "suffix", "seen_as"),
+    [
+        ("png", "bgr8", ".png", "bgr8"),
+        ("rgb8; png compressed bgr8", "bgr8", ".png", "bgr8"),
+        ("rgb8; png compressed rgb8", "rgb8", ".png", "rgb8"),
+        ("mono8; png compressed ", "mono8", ".png", "mono8"),
+        ("mono16; png compressed ", "mono16", ".png", "mono16"),
+        ("bgr16; png compressed bgr16", "bgr16", ".png", "bgr16"),
+        ("bayer_grbg8; png compressed ", "bayer_grbg8", ".png", "bayer_grbg8"),
+        ("bayer_rggb16; png compressed ", "bayer_rggb16", ".png", "bayer_rggb16"),
+        # A sensor of sixteen bits in a file of eight.
+        ("bayer_bggr16; png compressed ", "bayer_bggr8", ".png", "bayer_bggr8"),
+    ],
+)
+def test_files_are_read_by_what_is_said_to_be_in_them(
+    format_text: str, encoding: str, suffix: str, seen_as: str
+) -> None:
+    image = _compressed(format_text, _file(suffix, laid_out(encoding)))
+    _assert_is_the_scene(image, seen_as, 1.5, border=1)
+
+
+@pytest.mark.parametrize(
+    "format_text",
+    ["jpeg", "rgb8; jpeg compressed bgr8", "bgr8;jpeg compressed bgr8", "bayer_rggb8; jpeg compressed bgr8"],
+)
+def test_jpegs_keep_their_colours(format_text: str) -> None:
+    _assert_is_the_scene(_compressed(format_text, _file(".jpg", scene())), "bgr8", 8.0)
+
+
+@pytest.mark.parametrize("decode", [decode_grey, decode_colour])
+@pytest.mark.parametrize(
+    ("file", "complaint"),
+    [
+        (b"no picture", r"the image of stamp 1000000005 ns \(10 bytes\) cannot be decoded"),
+        (_file(".png", scene()), "is said to be 'bayer_rggb8', but its file has 3 values of 8 bits a pixel"),
+    ],
+)
+def test_a_file_that_is_not_what_is_said(file: bytes, complaint: str, decode: Callable[[Any], Any]) -> None:
+    with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):
+        decode(_compressed("bayer_rggb8; png compressed ", file))
+
+
+def test_what_is_said_of_a_file_is_told_without_what_a_terminal_obeys() -> None:
+    with pytest.raises(RecordingError) as raised:
+        decode_grey(_compressed("bayer_\x1b[2J" + "x" * 500 + "; png compressed ", _file(".png", scene())))
+    assert "\x1b" not in str(raised.value) and len(str(raised.value)) < 300
