@@ -1,6 +1,8 @@
 """bodycam view: look at map, body and recording in a browser, and correct mounts and joints (A 4.2)."""
 
 import argparse
+from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -28,8 +30,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--live",
         action="store_true",
-        help="show what the running graph publishes (needs ROS 2); only --map and --port go with it",
+        help="show what the running graph publishes (needs ROS 2); --map, --namespace, --port and --coarse go with it",
     )
+    parser.add_argument("--namespace", default="", metavar="NAME", help="with --live: of the person's graph, as anna")
     parser.add_argument(
         "--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows what the cameras saw"
     )
@@ -52,6 +55,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--from", dest="from_camera", metavar="CAMERA", help="with --video and --recording: over what this camera saw"
     )
     parser.add_argument("--force", action="store_true", help="replace the video")
+    parser.add_argument("--coarse", action="store_true", help="draw less finely, for computers without a graphics card")
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run, usage_error=parser.error)
 
@@ -59,8 +63,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.live:
-        _view_live(arguments)
+        # It has no end of its own: to be stopped, by a launch file say, is no failure.
+        with suppress(KeyboardInterrupt):
+            _view_live(arguments)
         return 0
+    if arguments.namespace:
+        raise ViewError(f"--namespace {shown(arguments.namespace)}: is for --live")
     if arguments.body is None:
         arguments.usage_error("the following arguments are required: --body")
     if arguments.video is not None:
@@ -69,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.from_camera is not None:
         raise ViewError(f"--from {shown(arguments.from_camera)}: is for --video; say where to write it")
     # The web server takes half a second to load; the other commands and --help do without.
+    from bodycam_ros.view.detail import COARSE, FINE
     from bodycam_ros.view.session import view
 
     view(
@@ -80,6 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.stations,
         arguments.surface,
         arguments.compare,
+        COARSE if arguments.coarse else FINE,
     )
     return 0
 
@@ -114,6 +124,8 @@ def _view_live(arguments: argparse.Namespace) -> None:
             f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
             "wheels that 'make test' installs"
         ) from error
+    from bodycam_ros.view.detail import COARSE, FINE
     from bodycam_ros.view.live_session import view_live
 
-    view_live(listener, arguments.map, arguments.port)
+    heard = partial(listener, namespace=arguments.namespace)
+    view_live(heard, arguments.map, arguments.port, COARSE if arguments.coarse else FINE)

@@ -35,6 +35,8 @@ class CameraScene:
                 thickness=_LINE_M,
                 color=rgb(UNKNOWN),
                 variant="filled",
+                cast_shadow=False,
+                receive_shadow=False,
             )
             when_clicked(frustum, partial(on_click, Part("camera", camera)))
             self._cameras[camera] = frustum

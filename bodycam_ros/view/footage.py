@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.file_picture import FilePicture
 from bodycam_ros.camera.raw_picture import RawPicture
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import BodycamError
@@ -125,7 +126,7 @@ def _size(image: CameraImage) -> int:
     content = image.content
     if isinstance(content, VideoPacket):
         return len(content.data)
-    if isinstance(content, np.ndarray | RawPicture):
+    if isinstance(content, np.ndarray | RawPicture | FilePicture):
         return content.nbytes
     return len(content) if isinstance(content, bytes) else 0
 

@@ -11,6 +11,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.terminal import Terminal
+from bodycam_ros.view.detail import FINE, Detail
 from bodycam_ros.view.inbox import Inbox, on_input
 from bodycam_ros.view.live_body import Listener, LiveInstant
 from bodycam_ros.view.local_server import LocalServer
@@ -27,13 +28,14 @@ MakeListener = Callable[[Callable[[str], None], Callable[[LiveInstant], None]], 
 """Makes a listener of who is to be called with a URDF, and with an instant."""
 
 
-def view_live(make_listener: MakeListener, map_path: Path | None, port: int) -> None:
+def view_live(make_listener: MakeListener, map_path: Path | None, port: int, detail: Detail = FINE) -> None:
     """Show the body of the running graph in a browser until the program is interrupted.
 
     Args:
         make_listener: hears the graph.
         map_path: map folder; None: the body alone.
         port: of this machine; 0 takes any free one.
+        detail: how finely it is drawn.
 
     Raises:
         BodycamError: the map is missing or damaged, or the port cannot be used.
@@ -41,11 +43,11 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int) -> 
     reference_map = None if map_path is None else ReferenceMap.load(map_path)
     server = LocalServer(port, "bodycam view: live")
     try:
-        session = LiveSession(server, reference_map)
+        session = LiveSession(server, reference_map, detail)
         listener = make_listener(session.hear_body, session.hear_instant)
         session.listener = listener
         try:
-            Terminal().print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+            Terminal().print(f"open {server.address}{detail.page} in a browser; Ctrl-C ends it", soft_wrap=True)
             while True:
                 session.step(_TOLD_S)
         finally:
@@ -62,8 +64,8 @@ class LiveSession:
         state: what is said of the graph.
     """
 
-    def __init__(self, server: LocalServer, reference_map: ReferenceMap | None) -> None:
-        self._server, self._map = server, reference_map
+    def __init__(self, server: LocalServer, reference_map: ReferenceMap | None, detail: Detail = FINE) -> None:
+        self._server, self._map, self._detail = server, reference_map, detail
         self._inbox = Inbox()
         self._body: BodyModel | None = None
         self._scene: Scene | None = None
@@ -116,7 +118,13 @@ class LiveSession:
             return
         self._server.scene.reset()
         self._scene = Scene(
-            self._server, body, self._map, Motion.standing(body), lambda part: None, read_surfaces=capsule_surfaces
+            self._server,
+            body,
+            self._map,
+            Motion.standing(body),
+            lambda part: None,
+            read_surfaces=capsule_surfaces,
+            detail=self._detail,
         )
         for name, visible in self._shown.items():
             self._switch(name, visible)

@@ -13,20 +13,21 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.view.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.view.camera_scene import CameraScene
 from bodycam_ros.view.correction import Part
+from bodycam_ros.view.detail import FINE, Detail
+from bodycam_ros.view.floor_grid import add_floor
 from bodycam_ros.view.footage import Footage
 from bodycam_ros.view.motion import Motion
 from bodycam_ros.view.name_scene import NameScene
 from bodycam_ros.view.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.view.other_motion import OtherMotion
-from bodycam_ros.view.scene_nodes import COMPARED, GRID, GRID_FINE, WORLD, rgb
+from bodycam_ros.view.scene_nodes import COMPARED, WORLD
 from bodycam_ros.view.seen_scene import SeenScene
 from bodycam_ros.view.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.view.station_scene import StationScene
 from bodycam_ros.view.surface_scene import SurfaceReader, SurfaceScene
 
 _POINT_M = 0.012
-_CELL_M, _SECTION_M = 0.5, 1.0
-_FADES_M = 18.0
+_AMBIENT = 1.0
 
 
 class Scene:
@@ -42,12 +43,14 @@ class Scene:
         stations: Mapping[str, Station] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
         other: OtherMotion | None = None,
+        detail: Detail = FINE,
     ) -> None:
         self._server = server
         self._motion = motion
         # Following the body moves the world past it: a browser's own camera stays under its user's hands.
         self._world = server.scene.add_frame(WORLD, show_axes=False)
-        self._landmarks = _add_map(server.scene, reference_map)
+        _add_light(server.scene)
+        self._landmarks = _add_map(server.scene, reference_map, detail)
         self._skeleton = SkeletonScene(server.scene, body, on_click)
         self._equipment = LineScene(server.scene, "equipment", len(motion.equipment))
         self._other = other
@@ -56,7 +59,7 @@ class Scene:
         self._cameras = CameraScene(server.scene, body, on_click)
         self._seen = SeenScene(server.scene)
         self._stations = StationScene(server.scene, stations)
-        self._surface = SurfaceScene(server.scene, read_surfaces)
+        self._surface = SurfaceScene(server.scene, read_surfaces, detail)
         self._shows_surface = False
         self._is_selected = False
         self._names = NameScene(server.scene, body)
@@ -181,27 +184,27 @@ class Scene:
         return draw_picture(image, footage.model, world_T_camera, limbs, matches, contour)
 
 
-def _add_map(scene: SceneApi, reference_map: ReferenceMap | None) -> SceneNodeHandle | None:
+def _add_light(scene: SceneApi) -> None:
+    """Light without shadows and reflections, which take half of the time of a picture without a graphics card."""
+    scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map(hdri=None)
+    scene.add_light_ambient(f"{WORLD}/light", intensity=_AMBIENT)
+
+
+def _add_map(scene: SceneApi, reference_map: ReferenceMap | None, detail: Detail) -> SceneNodeHandle | None:
     """Add the landmarks in their colours, and where it is known what is up, a grid on the floor.
 
     Returns the landmarks, to be shown or hidden; None without a map, where a board on the floor is the world.
     """
     if reference_map is None or reference_map.gravity_aligned:
-        scene.add_grid(
-            f"{WORLD}/floor",
-            infinite_grid=True,
-            cell_size=_CELL_M,
-            section_size=_SECTION_M,
-            cell_color=rgb(GRID_FINE),
-            section_color=rgb(GRID),
-            fade_distance=_FADES_M,
-        )
+        add_floor(scene, np.zeros((0, 3)) if reference_map is None else reference_map.points_world)
     if reference_map is None:
         return None
+    drawn = detail.chosen(len(reference_map.points_world))
     return scene.add_point_cloud(
         f"{WORLD}/landmarks",
-        reference_map.points_world,
-        reference_map.colours,
+        reference_map.points_world[drawn],
+        reference_map.colours[drawn],
         point_size=_POINT_M,
         point_shape="circle",
         point_shading="flat",

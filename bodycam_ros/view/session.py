@@ -13,6 +13,7 @@ from bodycam_ros.view.camera_bands import load_bands
 from bodycam_ros.view.camera_picture import CameraPicture, PicturePanel
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.view.curve_panel import CurvePanel
+from bodycam_ros.view.detail import FINE, Detail
 from bodycam_ros.view.footage import FootageLoader
 from bodycam_ros.view.gizmo import Gizmo
 from bodycam_ros.view.inbox import Inbox
@@ -42,6 +43,7 @@ def view(
     stations: Path | None = None,
     surface: Path | None = None,
     compare: Path | None = None,
+    detail: Detail = FINE,
 ) -> None:
     """Show a body in a browser until the program is interrupted.
 
@@ -54,6 +56,7 @@ def view(
         stations: file that says where static cameras stand.
         surface: folder of the body's meshes; None for the body's own, or capsules.
         compare: another bag that was solved from the same recording.
+        detail: how finely it is drawn.
 
     Raises:
         BodycamError: an input is missing or damaged, they do not fit each other, or the port cannot be used.
@@ -61,8 +64,8 @@ def view(
     sources = Sources.read(solved, map_path, body_path, recording, stations, surface, compare)
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
-        session = Session(server, sources)
-        Terminal().print(f"open {server.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+        session = Session(server, sources, detail)
+        Terminal().print(f"open {server.address}{detail.page} in a browser; Ctrl-C ends it", soft_wrap=True)
         try:
             session.run()
         finally:
@@ -76,7 +79,7 @@ def view(
 class Session:
     """One view. All of it is done in the thread that calls ``run``."""
 
-    def __init__(self, server: LocalServer, sources: Sources) -> None:
+    def __init__(self, server: LocalServer, sources: Sources, detail: Detail = FINE) -> None:
         self._server = server
         self._sources = sources
         self._correction = Correction(sources.body)
@@ -96,6 +99,7 @@ class Session:
             sources.stations,
             surface_reader(sources.body, sources.body_file.path, sources.surface),
             sources.other,
+            detail,
         )
         self._gizmo = Gizmo(scene, lambda: inbox.put(self._grab), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, self._playback, duration_s, self._show_instant, self._show_instant)

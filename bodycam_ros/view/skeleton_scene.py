@@ -18,6 +18,9 @@ from bodycam_ros.view.scene_nodes import SELECTED, WORLD, place, rgb, segment_na
 _BONE_RADIUS_M = 0.02
 _JOINT_RADIUS_M = 0.032
 _EQUIPMENT_RADIUS_M = 0.014
+_JOINT_SUBDIVISIONS, _BONE_SIDES = 2, 12
+"""As round as such thin things need be: without a graphics card, faces and shadows are what a picture costs."""
+
 _SHORTEST_M = 1e-3  # a bone shorter than that has no direction
 
 
@@ -31,12 +34,21 @@ class SkeletonScene:
         self._joints: dict[str, IcosphereHandle] = {}
         for joint in body.joints:
             ball = scene.add_icosphere(
-                f"{segment_name(joint.parent)}/joint_{joint.name}", _JOINT_RADIUS_M, segment_rgb(joint.child)
+                f"{segment_name(joint.parent)}/joint_{joint.name}",
+                _JOINT_RADIUS_M,
+                segment_rgb(joint.child),
+                subdivisions=_JOINT_SUBDIVISIONS,
+                receive_shadow=False,
             )
             when_clicked(ball, partial(on_click, Part("joint", joint.name)))
             self._joints[joint.name] = ball
         self._bones: list[CylinderHandle] = [
-            scene.add_cylinder(f"{segment_name(segment)}/bone_{number}", *_rod(body, segment))
+            scene.add_cylinder(
+                f"{segment_name(segment)}/bone_{number}",
+                *_rod(body, segment),
+                radial_segments=_BONE_SIDES,
+                receive_shadow=False,
+            )
             for number, (segment, _, _) in enumerate(segment_bones(body))
         ]
         self.reshape(body)

@@ -13,6 +13,7 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.surface import Surface
+from bodycam_ros.view.detail import Detail
 from bodycam_ros.view.scene_nodes import segment_name, segment_rgb
 
 _OPACITY = 0.45
@@ -27,10 +28,11 @@ class SurfaceScene:
     Args:
         scene: that it is added to.
         read: gives the surface of a body; asked once for each body that is shown.
+        detail: how finely it is drawn.
     """
 
-    def __init__(self, scene: SceneApi, read: SurfaceReader) -> None:
-        self._scene, self._read = scene, read
+    def __init__(self, scene: SceneApi, read: SurfaceReader, detail: Detail) -> None:
+        self._scene, self._read, self._detail = scene, read, detail
         self._surfaces: Mapping[str, Surface] | None = None
         self._of: BodyModel | None = None
         self._meshes: list[MeshHandle] = []
@@ -70,10 +72,11 @@ class SurfaceScene:
         self._meshes = [
             self._scene.add_mesh_simple(
                 f"{segment_name(segment)}/{name}",
-                surface.vertices,
-                surface.faces,
+                *self._detail.mesh(surface.vertices, surface.faces),
                 color=segment_rgb(segment),
                 opacity=_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
             )
             for name, segment, surface in shown
         ]

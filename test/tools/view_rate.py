@@ -1,6 +1,6 @@
 """How many pictures a second the page of 'bodycam view' shows.
 
-    python test/tools/view_rate.py --map MAP --body BODY.yaml
+    python test/tools/view_rate.py --map MAP --body BODY.yaml [--coarse]
 
 A body file and its N-pose are made into a solved bag of so many instants in which it walks on the spot, and played in a
 headless Chromium that renders in software. Says too how much processor time a picture costs, which a busy machine does
@@ -75,13 +75,14 @@ def main() -> None:
     parser.add_argument("--map", type=Path, required=True)
     parser.add_argument("--body", type=Path, required=True)
     parser.add_argument("--instants", type=int, default=1000)
+    parser.add_argument("--coarse", action="store_true", help="as 'bodycam view --coarse'")
     arguments = parser.parse_args()
     chromium = find_chromium()
     if chromium is None:
         sys.exit("there is no Chromium on this machine: apt-get install chromium")
     with tempfile.TemporaryDirectory() as folder:
         out = write_solved(walking(read_body(arguments.body), arguments.instants), Path(folder) / "out")
-        given = (out, "--map", arguments.map, "--body", arguments.body)
+        given = (out, "--map", arguments.map, "--body", arguments.body, *(["--coarse"] if arguments.coarse else []))
         with served(*given) as running, BrowserView.opened(running.address, chromium) as view:
             view.press("Play")
             time.sleep(1.0)
