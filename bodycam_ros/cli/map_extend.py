@@ -1,6 +1,7 @@
 """bodycam map extend: a map and a recording in, a map out that shows what the recording's cameras saw too (A 4.1)."""
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -21,12 +22,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_recording_flags(parser, with_map=False)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP2", help="map folder to write")
     parser.add_argument("--force", action="store_true", help="replace MAP2 if it is there already")
+    parser.add_argument("--tell", action="store_true", help="for programs: say how far it is as lines of JSON")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
+    from bodycam_ros.cli.told_progress import ToldProgress
     from bodycam_ros.growth.rounds_picture import draw_rounds
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
@@ -38,13 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))
     check_replaceable(arguments.output, arguments.force)
     settled = len(ReferenceMap.load(arguments.map).landmark_ids)
+    told = ToldProgress() if arguments.tell else None
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Terminal(stderr=True)) as bars:
-        extension = MapExtension(
-            arguments.recording, arguments.map, settings, arguments.jobs, on_progress=shown_steps(bars)
-        )
+    with Progress(*columns, console=Terminal(stderr=True), disable=arguments.tell) as bars:
+        on_progress = told.tell if told else shown_steps(bars)
+        extension = MapExtension(arguments.recording, arguments.map, settings, arguments.jobs, on_progress=on_progress)
         extended = extension.run()
-    with shown_progress() as progress:
+    with nullcontext(told) if told else shown_progress() as progress:
         coverage = measure_coverage(extended, CoverageSettings(), progress)
     extended = with_coverage(extended, coverage)
     recorded = "/".join(arguments.recording.resolve().parts[-2:])

@@ -41,13 +41,18 @@ class DoneSteps:
             return None
         if note.get("state") == state_of(step) and not anew:
             return int(note.get("exit_code", 0))
-        if note.get("output") != fingerprint(step.output):
+        if self.is_changed(step):
             raise OutputError(
                 f"{step.output}: was changed after 'bodycam run' wrote it, and what it was made of has changed, too; "
                 "move it away to have it made anew, or take it as it is (a body as body.yaml, a map as map/ in the "
                 "folder of recordings)"
             )
         return None
+
+    def is_changed(self, step: Step) -> bool:
+        """Whether somebody has changed by hand what the step wrote, which is still there."""
+        note = self._note(step)
+        return note is not None and step.output.exists() and note.get("output") != fingerprint(step.output)
 
     def note(self, step: Step, state: str, exit_code: int) -> None:
         """Remember that a step is done, for the state of its inputs in which it began."""

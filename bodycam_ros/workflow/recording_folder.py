@@ -81,9 +81,9 @@ class RecordingFolder:
             reference=_there(path / "reference"),
             map=_there(path / "map"),
             rig=_there(path / "rig.yaml"),
-            rom=_source(path / "rom"),
+            rom=source_at(path / "rom"),
             body=_there(path / "body.yaml"),
-            takes=tuple(s for each in sorted(takes.iterdir()) if (s := _source(each))) if takes.is_dir() else (),
+            takes=tuple(s for each in sorted(takes.iterdir()) if (s := source_at(each))) if takes.is_dir() else (),
             lenses=_there(path / "lenses"),
             settings=_there(path / "settings.yaml"),
             equipment=_there(path / "equipment.yaml"),
@@ -114,7 +114,7 @@ def _there(path: Path) -> Path | None:
     return path if path.exists() else None
 
 
-def _source(path: Path) -> Source | None:
+def source_at(path: Path) -> Source | None:
     """A recording; None if there is none of that name, or it is hidden."""
     if not path.exists() or path.name.startswith("."):
         return None

@@ -1,10 +1,11 @@
-"""The commands that a folder of recordings needs, in their order."""
+"""One command of the way from recordings to summaries, and what each stage's command is, for folders and for studies.
 
-from collections.abc import Iterator
+A step's name begins with what it is about where there are several of its stage: "walk: replay".
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from bodycam_ros.workflow.recording_folder import RecordingFolder, Source
 
 
 @dataclass(frozen=True)
@@ -13,10 +14,11 @@ class Step:
 
     Attributes:
         name: of the step, as "walk: replay".
-        words: of the command line, without the number of processes.
+        words: of the command line, without the number of processes; the first is the stage.
         inputs: files and folders that it reads.
         output: file or folder that it writes.
         is_parallel: so it knows --jobs.
+        beside: what else it writes.
     """
 
     name: str
@@ -24,52 +26,70 @@ class Step:
     inputs: tuple[Path, ...]
     output: Path
     is_parallel: bool = True
+    beside: tuple[Path, ...] = ()
+
+    @property
+    def stage(self) -> str:
+        """The command: "replay"."""
+        return self.words[0]
 
 
-def steps_of(folder: RecordingFolder) -> Iterator[Step]:
-    """Every step for which there is, or by then will be, what it needs."""
-    solved = folder.solved
-    with_settings = () if folder.settings is None else ("--config", str(folder.settings))
-    words: tuple[str, ...]
-    map_path = folder.map
-    if map_path is None and folder.reference is not None:
-        map_path = solved / "map"
-        words = ("map", str(folder.reference), "-o", str(map_path), "--force")
-        yield Step("map", words, (folder.reference,), map_path)
-    body = folder.body
-    if body is None and folder.rom is not None:
-        yield from (ingest := list(_ingest(folder, folder.rom, "range of motion", solved / "rom")))
-        bag = ingest[0].output if ingest else folder.rom.path
-        if map_path is not None and folder.rig is not None:
-            body = solved / "body.yaml"
-            words = ("body", str(bag), "--map", str(map_path), "--rig", str(folder.rig), "-o", str(body), "--force")
-            inputs = (bag, map_path, folder.rig, *_given(folder.settings))
-            yield Step("body", (*words, *with_settings), inputs, body)
-    for take in folder.takes:
-        place = solved / "takes" / take.name
-        yield from (ingest := list(_ingest(folder, take, take.name, place / "bag")))
-        bag = ingest[0].output if ingest else take.path
-        if map_path is None or body is None:
-            continue
-        out, report = place / "out", place / "report"
-        words = ("replay", str(bag), "--map", str(map_path), "--body", str(body), "-o", str(out), "--force")
-        if folder.equipment is not None:
-            words += ("--equipment", str(folder.equipment))
-        inputs = (bag, map_path, body, *_given(folder.settings, folder.equipment))
-        yield Step(f"{take.name}: replay", (*words, *with_settings), inputs, out)
-        words = ("evaluate", str(out), "--recording", str(bag), "-o", str(report))
-        yield Step(f"{take.name}: evaluate", words, (out, bag), report, is_parallel=False)
+def map_step(name: str, reference: Path, output: Path) -> Step:
+    """Photographs of a place -> its map."""
+    return Step(name, ("map", str(reference), "-o", str(output), "--force"), (reference,), output)
 
 
-def _ingest(folder: RecordingFolder, source: Source, name: str, bag: Path) -> Iterator[Step]:
-    """The step that makes a bag of videos, if they are videos."""
-    if source.is_bag:
-        return
-    words = ["ingest", str(source.path), "-o", str(bag), "--force"]
-    for flag, path in (("--cameras", folder.lenses), ("--rig", folder.rig), ("--config", folder.settings)):
-        words += [] if path is None else [flag, str(path)]
-    inputs = (source.path, *_given(folder.lenses, folder.rig, folder.settings))
-    yield Step(f"{name}: ingest", tuple(words), inputs, bag)
+def ingest_step(
+    name: str, videos: Path, output: Path, lenses: Path | None, rig: Path | None, settings: Path | None
+) -> Step:
+    """A folder of videos -> a bag."""
+    words = ("ingest", str(videos), "-o", str(output), "--force")
+    flags = (*_flag("--cameras", lenses), *_flag("--rig", rig), *_flag("--config", settings))
+    beside = output.with_name(f"{output.name}_timing")
+    return Step(name, (*words, *flags), (videos, *_given(lenses, rig, settings)), output, beside=(beside,))
+
+
+def body_step(name: str, bag: Path, map_path: Path, rig: Path, output: Path, settings: Path | None) -> Step:
+    """A range of motion -> a body."""
+    words = ("body", str(bag), "--map", str(map_path), "--rig", str(rig), "-o", str(output), "--force")
+    inputs = (bag, map_path, rig, *_given(settings))
+    return Step(name, (*words, *_flag("--config", settings)), inputs, output, beside=(output.with_suffix(".html"),))
+
+
+def replay_step(
+    name: str,
+    bag: Path,
+    map_path: Path,
+    body: Path,
+    output: Path,
+    settings: Path | None,
+    equipment: Path | str | None,
+) -> Step:
+    """A recording -> a bag with joint states.
+
+    Args:
+        equipment: a file, or the name of what is supplied.
+    """
+    words = ("replay", str(bag), "--map", str(map_path), "--body", str(body), "-o", str(output), "--force")
+    flags = (*_flag("--equipment", equipment), *_flag("--config", settings))
+    of_equipment = (equipment,) if isinstance(equipment, Path) else ()
+    return Step(name, (*words, *flags), (bag, map_path, body, *_given(settings), *of_equipment), output)
+
+
+def evaluate_step(name: str, solved: Path, bag: Path, output: Path, truth: Path | None = None) -> Step:
+    """A solved recording -> a report."""
+    words = ("evaluate", str(solved), "--recording", str(bag), *_flag("--truth", truth), "-o", str(output))
+    return Step(name, words, (solved, bag, *_given(truth)), output, is_parallel=False)
+
+
+def export_step(name: str, solved: Path, output: Path, format_name: str) -> Step:
+    """A solved recording -> a file for other programs."""
+    words = ("export", str(solved), "--to", format_name, "-o", str(output), "--force")
+    return Step(name, words, (solved,), output, is_parallel=False)
+
+
+def _flag(name: str, value: Path | str | None) -> Sequence[str]:
+    return () if value is None else (name, str(value))
 
 
 def _given(*paths: Path | None) -> tuple[Path, ...]:

@@ -1,5 +1,6 @@
 """bodycam map extend and bodycam replay --passes as a user calls them, on a stretch of the sample."""
 
+import json
 import os
 import shutil
 import signal
@@ -81,10 +82,15 @@ def test_what_is_wrong_is_named(part: Path, stretch: Path, tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(part: Path, tmp_path: Path) -> None:
+def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(
+    part: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Grey images; the map that comes out is the one that went in, and the picture says so."""
     bag, out = write_tiny_bag(tmp_path / "bag"), tmp_path / "out"
-    assert main(["map", "extend", str(part), str(bag), "-o", str(out), "--jobs", "1"]) == 0
+    assert main(["map", "extend", str(part), str(bag), "-o", str(out), "--jobs", "1", "--tell"]) == 0
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines() if line.startswith("{")]
+    assert {each["step"] for each in told} >= {"round 1, forwards", "checking the coverage"}
+    assert told[-1]["share"] == 1.0 and all(0.0 <= each["share"] <= 1.0 for each in told)
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
     np.testing.assert_array_equal(before.landmark_ids, after.landmark_ids)
     np.testing.assert_array_equal(before.descriptors, after.descriptors)

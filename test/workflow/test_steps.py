@@ -8,8 +8,9 @@ import pytest
 from bodycam_ros.cli.main import _parser
 from bodycam_ros.errors import OutputError, RecordingError
 from bodycam_ros.workflow.done_steps import DoneSteps, fingerprint, state_of
+from bodycam_ros.workflow.folder_steps import steps_of
 from bodycam_ros.workflow.recording_folder import LAYOUT, RecordingFolder
-from bodycam_ros.workflow.step import Step, steps_of
+from bodycam_ros.workflow.step import Step
 
 
 def laid_out(folder: Path, *files: str) -> RecordingFolder:
