@@ -245,7 +245,7 @@ class SkeletonPipeline:
     def add_static(self, seen: CameraImage | SaidSegments) -> list[BodyOutput]:
         """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
         self._from_stations.append(seen)
-        longest_s = 2.0 * self._settings.assembler.max_wait + (0.0 if self._live else self._settings.clock.lookahead)
+        longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else self._settings.clock.lookahead)
         return self._release(seen.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
 
     @property

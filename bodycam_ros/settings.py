@@ -19,7 +19,10 @@ S = TypeVar("S")
 
 @dataclass(frozen=True)
 class SettingDescription:
-    """One setting as a person reads it: in ``--help``, in ``ros2 param describe``, in an error."""
+    """One setting as a person reads it: in ``--help``, in ``ros2 param describe``, in an error.
+
+    Where ``is_live``, a node takes another value while it works.
+    """
 
     name: str
     type: type
@@ -29,6 +32,7 @@ class SettingDescription:
     high: float | None
     words: tuple[str, ...]
     reason: str
+    is_live: bool
 
     def text(self) -> str:
         """Reason, unit and range in one line."""
@@ -45,12 +49,14 @@ def setting(
     limits: tuple[float, float] | None = None,
     words: tuple[str, ...] = (),
     reason: str,
+    live: bool = False,
 ) -> Any:
     """A dataclass field that knows its unit, its inclusive limits and why it has its default.
 
-    In place of a number it may be one of some words.
+    In place of a number it may be one of some words. ``live``: a node that is told another value works on with it.
     """
-    return field(default=default, metadata={"unit": unit, "limits": limits, "words": words, "reason": reason})
+    metadata = {"unit": unit, "limits": limits, "words": words, "reason": reason, "live": live}
+    return field(default=default, metadata=metadata)
 
 
 def describe(settings_type: type) -> Iterator[SettingDescription]:
@@ -68,6 +74,7 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
             high,
             f.metadata["words"],
             f.metadata["reason"],
+            f.metadata["live"],
         )
 
 

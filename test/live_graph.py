@@ -15,6 +15,7 @@ from typing import Any
 
 import rclpy
 from ended_with_us import ended_with_us
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
@@ -32,12 +33,17 @@ _DOMAINS = range(1, 102)
 _START_S, _GRACE_S = 60.0, 30.0
 
 
+def full_name(node: NodeProcess) -> str:
+    """Name of a node with its namespace, as diagnostics have it."""
+    return f"{node.namespace}/{node.name}".strip("/")
+
+
 class Started:
     """A node's process and what it printed."""
 
     def __init__(self, node: NodeProcess, folder: Path) -> None:
         self.node = node
-        self._log = folder / f"{node.name}.log"
+        self._log = folder / f"{full_name(node).replace('/', '.')}.log"
         command = [sys.executable, "-m", "bodycam_ros.nodes.start", node.executable, *node.arguments()]
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
@@ -87,6 +93,7 @@ class Graph:
         self._executor.add_node(self._node)
         self._types: dict[str, str] = {}
         self._clients: dict[str, Any] = {}
+        self._actions: dict[str, Any] = {}
         self.started: list[Started] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
 
@@ -100,12 +107,13 @@ class Graph:
         """Keep what is said on topics, given with their types."""
         for topic, type_name in topics.items():
             self._types[topic] = type_name
-            quality = latched() if is_latched(topic) else reliable(_DEPTH)
+            # Several may say something once: of depth 1 the latest of all of them would be left.
+            quality = latched(_DEPTH) if is_latched(topic) else reliable(_DEPTH)
             self._node.create_subscription(message_class(type_name), topic, self.heard[topic].append, quality, raw=True)
 
     def until_known(self, timeout_s: float) -> None:
         """Wait until all that were started know what the listener reads, diagnostics last: they said so by speaking."""
-        names = {each.node.name for each in self.started}
+        names = {full_name(each.node) for each in self.started}
         said: set[str] = set()
 
         def all_speak() -> bool:
@@ -124,6 +132,12 @@ class Graph:
     def offers(self, topic: str) -> list[Any]:
         """Quality of service of those who publish a topic."""
         return [each.qos_profile for each in self._node.get_publishers_info_by_topic(topic)]
+
+    def endpoints(self, node: str, namespace: str = "/") -> dict[str, set[str]]:
+        """Names of what a node was found to publish, subscribe, serve and call."""
+        looks = {"publishes": "publisher", "subscribes": "subscriber", "serves": "service", "calls": "client"}
+        of_node = {deed: getattr(self._node, f"get_{look}_names_and_types_by_node") for deed, look in looks.items()}
+        return {deed: {name for name, _ in look(node, namespace)} for deed, look in of_node.items()}
 
     def count_publishers(self, topic: str) -> int:
         """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
@@ -144,6 +158,19 @@ class Graph:
             if future.done():
                 return future.result()
         raise AssertionError(f"{service} does not answer\n{self.report()}")
+
+    def send_goal(self, action: str, action_type: Any, on_feedback: Callable[[Any], None], **fields: Any) -> Any:
+        """Ask for an action; the goal, which may have been rejected. Ask again as ``call`` does."""
+        client = self._actions.get(action) or ActionClient(self._node, action_type, action)
+        self._actions[action] = client
+        assert client.wait_for_server(_START_S), self.report()
+        goal = action_type.Goal(**fields)
+        for _ in range(_ASKED):
+            future = client.send_goal_async(goal, lambda message: on_feedback(message.feedback))
+            self._executor.spin_until_future_complete(future, _GRACE_S / _ASKED)
+            if future.done():
+                return future.result()
+        raise AssertionError(f"{action} does not answer\n{self.report()}")
 
     def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Listen until something is the case."""
@@ -190,7 +217,7 @@ class Graph:
     def report(self) -> str:
         """What was heard and what the processes printed, for a failure's message."""
         counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
-        texts = (f"--- {each.node.name} ({each.process.poll()})\n{each.log}" for each in self.started)
+        texts = (f"--- {full_name(each.node)} ({each.process.poll()})\n{each.log}" for each in self.started)
         return "\n".join((*counts, *self._health(), *texts))
 
     def _health(self) -> list[str]:
@@ -213,16 +240,18 @@ class Graph:
         ]
 
     def end(self) -> dict[str, int]:
-        """Interrupt all nodes at once, as a launch file does; exit codes by node's name."""
+        """Interrupt all nodes at once, as a launch file does; exit codes by node's full name."""
         for each in self.started:
             each.interrupt()
-        return {each.node.name: each.end() for each in self.started}
+        return {full_name(each.node): each.end() for each in self.started}
 
     def close(self) -> None:
         for each in self.started:
             if each.process.poll() is None:
                 each.process.kill()
                 each.process.wait()
+        for client in self._actions.values():
+            client.destroy()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
         _free_shared_memory()

@@ -31,6 +31,7 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
+    from bodycam_ros.verdict.verdict import Verdict
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -105,7 +106,20 @@ def run(arguments: argparse.Namespace) -> int:
             write_report(evaluation, arguments.output, overlay, more, shown)
     _report(evaluation, arguments.output)
     print_verdict(Terminal(), evaluation.verdict)
+    if arguments.recording is not None:
+        compare_lenses(evaluation.verdict, arguments.recording)
     return exit_code(evaluation.verdict)
+
+
+def compare_lenses(verdict: "Verdict", recording: Path) -> None:
+    """Say which of the cameras that contradict the body were recorded with another lens: some seconds each."""
+    from bodycam_ros.lens.recorded_lens import other_lenses
+
+    accused = {finding.camera for finding in verdict.findings if finding.part == "camera"}
+    with waiting("comparing lenses"):
+        remarks = [match.text for match in other_lenses(recording, sorted(accused))]
+    for remark in remarks:
+        Terminal().print(remark, style="red", soft_wrap=True)
 
 
 def _check_earlier(folder: Path) -> None:

@@ -40,7 +40,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--rate", type=_rate, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
     )
-    parser.add_argument("--registrations", type=_count, default=4, help="processes that share the registration")
+    parser.add_argument("--registrations", type=_count, default=4, help="nodes that share the registration")
+    parser.add_argument("--one-process", action="store_true", help="all nodes in one process, and not in one each")
     parser.set_defaults(run=run)
 
 
@@ -53,6 +54,7 @@ class _Played:
     output_delay: int
     latency: "Latency"
     cost: "ProcessorTime"
+    image_s: float
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -78,13 +80,16 @@ def run(arguments: argparse.Namespace) -> int:
                 rate = played[-1].rate
     console = Terminal()
     console.print(_table(played))
-    console.print(_explanation(arguments.registrations, played), soft_wrap=True)
+    console.print(_explanation(), soft_wrap=True)
+    console.print(_cost(played, arguments.one_process), soft_wrap=True)
+    if not arguments.one_process:
+        console.print(_estimate(arguments.registrations, played), soft_wrap=True)
     return 0
 
 
 def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
-    from bodycam_ros.evaluate.latency import latency_of, processor_time
+    from bodycam_ros.evaluate.latency import cost_of_image, latency_of, processor_time
     from bodycam_ros.evaluate.live_run import play_live
 
     while True:
@@ -98,12 +103,14 @@ def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, de
                 rate,
                 delay,
                 arguments.registrations,
+                arguments.one_process,
             )
         latency = latency_of(chain.from_iterable(noted.values()))
         if not len(latency.stamps_ns):
             raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
         if arguments.rate or latency.way_s <= frame_s / rate:
-            return _Played(len(cameras), rate, delay, latency, processor_time(noted))
+            processes = [list(chain.from_iterable(noted.values()))] if arguments.one_process else noted.values()
+            return _Played(len(cameras), rate, delay, latency, processor_time(noted), cost_of_image(processes))
         if rate < _SLOWEST:
             raise RecordingError(f"{arguments.recording}: images queue even at {rate:g} of its speed; is it too short?")
         rate /= 2
@@ -144,17 +151,28 @@ def _ms(seconds: float) -> str:
     return f"{1e3 * seconds:.1f}" if seconds < 0.01 else f"{1e3 * seconds:.0f}"
 
 
-def _explanation(registrations: int, played: Sequence[_Played]) -> str:
+def _explanation() -> str:
+    return (
+        f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
+        "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
+        "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much; "
+        "'at 1' is the median (p50) without that."
+    )
+
+
+def _cost(played: Sequence[_Played], one_process: bool) -> str:
+    runs = ", ".join(f"{1e3 * each.image_s:.1f} ({each.cameras} cameras, delay {each.output_delay})" for each in played)
+    where = "one process, player included" if one_process else "all processes, player included"
+    return f"processor time of an image, {where} [ms]: {runs}"
+
+
+def _estimate(registrations: int, played: Sequence[_Played]) -> str:
     from bodycam_ros.evaluate.machine_estimate import estimate_machine
 
     most = max(played, key=lambda each: (each.cameras, -each.output_delay))
     cost = most.cost
     laptop = estimate_machine(cost, _LAPTOP_CORES, _LAPTOP_CAMERAS, registrations, _LAPTOP_HZ)
     return (
-        f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
-        "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
-        "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much; "
-        "'at 1' is the median (p50) without that.\n"
         f"processor time, all threads: tracker {1e3 * cost.tracker_s:.1f} ms an image, registration "
         f"{1e3 * cost.registration_s:.1f} ms an image, solver {1e3 * cost.solver_s:.1f} ms an instant "
         f"({most.cameras} cameras)\n"

@@ -17,6 +17,7 @@ from bodycam_ros.shown import printable
 
 COMMANDS = {
     "run": "all steps for a folder of recordings, in one go",
+    "study": "all steps for many recordings, on all cores or a cluster",
     "board": "print a board for maps and lenses",
     "lens": "measure a camera's lens by a video or images of a board",
     "map": "build a reference map from photographs or a video",
@@ -31,9 +32,11 @@ COMMANDS = {
     "evaluate": "measure and picture a solved recording",
     "view": "look at a body in a browser, and correct it",
     "export": "write a solved recording or a body for other programs",
+    "keystore": "make keys for the live graph, and say who may hear and say what",
     "settings": "print all settings with their defaults",
     "bench": "time every stage on a recording",
     "latency": "time the live graph from image to joint state (needs ROS 2)",
+    "discovery": "let the live nodes of several computers find each other (needs ROS 2)",
 }
 """Command -> what it is for, in the order of the way through.
 

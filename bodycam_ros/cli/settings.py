@@ -12,6 +12,7 @@ _WIDTH = 120
 _TITLE = """\
 # All settings of all stages with their defaults, as 'bodycam settings' prints them. The same file serves every node
 # (--ros-args --params-file FILE) and --config of every command; what a file leaves out keeps its default.
+# Of what is live a running node takes another value (ros2 param set); of the rest when it is configured.
 """
 
 
@@ -35,7 +36,11 @@ def all_settings_yaml() -> str:
     for group, settings_type in all_groups().items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]
         for description in describe(settings_type):
-            lines += [*_comment(description.text(), 6), f"      {description.name}: {_scalar(description.default)}"]
+            live = ", live" if description.is_live else ""
+            lines += [
+                *_comment(description.text() + live, 6),
+                f"      {description.name}: {_scalar(description.default)}",
+            ]
     return _TITLE + "\n".join(lines) + "\n"
 
 

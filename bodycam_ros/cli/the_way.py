@@ -23,6 +23,6 @@ bodycam: motion capture from body-mounted cameras. The way through:
        bodycam export OUT --to FORMAT -o FILE
 
 'bodycam run DIR' takes steps 1, 2 and 4 to 6 in one go, for a folder laid out as
-its --help says. 'bodycam --help' lists all commands, 'bodycam COMMAND --help'
-explains one.
+its --help says; 'bodycam study STUDY.yaml' for many recordings of many people.
+'bodycam --help' lists all commands, 'bodycam COMMAND --help' explains one.
 """

@@ -163,3 +163,24 @@ def processor_time(noted: Mapping[str, Sequence[Noted]]) -> ProcessorTime:
         return spent_s / count if count else float("nan")
 
     return ProcessorTime(per(Moment.TRACKED), per(Moment.REGISTERED), per(Moment.SOLVED))
+
+
+def cost_of_image(noted: Iterable[Sequence[Noted]]) -> float:
+    """Processor time that the whole graph spends for an image, what it spends on messages included [s].
+
+    Of the last third of the images while they are played; NaN where too few are.
+
+    Args:
+        noted: by each process, in any order.
+    """
+    processes = [sorted(notes, key=lambda note: note.at.steady_ns) for notes in noted if notes]
+    played = sorted(n.at.steady_ns for notes in processes for n in notes if n.moment is Moment.PLAYED)
+    warm = played[round(_WARM_UP * len(played)) :]
+    if len(warm) < 2:
+        return float("nan")
+    between = (warm[0], warm[-1])
+    spent_ns = 0.0
+    for notes in processes:
+        at = [note.at.steady_ns for note in notes]
+        spent_ns += float(np.diff(np.interp(between, at, [note.at.cpu_ns for note in notes]))[0])
+    return 1e-9 * spent_ns / (len(warm) - 1)

@@ -1,4 +1,6 @@
-"""A bag through the real live graph, every node a process of its own, and when each frame came and went. Needs ROS 2.
+"""A bag through the real live graph, and when each frame came and went. Needs ROS 2.
+
+Every node is a process of its own, or all are in one.
 
 The nodes are started, not imported: this file has no ROS.
 """
@@ -8,17 +10,21 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import yaml
+
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.kernels.preparation import prepare_kernels
 from bodycam_ros.moments import Noted, read_moments
 from bodycam_ros.nodes.graph import NodeProcess, live_graph, player
+from bodycam_ros.share_folder import share_folder
 
+_GRAPH = "graph"
 _SHARED_MEMORY = "config/fastdds-shm.xml"
 _READER_WAIT_S = 300.0
 _LAST_FRAMES_S = 2.0
@@ -39,6 +45,7 @@ def play_live(
     rate: float,
     output_delay: int,
     registrations: int,
+    one_process: bool = False,
 ) -> dict[str, list[Noted]]:
     """Play a bag once through a graph that is started for it, on a DDS domain that does not leave the machine.
 
@@ -50,7 +57,8 @@ def play_live(
         cameras: those to play and to use.
         rate: times the recorded speed.
         output_delay: frames that a state waits for later ones.
-        registrations: processes that share the registration.
+        registrations: nodes that share the registration.
+        one_process: whether all nodes share a process.
 
     Returns:
         Name of a node -> what it noted.
@@ -66,15 +74,46 @@ def play_live(
     playing = player(bag, rate, cameras)
     playing = replace(playing, parameters={**playing.parameters, "reader_wait": _READER_WAIT_S})
     nodes = [_as_measured(node, output_delay) for node in (*nodes, playing)]
-    with _running([_noting(node, scratch) for node in nodes], scratch) as processes:
-        while processes[playing.name].poll() is None:
-            _check_alive(processes, playing.name, scratch)
-            time.sleep(_SLICE_S)
-        if processes[playing.name].returncode:
-            raise RecordingError(f"{bag}: cannot be played: {_said(playing.name, scratch)}")
-        time.sleep(_LAST_FRAMES_S)
-        _check_alive(processes, playing.name, scratch)
+    nodes = [_noting(node, scratch) for node in nodes]
+    if one_process:
+        _play_in_one(nodes, _arguments(reference_map, body, cameras, registrations, bag, rate), scratch)
+    else:
+        _play_in_many(nodes, bag, scratch)
     return {node.name: read_moments(_moments_file(node.name, scratch)) for node in nodes}
+
+
+def _play_in_many(nodes: Sequence[NodeProcess], bag: Path, scratch: Path) -> None:
+    playing = nodes[-1].name
+    commands = {node.name: [node.executable, *node.arguments()] for node in nodes}
+    with _running(commands, scratch) as processes:
+        while processes[playing].poll() is None:
+            _check_alive(processes, playing, scratch)
+            time.sleep(_SLICE_S)
+        if processes[playing].returncode:
+            raise RecordingError(f"{bag}: cannot be played: {_said(playing, scratch)}")
+        time.sleep(_LAST_FRAMES_S)
+        _check_alive(processes, playing, scratch)
+
+
+def _play_in_one(nodes: Sequence[NodeProcess], arguments: Sequence[str], scratch: Path) -> None:
+    given = {f"/{node.name}": {"ros__parameters": dict(node.parameters)} for node in nodes}
+    settings = scratch / "settings.yaml"
+    settings.write_text(yaml.safe_dump(given))
+    command = [_GRAPH, *arguments, "--ros-args", "--params-file", str(settings)]
+    with _running({_GRAPH: command}, scratch) as processes:
+        # The player writes what it noted when it has played all.
+        while not _moments_file(nodes[-1].name, scratch).exists():
+            _check_alive(processes, "", scratch)
+            time.sleep(_SLICE_S)
+        time.sleep(_LAST_FRAMES_S)
+        _check_alive(processes, "", scratch)
+
+
+def _arguments(
+    reference_map: Path, body: Path, cameras: Sequence[str], registrations: int, bag: Path, rate: float
+) -> list[str]:
+    given = ["--map", str(reference_map), "--body", str(body), "--cameras", *cameras]
+    return [*given, "--registrations", str(registrations), "--bag", str(bag), "--rate", str(rate)]
 
 
 def _as_measured(node: NodeProcess, output_delay: int) -> NodeProcess:
@@ -105,23 +144,20 @@ def _said(name: str, scratch: Path) -> str:
 
 
 @contextmanager
-def _running(nodes: Sequence[NodeProcess], scratch: Path) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """The nodes' processes, which have ended when the block is left."""
+def _running(commands: Mapping[str, Sequence[str]], scratch: Path) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
+    """Processes by their names, which have ended when the block is left."""
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(_DOMAINS[os.getpid() % len(_DOMAINS)]),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
-    homes = (Path(__file__).parents[2], Path(sys.prefix) / "share/bodycam_ros")
-    profiles = [home / _SHARED_MEMORY for home in homes]
-    if there := [profile for profile in profiles if profile.is_file()]:
-        environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(there[0]))
+    environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(share_folder() / _SHARED_MEMORY))
     processes: dict[str, subprocess.Popen[bytes]] = {}
     try:
-        for node in nodes:
-            command = [sys.executable, "-m", "bodycam_ros.nodes.start", node.executable, *node.arguments()]
-            with (scratch / f"{node.name}.log").open("w") as log:
-                processes[node.name] = subprocess.Popen(
+        for name, arguments in commands.items():
+            command = [sys.executable, "-m", "bodycam_ros.nodes.start", *arguments]
+            with (scratch / f"{name}.log").open("w") as log:
+                processes[name] = subprocess.Popen(
                     command, stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True
                 )
         yield processes

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
+from bodycam_ros.errors import ViewError
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
@@ -32,16 +35,27 @@ class BodyListener:
     Args:
         on_body: called with a URDF when the graph describes a body, or describes it anew.
         on_instant: called when all of an instant has been heard.
+        namespace: of the graph.
+
+    Raises:
+        ViewError: the middleware lets it hear nothing, or the namespace is none.
     """
 
-    def __init__(self, on_body: Callable[[str], None], on_instant: Callable[[LiveInstant], None]) -> None:
+    def __init__(
+        self, on_body: Callable[[str], None], on_instant: Callable[[LiveInstant], None], namespace: str = ""
+    ) -> None:
         self._on_instant = on_instant
         self._angles: dict[int, tuple[tuple[str, ...], NDArray[np.float64]]] = {}
         self._roots: dict[int, NDArray[np.float64]] = {}
         self._poses: dict[str, deque[tuple[int, NDArray[np.float64]]]] = {}
         self._context = rclpy.Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("bodycam_view", context=self._context)
+        try:
+            rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+            self._node = rclpy.create_node("bodycam_view", namespace=namespace, context=self._context)
+        except (rclpy_implementation.RCLError, NameValidationException) as error:
+            # DDS does not let it take part, as it lacks keys, or the namespace is none.
+            self._context.try_shutdown()
+            raise ViewError(f"--live: the graph cannot be heard: {' '.join(str(error).split())}") from error
         self._listen("std_msgs/msg/String", "robot_description", lambda message: on_body(message.data), latched())
         self._listen("sensor_msgs/msg/JointState", "joint_states", self._hear_joints, reliable(OUTPUT_DEPTH))
         self._listen("nav_msgs/msg/Odometry", "odometry", self._hear_root, reliable(OUTPUT_DEPTH))

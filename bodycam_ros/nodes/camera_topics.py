@@ -3,9 +3,10 @@
 import math
 import time
 from collections.abc import Callable, Iterable
+from copy import deepcopy
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from bodycam_ros.camera import CameraModel
@@ -14,8 +15,10 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import optical_frame
 from bodycam_ros.messages.images import camera_model
 from bodycam_ros.nodes.message_classes import is_installed
-from bodycam_ros.nodes.qos import best_effort, latched, reliable
+from bodycam_ros.nodes.qos import camera_info, latched, sensor_data
+from bodycam_ros.nodes.qos_overrides import IMAGES_HEARD, INFOS_HEARD, overridden
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.topic_events import TopicEvents
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 
 KEPT_INFOS = "camera_infos"
@@ -32,6 +35,7 @@ TRANSPORTS = {
 """How images may be published: topic of a camera, and type."""
 
 _INFO_DEPTH, _KEPT_DEPTH = 10, 200
+_INFO_ADAPTS = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 _LOOK_S = 0.5
 _PATIENCE_S = 2.0
 """Who publishes the transport that is asked for may take a while to be discovered."""
@@ -71,8 +75,8 @@ class ImageSource:
         self._depth = depth
         self._on_image = on_image
         self._transport = transport
-        self._is_reliable = True
-        self._subscription = self._subscribe(reliable(depth))
+        self._reliability = ReliabilityPolicy.RELIABLE
+        self._subscription = self._subscribe()
         self._heard_s = -_QUIET_S
         self._looked_since_s = time.monotonic()
         node.every(_LOOK_S, self._look)
@@ -92,8 +96,18 @@ class ImageSource:
     def _topic(self) -> str:
         return f"{self._camera}/{TRANSPORTS[self._transport][0]}"
 
-    def _subscribe(self, quality: QoSProfile) -> Subscription:
-        return self._node.subscription(TRANSPORTS[self._transport][1], self._topic, self._receive, quality)
+    def _subscribe(self) -> Subscription:
+        may = IMAGES_HEARD.resolved(self._reliability, DurabilityPolicy.VOLATILE)
+        name = self._node.resolve_topic_name(self._topic)
+        events = TopicEvents(name, self._node.skipped, () if self._is_fixed else (QoSPolicyKind.RELIABILITY,))
+        kind = TRANSPORTS[self._transport][1]
+        return self._node.subscription(kind, self._topic, self._receive, sensor_data(self._depth), may, events)
+
+    @property
+    def _is_fixed(self) -> bool:
+        """Whether the user says how reliably images are read."""
+        topic = self._node.resolve_topic_name(self._topic)
+        return bool(overridden(self._node.overrides, topic, "subscription", "reliability"))
 
     def _receive(self, message: Message) -> None:
         self._heard_s = time.monotonic()
@@ -104,20 +118,21 @@ class ImageSource:
             return
         offers = _offers(self._node, self._topic)
         if offers:
-            wants_reliable = all(offer.reliability != ReliabilityPolicy.BEST_EFFORT for offer in offers)
-            if wants_reliable != self._is_reliable:
-                self._change(wants_reliable)
+            lossy = any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers)
+            best = ReliabilityPolicy.BEST_EFFORT if lossy else ReliabilityPolicy.RELIABLE
+            if best != self._reliability and not self._is_fixed:
+                self._change(best)
         elif time.monotonic() - self._looked_since_s > _PATIENCE_S:
             self._take_other_transport()
 
-    def _change(self, wants_reliable: bool) -> None:
-        self._is_reliable = wants_reliable
-        if not wants_reliable:
+    def _change(self, reliability: ReliabilityPolicy) -> None:
+        self._reliability = reliability
+        if reliability == ReliabilityPolicy.BEST_EFFORT:
             self._node.get_logger().warning(
                 f"{self._topic} is published with best effort: images may get lost; reliable is better"
             )
         self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe(reliable(self._depth) if wants_reliable else best_effort(self._depth))
+        self._subscription = self._subscribe()
 
     def _take_other_transport(self) -> None:
         """Read what is published where the transport asked for is not: a bag of videos plays as raw images."""
@@ -132,7 +147,7 @@ class ImageSource:
                 continue
             self._node.get_logger().info(f"nobody publishes {self._topic}; reads {self._camera}/{ending}")
             self._transport = other
-            self._change(wants_reliable=True)
+            self._change(ReliabilityPolicy.RELIABLE)
             return
 
 
@@ -165,13 +180,14 @@ class CameraModels:
         self._fatal = fatal
         self._sources = {camera: _InfoSource(node, camera, self._learn) for camera in cameras}
         self._kept = node.publisher(_INFO, KEPT_INFOS, latched(_KEPT_DEPTH)) if keeps else None
-        self._names = {optical_frame(camera): camera for camera in self._sources}
+        self._names = {node.make.frame(optical_frame(camera)): camera for camera in self._sources}
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
         self.refused: set[str] = set()
         self.changes = 0
-        node.subscription(_INFO, KEPT_INFOS, self._on_kept, latched(_KEPT_DEPTH))
-        node.every(_LOOK_S, self._look)
+        # While a node is inactive, too: a driver may say it only once.
+        node.subscription(_INFO, KEPT_INFOS, self._on_kept, latched(_KEPT_DEPTH), even_inactive=True)
+        node.every(_LOOK_S, self._look, even_inactive=True)
 
     @property
     def missing(self) -> list[str]:
@@ -212,8 +228,10 @@ class CameraModels:
 
     def _keep(self, camera: str, message: Message) -> None:
         if self._kept is not None:
-            message.header.frame_id = optical_frame(camera)
-            self._kept.publish(message)
+            # Nodes of this process may have heard the same message.
+            kept = deepcopy(message)
+            kept.header.frame_id = self._node.make.frame(optical_frame(camera))
+            self._kept.publish(kept)
 
 
 class _InfoSource:
@@ -225,8 +243,9 @@ class _InfoSource:
         self._on_info = on_info
         self._topic = f"{camera}/camera_info"
         self._heard_s = -_QUIET_S
-        self._ways: set[str] = set()
-        self._listen("reliable", reliable(_INFO_DEPTH))
+        self._ways: set[tuple[ReliabilityPolicy, DurabilityPolicy]] = set()
+        self._name = node.resolve_topic_name(self._topic)
+        self._listen(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 
     def look(self) -> None:
         """Adapt to who publishes, unless somebody is heard."""
@@ -234,14 +253,29 @@ class _InfoSource:
             return
         for offer in _offers(self._node, self._topic):
             if offer.reliability == ReliabilityPolicy.BEST_EFFORT:
-                self._listen("best effort", best_effort(_INFO_DEPTH))
+                self._listen(ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
             elif offer.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-                self._listen("latched", latched())
+                self._listen(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
 
-    def _listen(self, way: str, quality: QoSProfile) -> None:
-        if way not in self._ways:
-            self._ways.add(way)
-            self._node.subscription(_INFO, self._topic, self._receive, quality)
+    def _listen(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> None:
+        """Listen in a way, or in the one that the user wants, unless it does."""
+        asked = {
+            policy: word
+            for policy in ("reliability", "durability")
+            if (word := overridden(self._node.overrides, self._name, "subscription", policy))
+        }
+        way = (
+            ReliabilityPolicy[asked.get("reliability", reliability.name).upper()],
+            DurabilityPolicy[asked.get("durability", durability.name).upper()],
+        )
+        if way in self._ways:
+            return
+        self._ways.add(way)
+        adapts = [policy for policy in _INFO_ADAPTS if policy.name.lower() not in asked]
+        events = TopicEvents(self._name, self._node.skipped, adapts)
+        may = INFOS_HEARD.resolved(reliability, durability)
+        quality = camera_info(_INFO_DEPTH)
+        self._node.subscription(_INFO, self._topic, self._receive, quality, may, events, even_inactive=True)
 
     def _receive(self, message: Message) -> None:
         self._heard_s = time.monotonic()

@@ -98,11 +98,12 @@ class AnsweredFrames:
         most_ahead: frames that may be on their way.
 
     Attributes:
+        most_ahead: as given; it may be replaced.
         since_s: since when answers come, on the steady clock; None while nobody answers.
     """
 
     def __init__(self, most_ahead: int) -> None:
-        self._most_ahead = most_ahead
+        self.most_ahead = most_ahead
         self._unanswered_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._progress_s = 0.0
         self._alone = False
@@ -142,11 +143,29 @@ class AnsweredFrames:
 
     def must_wait(self) -> bool:
         """Whether the next frame has to wait for an answer; not while nobody answers at all."""
-        if len(self._unanswered_ns) < self._most_ahead:
+        if len(self._unanswered_ns) < self.most_ahead:
             return False
         if time.monotonic() - self._progress_s > _PATIENCE_S:
             self.expect_nobody()
         return not self._alone
+
+
+class AwaitedReaders:
+    """Waits until those who are to read what is said of a camera are there, once for each camera."""
+
+    def __init__(self) -> None:
+        self._since_s: dict[str, float] = {}
+        self._read: set[str] = set()
+
+    def are_there(self, camera: str, count: Callable[[], int], awaited: int, patience_s: float) -> bool:
+        """Whether so many readers are there, or once were, or did not come in time."""
+        if camera not in self._read:
+            now_s = time.monotonic()
+            waited_s = now_s - self._since_s.setdefault(camera, now_s)
+            if count() < awaited and waited_s <= patience_s:
+                return False
+            self._read.add(camera)
+        return True
 
 
 class MissedFrames:

@@ -27,20 +27,31 @@ class NodeProcess:
 
     Attributes:
         executable: as in ``ros2 run bodycam_ros <executable>``.
-        name: of the node.
+        name: of the node; empty where a process has several, which have names already.
         parameters: its own parameters.
+        namespace: of the node and its topics, such as /anna; empty: none of its own.
+        words: what comes on the command line before that.
     """
 
     executable: str
     name: str
     parameters: Mapping[str, object] = field(default_factory=dict)
+    namespace: str = ""
+    words: tuple[str, ...] = ()
+
+    @property
+    def enclave(self) -> str:
+        """Under which its process looks for its keys, where ROS 2's security is switched on."""
+        return "/" + "/".join(filter(None, (self.namespace.strip("/"), self.name or self.executable)))
 
     def arguments(self, config: Path | None = None) -> list[str]:
         """Command line after the executable, for those who start it without a launch file."""
         given = [f"{name}:={json.dumps(value)}" for name, value in self.parameters.items()]
-        arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        arguments = [*self.words, "--ros-args", *(["-r", f"__node:={self.name}"] if self.name else [])]
+        arguments += ["-r", f"__ns:=/{self.namespace.strip('/')}"] if self.namespace else []
         arguments += ["--params-file", str(config)] if config else []
-        return arguments + [part for parameter in given for part in ("-p", parameter)]
+        arguments += [part for parameter in given for part in ("-p", parameter)]
+        return [*arguments, "--enclave", self.enclave]
 
 
 def live_graph(
@@ -224,6 +235,15 @@ def follower(urdf: Path | None, mapping: Path | None) -> list[NodeProcess]:
         raise BodyError("a robot that follows needs both: robot:=ROBOT.urdf mapping:=MAPPING.yaml")
     read_mapping(mapping)
     return [NodeProcess("retarget", "retarget", {"urdf": str(urdf), "mapping": str(mapping)})]
+
+
+def human(body_id: str) -> list[NodeProcess]:
+    """The node that says the same as REP-155 does, if it is asked for.
+
+    Args:
+        body_id: REP-155's identifier of the body; empty: none.
+    """
+    return [NodeProcess("humans", "humans", {"body_id": body_id})] if body_id else []
 
 
 def player(

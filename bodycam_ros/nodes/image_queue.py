@@ -61,10 +61,14 @@ class ImageQueue:
     ) -> None:
         self._camera, self._longest, self._skipped, self._moments = camera, longest, node.skipped, node.moments
         self._thinning, self._on_more, self._what_is_lacking = thinning, on_more, what_is_lacking
+        self.forget()
+        self.source = ImageSource(node, camera, transport, longest, self._receive)
+
+    def forget(self) -> None:
+        """What waits is of no use any more, and the next image follows none."""
         self._decoder = VideoDecoder()
         self._order: OrderOfTime[QueuedImage] = OrderOfTime(self._on_stray)
         self._waiting: deque[Ordered[QueuedImage]] = deque()
-        self.source = ImageSource(node, camera, transport, longest, self._receive)
         self.arrived = 0
 
     def __len__(self) -> int:

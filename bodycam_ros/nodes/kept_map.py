@@ -63,7 +63,7 @@ class KeptMap:
             self._begin(self.path)
         node.create_service(Trigger, "~/reset_map", self._on_reset)
         node.create_service(SetBool, "~/grow", self._on_grow)
-        node.every(_LOOK_S, self._look)
+        node.every(_LOOK_S, self._look, even_inactive=True)
 
     def health(self) -> Health:
         """What has grown, and whether it is kept."""

@@ -22,7 +22,7 @@ class LaterService:
     """
 
     def __init__(self, node: StageNode[Any], name: str, on_request: Callable[[], None]) -> None:
-        self._on_request = node.guarded(on_request)
+        self._on_request = node.guarded(on_request, even_inactive=True)
         self._asking: list[tuple[Message, object]] = []
         service = node.create_service(Trigger, name, lambda request, response: response)
         self._send = service.send_response

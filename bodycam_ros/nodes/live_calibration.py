@@ -1,43 +1,50 @@
-"""The solver's calibration: it collects a range of motion, and makes a body of it when a service is called."""
+"""The solver's calibration: it collects a range of motion, and makes a body of it for the asking."""
 
 import math
-import threading
-import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 from std_srvs.srv import Trigger
 
-from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
-from bodycam_ros.calibration.report.html_report import write_html_report
-from bodycam_ros.calibration.report.report_tables import body_report
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import BodycamError, BodyError
+from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.nodes.calibration_thread import CalibrationThread
+from bodycam_ros.nodes.later_action import LaterAction
 from bodycam_ros.nodes.later_service import LaterService
+from bodycam_ros.nodes.loaded_map import load_map
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
+from bodycam_ros.registration.reference_map import check_upright
 
+_ACTION = "bodycam_msgs/action/Calibrate"
 _LOOK_S = 0.2
 _STOP_S = 5.0
+
+
+def calibrate_action(node: StageNode[SolverParameters], calibration: Callable[[], "LiveCalibration"]) -> LaterAction:
+    """The action ``~/calibrate``, of a calibration that is there once the node is configured."""
+    return LaterAction(node, _ACTION, "~/calibrate", calibration)
 
 
 class LiveCalibration:
     """Collects from the start, or from the latest ``~/start_calibration``; ``~/calibrate`` makes the body.
 
-    Neither success nor failure ends the collecting: who has not moved a joint enough moves it and calls again.
+    That is a service, and an action, which says how far it is and can be called off. Neither success nor failure ends
+    the collecting: who has not moved a joint enough moves it and calls again.
 
     Args:
         node: the solver.
         rig: which camera is on which segment.
         path: body YAML to write.
+        action: in which it may be asked for as well; None where there is none.
         missing_cameras: says whose camera_info is not here yet.
         on_body: called with each new body.
 
@@ -52,6 +59,7 @@ class LiveCalibration:
         node: StageNode[SolverParameters],
         rig: Rig,
         path: Path,
+        action: LaterAction | None,
         missing_cameras: Callable[[], Sequence[str]],
         on_body: Callable[[BodyModel], None],
     ) -> None:
@@ -63,7 +71,7 @@ class LiveCalibration:
         if not path.parent.is_dir():
             raise BodyError(f"{path}: its folder is not there; make it first")
         map_path = Path(node.required("map"))
-        check_upright(ReferenceMap.load(map_path), map_path)
+        check_upright(load_map(map_path), map_path)
         self._node = node
         self._rig = rig
         self._path = path
@@ -71,11 +79,46 @@ class LiveCalibration:
         self._on_body = on_body
         self._calibrator: BodyCalibrator | None = None
         self._thread: CalibrationThread | None = None
+        self._given_up: CalibrationThread | None = None
         self._collected = 0
         self._failure = ""
-        self._calibrate = LaterService(node, "~/calibrate", self._on_calibrate)
+        self._action = action
+        if action is not None and action.lacking:
+            node.get_logger().warning(f"{action.lacking}; the service of that name does the same")
+        self._calibrate = LaterService(node, "~/calibrate", self.make)
         node.create_service(Trigger, "~/start_calibration", self._on_start)
-        node.every(_LOOK_S, self._look)
+        node.every(_LOOK_S, self._look, even_inactive=True)
+
+    @classmethod
+    def of(
+        cls,
+        node: StageNode[SolverParameters],
+        equipment: Equipment | None,
+        path: Path,
+        action: LaterAction | None,
+        missing_cameras: Callable[[], Sequence[str]],
+        on_body: Callable[[BodyModel], None],
+    ) -> Self:
+        """That of the rig which the solver's parameters name.
+
+        Raises:
+            BodyError: the rig cannot be read, or what else is asked for does not go with a range of motion; as above.
+            MapError, SettingsError: as above.
+        """
+        rig = Rig.from_yaml(node.parameters.rig)
+        if equipment is not None and equipment.mounts:
+            raise BodyError(
+                f"equipment {equipment.name}: carries {', '.join(equipment.mounts)}, which a range of motion does not "
+                "need; make the body first, then start again with 'equipment' and without 'rig'"
+            )
+        if node.parameters.cameras:
+            raise BodyError(f"{path}: a calibration needs all cameras of the rig, so leave out the parameter 'cameras'")
+        return cls(node, rig, path, action, missing_cameras, on_body)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The rig's."""
+        return tuple(self._rig.cameras)
 
     @property
     def is_running(self) -> bool:
@@ -103,14 +146,31 @@ class LiveCalibration:
             self._calibrator.add(matches)
             self._collected += 1
 
+    def cancel(self) -> bool:
+        """Call off what is being worked at, which costs nothing that was there; False if it is too late for that."""
+        if not self._give_up():
+            return False
+        # Not here: it is called off only once this has been said.
+        self._node.soon(lambda: self._answer(False, "called off; nothing was written"), even_inactive=True)
+        return True
+
     def stop(self) -> None:
-        """Give up what is being worked at."""
-        if self._thread is not None:
-            self._thread.stop(_STOP_S)
-            if self._thread.body is not None:
-                # Who is writing a body already is not interrupted: it is there.
-                self._calibrate.answer(True, self._thread.text)
-        self._calibrate.answer(False, "the node was stopped")
+        """Give up what is being worked at; a body that is being written already is waited for."""
+        if not self._give_up() and self._thread is not None:
+            self._thread.join(_STOP_S)
+            self._look()
+        self._answer(False, "the node was stopped")
+
+    def _give_up(self) -> bool:
+        if self._thread is not None and not self._thread.give_up():
+            return False
+        self._given_up, self._thread = self._thread or self._given_up, None
+        return True
+
+    def _answer(self, success: bool, text: str) -> None:
+        self._calibrate.answer(success, text)
+        if self._action is not None:
+            self._action.answer(success, text)
 
     def health(self) -> Health:
         """How far it is."""
@@ -133,17 +193,34 @@ class LiveCalibration:
         response.message = "collecting anew; begin with the N-pose, standing still, then go through the range of motion"
         return response
 
-    def _on_calibrate(self) -> None:
-        if self._calibrator is None:
+    def make(self, goal: Message | None = None) -> None:
+        """Make a body of what was collected by now, for who asks, whatever with."""
+        if not self._node.is_active:
+            self._answer(False, "the node is inactive; activate it first")
+        elif self._calibrator is None:
             missing = ", ".join(self._missing_cameras())
-            self._calibrate.answer(False, f"there is no camera_info yet of the rig's cameras {missing}")
+            self._answer(False, f"there is no camera_info yet of the rig's cameras {missing}")
         else:
-            self._thread = CalibrationThread(self._calibrator, self._path)
+            self._look()
+
+    @property
+    def _is_asked(self) -> bool:
+        return self._calibrate.is_asked or (self._action is not None and self._action.is_asked)
 
     def _look(self) -> None:
-        if self._thread is None or self._thread.is_alive():
+        """Take what is done, and begin what is asked for: not before who has given up has ended."""
+        if self._thread is None:
+            is_free = self._given_up is None or not self._given_up.is_alive()
+            if is_free and self._is_asked and self._calibrator is not None:
+                self._thread = CalibrationThread(self._calibrator, self._path)
             return
-        done, self._thread = self._thread, None
+        if self._action is not None:
+            self._action.tell(self._thread.step, self._thread.share)
+        if not self._thread.is_alive():
+            done, self._thread = self._thread, None
+            self._take(done)
+
+    def _take(self, done: CalibrationThread) -> None:
         if done.body is None:
             self._failure = done.text
             self._node.get_logger().error("\n".join(filter(None, [done.text, done.defect])))
@@ -151,73 +228,4 @@ class LiveCalibration:
             self._failure = ""
             self._node.get_logger().info(done.text)
             self._on_body(done.body)
-        self._calibrate.answer(done.body is not None, done.text)
-
-
-class _Stopped(Exception):
-    """Nobody needs the result any more."""
-
-
-class CalibrationThread(threading.Thread):
-    """Estimates the body from what was collected until now, and writes it and its report; starts at once.
-
-    Args:
-        calibrator: may collect further in the meantime.
-        path: of the body file; the report goes beside it. Both are replaced only by a body that is complete.
-
-    Attributes:
-        step, share: what it is doing and how much of that is done, 0 to 1.
-        body: once the thread has ended, the body; None after an error.
-        text: once the thread has ended, what to tell the user: a summary, or the error.
-        defect: traceback of an error that is ours and not the user's; empty otherwise.
-    """
-
-    def __init__(self, calibrator: BodyCalibrator, path: Path) -> None:
-        super().__init__(name="calibration", daemon=True)
-        self._calibrator = calibrator
-        self._path = path
-        self._stopped = False
-        self.step, self.share = "start", 0.0
-        self.body: BodyModel | None = None
-        self.text = "stopped"
-        self.defect = ""
-        self.start()
-
-    def stop(self, patience_s: float) -> None:
-        """Give up at the next step of the work, and wait for that so long."""
-        self._stopped = True
-        self.join(patience_s)
-
-    def run(self) -> None:
-        """Do the work; for ``start``."""
-        try:
-            calibrated = self._calibrator.solve(self._path.stem, self._on_progress)
-            self._on_progress("report", 0.0)
-            body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
-            write_html_report(body, calibrated.diagnosis, self._path.with_suffix(".html"))
-            write_body(body, self._path)
-            self.text = _summary(self._path, calibrated)
-            # As the file has it, which rounds, so that a replay with the file gives the same.
-            self.body = read_body(self._path)
-        except BodycamError as error:
-            self.text = str(error)
-        except _Stopped:
-            pass
-        except Exception as error:
-            self.text = f"the calibration broke down ({type(error).__name__}: {error}); the node's log says where"
-            self.defect = traceback.format_exc()
-
-    def _on_progress(self, step: str, share: float) -> None:
-        if self._stopped:
-            raise _Stopped
-        self.step, self.share = step, share
-
-
-def _summary(path: Path, calibrated: CalibratedBody) -> str:
-    diagnosis = calibrated.diagnosis
-    text = f"{path} written: {len(diagnosis.joints)} joints and {len(diagnosis.cameras)} cameras"
-    if diagnosis.refinement is not None:
-        text += f", reprojection error {diagnosis.refinement.after_px:.2f} px"
-    if diagnosis.warnings:
-        text += f"; look at: {'; '.join(diagnosis.warnings)}"
-    return text
+        self._answer(done.body is not None, done.text)

@@ -1,15 +1,20 @@
 """rclpy's messages for the converters in ``bodycam_ros.messages``."""
 
+import re
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
+from bodycam_ros.errors import SettingsError
 from bodycam_ros.messages.factory import MessageFactory, live_messages
+from bodycam_ros.shown import shown
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
-"""On every ROS machine; ROS 2's wheels come without it."""
+"""On every ROS machine; ROS 2's wheels come without it, and `make test` builds it (msg_defs/tf2_msgs)."""
+
+_PREFIX = re.compile(r"(?:[A-Za-z_][\w.-]*/)*(?:[A-Za-z_][\w.-]*)?", re.ASCII)
 
 
 def is_installed(type_name: str) -> bool:
@@ -24,9 +29,26 @@ def message_class(type_name: str) -> Any:
     return getattr(import_module(f"{package}.msg"), name)
 
 
-def node_messages() -> MessageFactory:
-    """Makes messages that rclpy publishes; transforms come out as None where their package is missing."""
-    return live_messages(_maker)
+def action_class(type_name: str) -> Any:
+    """Class of an action such as "bodycam_msgs/action/Calibrate"; None where its package was built without it."""
+    package, _, name = type_name.split("/")
+    if find_spec(f"{package}.action") is None:
+        return None
+    return getattr(import_module(f"{package}.action"), name, None)
+
+
+def node_messages(frame_prefix: str = "") -> MessageFactory:
+    """Makes messages that rclpy publishes; transforms come out as None where their package is missing.
+
+    Raises:
+        SettingsError: no frame may begin with the prefix: tf2 refuses a slash in front, and names are ASCII.
+    """
+    if not _PREFIX.fullmatch(frame_prefix):
+        raise SettingsError(
+            "the parameter 'frame_prefix' must be letters, digits and slashes, none in front, such as anna/; not "
+            f"{shown(frame_prefix)}"
+        )
+    return live_messages(_maker, frame_prefix)
 
 
 def _maker(type_name: str) -> Callable[..., Any]:

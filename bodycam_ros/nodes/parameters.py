@@ -13,15 +13,18 @@ from rclpy.node import Node
 from bodycam_ros.all_settings import OF_COMMANDS
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.nodes.common_parameters import CommonParameters
+from bodycam_ros.nodes.common_parameters import ManagedParameters
+from bodycam_ros.nodes.humans_parameters import DESCRIPTION, HumansParameters
+from bodycam_ros.nodes.player_parameters import PlayerParameters
 from bodycam_ros.nodes.region_parameters import RegionTrackerParameters
+from bodycam_ros.nodes.retarget_parameters import RetargetParameters
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingDescription, describe, setting, settings_from_mapping
 
 P = TypeVar("P")
 
-_SOURCE = "parameters"
+SOURCE: Final = "parameters"
 
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter", "doubt")
@@ -37,7 +40,7 @@ _ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 @dataclass(frozen=True)
-class TrackerParameters(CommonParameters):
+class TrackerParameters(ManagedParameters):
     """Of the node ``tracker``."""
 
     camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
@@ -56,7 +59,11 @@ class TrackerParameters(CommonParameters):
         60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
     )
     most_ahead: int = setting(
-        5, unit="frames", limits=(1, 10000), reason="how far the tracker may run ahead of the registration: 0.2 s"
+        5,
+        unit="frames",
+        limits=(1, 10000),
+        reason="how far the tracker may run ahead of the registration: 0.2 s",
+        live=True,
     )
     longest_wait: float = setting(
         1.0,
@@ -64,17 +71,19 @@ class TrackerParameters(CommonParameters):
         limits=(0.0, 600.0),
         reason="when an image has waited for longer the machine does not keep up, and every second one is left out "
         "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
+        live=True,
     )
     recovery: float = setting(
         5.0,
         unit="s",
         limits=(0.0, 600.0),
         reason="how long no image may have waited for more than a quarter of that, before all are tracked again",
+        live=True,
     )
 
 
 @dataclass(frozen=True)
-class RegistrationParameters(CommonParameters):
+class RegistrationParameters(ManagedParameters):
     """Of the node ``registration``."""
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
@@ -88,9 +97,10 @@ class RegistrationParameters(CommonParameters):
         limits=(0, 100),
         reason="a camera's first frames wait until so many nodes read its landmarks; the whole graph has two a camera, "
         "tracker and solver",
+        live=True,
     )
     landmark_wait: float = setting(
-        10.0, unit="s", limits=(0.0, 600.0), reason="go on without them when they are not there by then"
+        10.0, unit="s", limits=(0.0, 600.0), reason="go on without them when they are not there by then", live=True
     )
     grown_map: str = setting(
         "",
@@ -103,11 +113,12 @@ class RegistrationParameters(CommonParameters):
         limits=(1.0, 86400.0),
         reason="how often 'grown_map' is written if it has changed; so much of the growth is lost by a crash, and the "
         "whole map, some 20 MB, is written each time",
+        live=True,
     )
 
 
 @dataclass(frozen=True)
-class SolverParameters(CommonParameters):
+class SolverParameters(ManagedParameters):
     """Of the node ``skeleton_solver``."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
@@ -132,6 +143,18 @@ class SolverParameters(CommonParameters):
         "", reason="with 'stations': YAML of where the body is at first; if empty worn cameras must tell"
     )
     worn: bool = setting(True, reason="whether to listen to cameras on the body; false where static ones alone tell")
+    publish_links: bool = setting(
+        True,
+        reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
+        "robot_state_publisher says so: then /tf has the root alone",
+    )
+    marker_rate: float = setting(
+        1000.0,
+        unit="Hz",
+        limits=(0.0, 1000.0),
+        reason="/skeleton is published at most so often, for people who look at it; 0: never",
+        live=True,
+    )
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     facing: float = setting(
         float("nan"),
@@ -145,44 +168,15 @@ class SolverParameters(CommonParameters):
         limits=(0.0, 600.0),
         reason="once the first camera_info is here, how long to wait for the other cameras' before starting; they join "
         "when theirs comes",
+        live=True,
     )
     idle_flush: float = setting(
         3.0,
         unit="s",
         limits=(0.1, 600.0),
         reason="when no camera was heard for so long, publish the instants that wait for later ones",
+        live=True,
     )
-
-
-@dataclass(frozen=True)
-class PlayerParameters(CommonParameters):
-    """Of the node ``player``."""
-
-    bag: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
-    cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
-    rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
-    loop: bool = setting(False, reason="begin again at the end, with the stamps as recorded: time jumps back")
-    readers: int = setting(
-        1,
-        limits=(0, 100),
-        reason="wait for so many nodes that read each camera_info; the whole graph has three a camera",
-    )
-    reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
-    image_only: tuple[str, ...] = setting(
-        (), reason="cameras whose camera_info nobody has to read: static ones, whose lens is in a file"
-    )
-    settle: float = setting(
-        1.0, unit="s", limits=(0.0, 60.0), reason="once they are there, give them time to find each other as well"
-    )
-
-
-@dataclass(frozen=True)
-class RetargetParameters(CommonParameters):
-    """Of the node ``retarget``."""
-
-    urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and where ROS knows them")
-    mapping: str = setting("", reason="YAML of which links of the robot follow what, as config/robot/talos.yaml")
-    robot: str = setting("robot", reason="namespace of what is published of the robot, and prefix of its root's frame")
 
 
 ALL: Final = (
@@ -191,6 +185,7 @@ ALL: Final = (
     RegistrationParameters,
     SolverParameters,
     RetargetParameters,
+    HumansParameters,
     PlayerParameters,
 )
 """One parameter file serves all nodes, so each must know what is meant for another."""
@@ -206,7 +201,7 @@ def given_parameters(node: Node) -> dict[str, Any]:
     given = {
         name: parameter.value
         for name, parameter in node.get_parameters_by_prefix("").items()
-        if name.split(".")[0] not in _ROS_OWN
+        if name.split(".")[0] not in _ROS_OWN and not name.startswith(DESCRIPTION)
     }
     for name in given:
         node.undeclare_parameter(name)
@@ -224,10 +219,10 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
     # One file serves all commands; no stage listens to sound, measures a lens, or lets a robot follow.
     for of_commands in OF_COMMANDS:
         own = of_commands.groups().keys() - PipelineSettings.groups().keys()
-        of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, _SOURCE)
-    pipeline = PipelineSettings.from_mapping(grouped, _SOURCE)
+        of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, SOURCE)
+    pipeline = PipelineSettings.from_mapping(grouped, SOURCE)
     pipeline.smoother.check_live()
-    return pipeline, CalibrationSettings.from_mapping(calibration, _SOURCE)
+    return pipeline, CalibrationSettings.from_mapping(calibration, SOURCE)
 
 
 def robot_settings(given: dict[str, Any]) -> RobotSettings:
@@ -237,7 +232,7 @@ def robot_settings(given: dict[str, Any]) -> RobotSettings:
         SettingsError: an unknown name, a wrong type, or a value out of range.
     """
     grouped = _grouped(given)
-    return RobotSettings.from_mapping({group: grouped[group] for group in RobotSettings.groups()}, _SOURCE)
+    return RobotSettings.from_mapping({group: grouped[group] for group in RobotSettings.groups()}, SOURCE)
 
 
 def _grouped(given: dict[str, Any]) -> defaultdict[str, dict[str, Any]]:
@@ -262,12 +257,15 @@ def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
         if name not in known:
             raise SettingsError(f"parameters: there is no parameter '{name}'; known are {', '.join(sorted(known))}")
     mine = {f.name for f in fields(parameters_type)}
-    values = {name: _tuple_of_list(value) for name, value in plain.items() if name in mine}
-    return settings_from_mapping(parameters_type, values, _SOURCE)
+    values = {name: tuple_of_list(value) for name, value in plain.items() if name in mine}
+    return settings_from_mapping(parameters_type, values, SOURCE)
 
 
 def declare(node: Node, settings: object, group: str = "") -> None:
-    """Declare the settings of a dataclass with their descriptions and ranges; they are fixed from now on."""
+    """Declare the settings of a dataclass with their descriptions and ranges.
+
+    None is read only by its description: which may be changed, and when, ``live_parameters`` says with the reason.
+    """
     for description in describe(type(settings)):
         name = f"{group}.{description.name}" if group else description.name
         value = getattr(settings, description.name)
@@ -277,7 +275,7 @@ def declare(node: Node, settings: object, group: str = "") -> None:
 
 
 def _descriptor(description: SettingDescription) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=description.text(), read_only=True)
+    descriptor = ParameterDescriptor(description=description.text() + (", live" if description.is_live else ""))
     if description.low is not None and description.high is not None:
         if description.type is float:
             limits = FloatingPointRange(from_value=description.low, to_value=description.high)
@@ -288,7 +286,8 @@ def _descriptor(description: SettingDescription) -> ParameterDescriptor:
     return descriptor
 
 
-def _tuple_of_list(value: Any) -> Any:
+def tuple_of_list(value: Any) -> Any:
+    """A list of ROS as a setting has it; an empty one comes as one of an empty word."""
     if isinstance(value, (list, tuple)):
         return tuple(element for element in value if element != "")
     return value

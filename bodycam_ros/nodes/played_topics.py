@@ -7,6 +7,7 @@ from typing import Any
 from rclpy.duration import Duration
 
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.qos_overrides import MOTION_SAID
 from bodycam_ros.nodes.stage_node import StageNode
 
 INFO, TIMING = "/camera_info", "/timing"
@@ -37,7 +38,7 @@ class PlayedTopics:
 
     Args:
         node: publishes.
-        types: topic -> message type.
+        types: topic of the bag -> message type. Each is published in the node's namespace, as a camera's driver would.
 
     Attributes:
         types: as given.
@@ -47,7 +48,12 @@ class PlayedTopics:
         self._node = node
         self.types = types
         self._publishers = {
-            topic: node.publisher(kind, topic, latched() if topic.endswith((INFO, TIMING)) else reliable(STAGE_DEPTH))
+            topic: node.publisher(
+                kind,
+                topic.lstrip("/"),
+                latched() if topic.endswith((INFO, TIMING)) else reliable(STAGE_DEPTH),
+                MOTION_SAID,
+            )
             for topic, kind in types.items()
         }
         self._infos: dict[str, tuple[bytes, float]] = {}
@@ -97,5 +103,5 @@ class PlayedTopics:
         if wanted <= 1 or subscriptions < wanted:
             return min(wanted, subscriptions)
         # One node may have several subscriptions. To ask whose they are takes longer.
-        known = self._node.get_subscriptions_info_by_topic(topic)
+        known = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic.lstrip("/")))
         return min(wanted, len({(reader.node_namespace, reader.node_name) for reader in known}))

@@ -24,14 +24,16 @@ class PlayedVideo:
     Args:
         types: topic -> type in the bag.
         on_refused: told of each frame that cannot be decoded.
+        frame_prefix: before the names of the cameras' frames.
 
     Attributes:
         played: topic -> type of what is played.
         sources: the topics of the bag that it is made of.
     """
 
-    def __init__(self, types: Mapping[str, str], on_refused: Callable[[str], object]) -> None:
+    def __init__(self, types: Mapping[str, str], on_refused: Callable[[str], object], frame_prefix: str = "") -> None:
         self._types = types
+        self._frame_prefix = frame_prefix
         self._on_refused = on_refused
         self._decoders: dict[str, VideoDecoder] = {}
         stills = {
@@ -54,6 +56,9 @@ class PlayedVideo:
     def serialized(self, topic: str, message: Message) -> Iterator[tuple[str, bytes]]:
         """Topic and CDR of what is to be played for a message of the bag."""
         if (camera := self._decoded.get(topic)) is None:
+            # A video says of which frame it is without a header.
+            framed = message if self._types[topic] == COMPRESSED_VIDEO else message.header
+            framed.frame_id = f"{self._frame_prefix}{framed.frame_id}"
             yield topic, bytes(recording_typestore().serialize_cdr(message, self._types[topic]))
             return
         try:
@@ -78,7 +83,7 @@ class PlayedVideo:
                 continue
             raw = make(
                 _RAW,
-                header=header_message(make, image.stamp_ns, optical_frame(image.camera)),
+                header=header_message(make, image.stamp_ns, f"{self._frame_prefix}{optical_frame(image.camera)}"),
                 height=grey.shape[0],
                 width=grey.shape[1],
                 encoding="mono8",

@@ -23,6 +23,21 @@ def best_effort(depth: int) -> QoSProfile:
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
+def sensor_data(depth: int) -> QoSProfile:
+    """What a camera driver publishes, as reliably as it offers that: who reads adapts (``Overridable.resolved``)."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
+
+
+def camera_info(depth: int) -> QoSProfile:
+    """The same of what some drivers say once and keep."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.BEST_AVAILABLE,
+        durability=DurabilityPolicy.BEST_AVAILABLE,
+    )
+
+
 def latched(depth: int = 1) -> QoSProfile:
     """The latest messages also reach those that come later."""
     return QoSProfile(

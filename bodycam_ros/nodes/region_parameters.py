@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from bodycam_ros.nodes.common_parameters import CommonParameters
+from bodycam_ros.nodes.common_parameters import ManagedParameters
 from bodycam_ros.settings import setting
 
 REGION_GROUPS: Final = ("region", "motion")
@@ -11,7 +11,7 @@ REGION_GROUPS: Final = ("region", "motion")
 
 
 @dataclass(frozen=True)
-class RegionTrackerParameters(CommonParameters):
+class RegionTrackerParameters(ManagedParameters):
     """Of the node ``region_tracker``."""
 
     camera: str = setting("", reason="the static camera; its images are on <camera>/image_raw/compressed, in colour")
@@ -41,12 +41,21 @@ class RegionTrackerParameters(CommonParameters):
         limits=(1, 10000),
         reason="how far it may run ahead of the solver: on a cyclist all cameras together leave 0.9 cm, with 1 each by "
         "itself leaves 1.0, with 2 it leaves 1.2, with 3 the feet are lost",
+        live=True,
     )
     longest_wait: float = setting(
-        1.0, unit="s", limits=(0.0, 600.0), reason="when an image has waited for longer every second one is left out"
+        1.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="when an image has waited for longer every second one is left out",
+        live=True,
     )
     recovery: float = setting(
-        5.0, unit="s", limits=(0.0, 600.0), reason="how long none may have waited before all are looked at again"
+        5.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="how long none may have waited before all are looked at again",
+        live=True,
     )
     start_wait: float = setting(
         0.5,
@@ -54,4 +63,5 @@ class RegionTrackerParameters(CommonParameters):
         limits=(0.0, 600.0),
         reason="with 'start': how long the first image waits for a solver that knows where the body is by now, as it "
         "does where this node was started again",
+        live=True,
     )

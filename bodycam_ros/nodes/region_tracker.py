@@ -1,7 +1,8 @@
 """Node ``region_tracker``: the images of one static camera in, what it says of the body's segments out (B 2)."""
 
 import time
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.lone_station import LoneStation
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
+from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
@@ -52,10 +54,14 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
     Images wait until somebody reads what is said, and, but for ``most_ahead`` of them, until the solver has answered:
     one station alone does not see how far away a limb is, and follows it well only from where all have it. At first it
     looks where the solver has the body; if the solver says nothing for ``start_wait``, where the start file has it.
+    After it was inactive, it looks where the solver has the body by then.
     """
 
-    def __init__(self) -> None:
-        super().__init__("region_tracker", RegionTrackerParameters, REGION_GROUPS)
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        super().__init__("region_tracker", RegionTrackerParameters, REGION_GROUPS, arguments=arguments)
+
+    def prepare(self) -> None:
+        """Read body, surface and stations, and listen to the camera."""
         of = self.parameters
         self.camera = self.required("camera")
         file, path = Path(self.required("stations")), Path(self.required("body"))
@@ -71,22 +77,43 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
             placed_body(Path(of.start), file, stations, self._body, self.settings.region) if of.start else None
         )
         self._answers = AnsweredFrames(of.most_ahead)
+        self._thinning = EverySecondImage(of.longest_wait, of.recovery)
         self._tally = _Tally()
         self._restarts = -1
         self._begun_with: Ordered[QueuedImage] | None = None
+        self._lately: deque[BodyNow] = deque(maxlen=2)
         self._begin()
         self._said = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
-        self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH))
+        self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH), even_inactive=True)
         self._images = ImageQueue(
             self,
             self.camera,
             of.transport,
             of.image_queue,
-            EverySecondImage(of.longest_wait, of.recovery),
+            self._thinning,
             lambda: self.soon(self._look_next),
             lambda: self._waits_for() or "images come faster than they are looked at",
         )
         self.every(_LOOK_S, self._look)
+        self.trigger("~/reset", self._reset)
+
+    def pause(self) -> None:
+        """Where the body is, the solver says, and goes on doing so."""
+        self._images.forget()
+        lately = [*self._lately]
+        self._begin()
+        for now in lately:
+            self._hear(now)
+
+    def _reset(self) -> tuple[bool, str]:
+        self._begin()
+        return True, f"camera {self.camera} begins anew: where the body is, the solver has to say, or the start file"
+
+    def settings_changed(self) -> None:
+        """Wait, and run ahead, as is said now."""
+        of = self.parameters
+        self._answers.most_ahead = of.most_ahead
+        self._thinning.longest_wait_s, self._thinning.recovery_s = of.longest_wait, of.recovery
 
     def _begin(self) -> None:
         """Nothing is known of the body and its colours."""
@@ -94,6 +121,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         tracker = RegionTracker(self._body, self._surface, alone, self.settings.region)
         self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.region, self.settings.motion)
         self._answers.forget()
+        self._lately.clear()
         self._answered_ns = self._solved_ns = 0
         self._restarts += 1
         self._asked_since_s: float | None = None
@@ -105,11 +133,15 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         except ValueError as error:
             self.skipped.add("bodies skipped", f"{SEGMENTS_NOW}: {error}; is it the solver of another body?")
             return
+        self._hear(now)
+        self.soon(self._look_next)
+
+    def _hear(self, now: BodyNow) -> None:
+        self._lately.append(now)
         self._alone.hear(now)
         self._solved_ns = now.stamp_ns
         self._answered_ns = now.stamp_ns + round(1e9 * self.settings.assembler.sync_tolerance)
         self._answers.answered_until(self._answered_ns)
-        self.soon(self._look_next)
 
     def _look(self) -> None:
         self._images.look()

@@ -2,6 +2,7 @@
 
 import time
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -18,14 +19,18 @@ from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.nodes.flow_of_frames import AwaitedReaders, MissedFrames
 from bodycam_ros.nodes.kept_map import KeptMap
+from bodycam_ros.nodes.later_action import LaterAction
+from bodycam_ros.nodes.loaded_map import load_map
+from bodycam_ros.nodes.map_extension import EXTEND_MAP_TYPE, MapExtension
 from bodycam_ros.nodes.parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.ways import Times, Ways, give_times
 from bodycam_ros.pipeline import registrar
-from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
+from bodycam_ros.registration.reference_map import assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -41,28 +46,34 @@ class Registration(StageNode[RegistrationParameters]):
     Track frames that come before their camera's camera_info wait for it, and the first ones for those who are to read
     what is made of them: two nodes may take seconds to find each other, and landmarks that nobody heard of are lost for
     good. Where a tracker begins anew, so does the registrar; where this node comes into the middle of a tracker's
-    stream, it asks for a keyframe, because only there the tracks carry what they can be named by.
+    stream, it asks for a keyframe, because only there the tracks carry what they can be named by. It does so as well
+    after it was inactive; the map with all that has grown is kept.
     """
 
-    def __init__(self) -> None:
-        super().__init__("registration", RegistrationParameters, REGISTRATION_GROUPS)
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        super().__init__("registration", RegistrationParameters, REGISTRATION_GROUPS, arguments=arguments)
+        self._extend = LaterAction(self, EXTEND_MAP_TYPE, "~/extend_map", lambda: self._extension)
+
+    def prepare(self) -> None:
+        """Load the map with what has grown of it, and listen to the trackers."""
         map_path = Path(self.required("map"))
-        self.map = ReferenceMap.load(map_path)
+        self.map = load_map(map_path)
         check_metric(self.map, map_path)
         if assumed := assumed_vertical(self.map, map_path):
             self.get_logger().warning(assumed)
-        self._growth = LiveGrowth(self.map, self.settings.growth, self._want_keyframe, self.soon)
+        self._growth = LiveGrowth(self.map, self.settings.growth, self._want_keyframe, self._soon)
         self._kept = KeptMap(self, self._growth, self.map)
+        self._extension = MapExtension(self, self._extend, map_path)
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
         self._searched_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
-        self._waiting_since_s: dict[str, float] = {}
-        self._read: set[str] = set()
+        self._readers = AwaitedReaders()
         self._registration_health = RegistrationHealth(cameras, self.settings.readout)
         self._missed = MissedFrames()
+        self._ways = Ways(self, cameras)
         self._frames, self._work_s = 0, 0.0
         self._landmarks = {
             camera: self.publisher("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", reliable(STAGE_DEPTH))
@@ -77,21 +88,24 @@ class Registration(StageNode[RegistrationParameters]):
         self._requests = {
             camera: self.publisher("std_msgs/msg/Empty", f"{camera}/want_keyframe", reliable(1)) for camera in cameras
         }
-        if self.parameters.publish_map:
-            points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched())
-            now_ns = self.get_clock().now().nanoseconds
-            points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+        shows = self.parameters.publish_map
+        self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched()) if shows else None
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         for camera in cameras:
             self.subscription(
-                "bodycam_msgs/msg/CameraTiming", f"{camera}/timing", partial(self._on_timing, camera), latched(_TIMINGS)
+                "bodycam_msgs/msg/CameraTiming",
+                f"{camera}/timing",
+                partial(self._on_timing, camera),
+                latched(_TIMINGS),
+                even_inactive=True,
             )
-            self.subscription(
+            tracks = self.subscription(
                 "bodycam_msgs/msg/FeatureTracks",
                 f"{camera}/tracks",
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
+            give_times(tracks)
             self.subscription(
                 "geometry_msgs/msg/PoseWithCovarianceStamped",
                 f"{camera}/expected_pose",
@@ -102,6 +116,32 @@ class Registration(StageNode[RegistrationParameters]):
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
+        self.trigger("~/reset", self._reset)
+
+    def begin(self) -> None:
+        """Show the map."""
+        if self._points is not None:
+            now_ns = self.get_clock().now().nanoseconds
+            self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+
+    def pause(self) -> None:
+        """What the trackers say meanwhile is missing, so what is known of their tracks is of no use."""
+        self._extension.stop()
+        self._waiting.clear()
+        self._missed = MissedFrames()
+        self._begin_all()
+
+    def _begin_all(self) -> int:
+        for camera in self._registrars:
+            self._begin(camera)
+        return len(self._registrars)
+
+    def _reset(self) -> tuple[bool, str]:
+        return True, f"{self._begin_all()} cameras begin anew; what the map has grown by is kept (~/reset_map drops it)"
+
+    def _soon(self, callback: Callable[[], None]) -> None:
+        # The map grows by what was seen while the node was active, whatever it is by then.
+        self.soon(callback, even_inactive=True)
 
     def _on_camera(self, camera: str) -> None:
         self._registrars.pop(camera, None)
@@ -122,15 +162,8 @@ class Registration(StageNode[RegistrationParameters]):
                 self._register(frame)
 
     def _is_read(self, camera: str) -> bool:
-        """Whether those who are to read a camera's landmarks are there, or once were, or did not come in time."""
-        if camera not in self._read:
-            now_s = time.monotonic()
-            waited_s = now_s - self._waiting_since_s.setdefault(camera, now_s)
-            readers = self._landmarks[camera].get_subscription_count()
-            if readers < self.parameters.landmark_readers and waited_s <= self.parameters.landmark_wait:
-                return False
-            self._read.add(camera)
-        return True
+        of, readers = self.parameters, self._landmarks[camera].get_subscription_count
+        return self._readers.are_there(camera, readers, of.landmark_readers, of.landmark_wait)
 
     def _begin(self, camera: str) -> None:
         """Nothing is known of the camera's tracks."""
@@ -140,6 +173,11 @@ class Registration(StageNode[RegistrationParameters]):
         self._growth.begin(camera, model)
         self._described.discard(camera)
         self._searched_ns.pop(camera, None)
+
+    def settings_changed(self) -> None:
+        """Register the next images by the thresholds that hold now."""
+        for each in self._registrars.values():
+            each.settings, each.doubt_settings = self.settings.registrar, self.settings.doubt
 
     def _on_timing(self, camera: str, message: Message) -> None:
         """Camera and body may both say how long the rows are read out; the better known counts."""
@@ -167,7 +205,8 @@ class Registration(StageNode[RegistrationParameters]):
             self._registrars[camera].doubt(doubted_ns)
             self._want_keyframe(camera)
 
-    def _on_tracks(self, camera: str, message: Message) -> None:
+    def _on_tracks(self, camera: str, message: Message, times: Times | None = None) -> None:
+        self._ways.came(camera, times)
         try:
             frame = track_frame(message, camera)
         except ValueError as error:
@@ -196,6 +235,7 @@ class Registration(StageNode[RegistrationParameters]):
         self._latest_ns[camera] = frame.stamp_ns
         if self._missed.add(camera, frame.stamp_ns, frame.previous_stamp_ns):
             self._described.discard(camera)
+            self._ways.lost(camera)
             self.skipped.add(
                 "track messages lost", f"camera {camera}: the track message before {frame.stamp_ns} ns is lost"
             )
@@ -219,6 +259,7 @@ class Registration(StageNode[RegistrationParameters]):
 
     def finish(self) -> None:
         """Save what has grown before the node goes."""
+        self._extension.stop()
         self._kept.stop()
 
     def health(self) -> list[Health]:
@@ -250,7 +291,8 @@ class Registration(StageNode[RegistrationParameters]):
         else:
             level, text = HealthLevel.STALE, "no tracks come"
         everybody = Health("all cameras", level, text, values)
-        return [everybody, self._kept.health(), *self._registration_health.report()]
+        of_cameras = self._registration_health.report()
+        return [everybody, self._kept.health(), *self._extension.health(), *of_cameras, *self._ways.report()]
 
 
 def main() -> int:

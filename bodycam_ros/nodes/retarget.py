@@ -1,7 +1,9 @@
 """Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,10 @@ from bodycam_ros.messages.header import MAP_FRAME, stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.status import Health, HealthLevel, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.parameters import RetargetParameters, declare, robot_settings
+from bodycam_ros.nodes.parameters import declare, robot_settings
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
+from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_HEARD, MOTION_SAID, TRANSFORMS_SAID
+from bodycam_ros.nodes.retarget_parameters import RetargetParameters
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.robot.mapping import read_mapping
@@ -42,28 +46,44 @@ class _Tally:
 class RetargetNode(StageNode[RetargetParameters]):
     """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
 
-    def __init__(self) -> None:
-        super().__init__("retarget", RetargetParameters)
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        super().__init__("retarget", RetargetParameters, arguments=arguments)
+        self._retarget = robot_settings(self.given).retarget
+        declare(self, self._retarget, "retarget")
+
+    def prepare(self) -> None:
+        """Read the robot, and listen to the body."""
         of = self.parameters
         # Without one the robot would publish what it listens to.
         if not _NAMESPACE.fullmatch(of.robot):
             raise SettingsError(f"the parameter 'robot' must be a namespace such as talos, not '{of.robot}'")
         self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
-        self._retarget = robot_settings(self.given).retarget
-        declare(self, self._retarget, "retarget")
         self._following: Retargeting | None = None
         self._body: BodyModel | None = None
         self._angles: dict[int, dict[str, float]] = {}
         self._roots: dict[int, Array] = {}
         self._followed_ns = -1
         self._tally = _Tally()
-        described = self.publisher("std_msgs/msg/String", f"{of.robot}/robot_description", latched())
-        described.publish(text_message(self.make, self._robot.text))
-        self._states = self.publisher("sensor_msgs/msg/JointState", f"{of.robot}/joint_states", reliable(OUTPUT_DEPTH))
-        self._tf = self.publisher(TRANSFORMS, "/tf", reliable(OUTPUT_DEPTH)) if is_installed(TRANSFORMS) else None
-        self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched())
-        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._on_angles, reliable(OUTPUT_DEPTH))
-        self.subscription("nav_msgs/msg/Odometry", "odometry", self._on_root, reliable(OUTPUT_DEPTH))
+        told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
+        often = partial(reliable, OUTPUT_DEPTH)
+        self._described = self.publisher("std_msgs/msg/String", told, latched(), LATCHED_SAID)
+        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), MOTION_SAID)
+        self._tf = self.publisher(TRANSFORMS, "/tf", often(), TRANSFORMS_SAID) if is_installed(TRANSFORMS) else None
+        self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
+        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._on_angles, often(), MOTION_HEARD)
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._on_root, often(), MOTION_HEARD)
+
+    def begin(self) -> None:
+        """Say what robot it is."""
+        self._described.publish(text_message(self.make, self._robot.text))
+
+    def pause(self) -> None:
+        """Begin anew where the body is then."""
+        self._angles.clear()
+        self._roots.clear()
+        self._followed_ns = -1
+        if self._body is not None:
+            self._following = Retargeting(self._body, self._robot, self._retarget)
 
     def _on_body(self, message: Message) -> None:
         try:

@@ -25,22 +25,27 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
     """Run a node until it fails, or SIGINT, SIGTERM or SIGHUP comes; the exit code."""
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
-    signals = _Signals()
+    signals = Signals()
     try:
         # Own handlers: rclpy's close the context at once, and a second signal, which a launch file sends, while the
         # node is being destroyed would end in a traceback.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
-        return _say(name, error)
+        return say(name, error)
     try:
-        node = make_node()
+        try:
+            node = make_node()
+        except rclpy_implementation.RCLError as error:
+            # DDS does not let it take part: it lacks keys, or this Fast DDS has no security.
+            return say(name, BodycamError(" ".join(str(error).split())))
+        node.bring_up()
         node.work(signals.have_come)
         if node.failure is not None:
-            return _say(name, node.failure)
+            return say(name, node.failure)
         node.moments.write()
-        node.finish()
+        node.leave()
     except BodycamError as error:
-        return _say(name, error)
+        return say(name, error)
     finally:
         # A second signal must not cut the farewell short, not even while Python itself winds up.
         signals.ignore()
@@ -48,7 +53,7 @@ def run(make_node: Callable[[], StageNode[Any]], name: str) -> int:
     return 0
 
 
-class _Signals:
+class Signals:
     """Notes what is sent to end a process, also by a terminal that is closed."""
 
     def __init__(self) -> None:
@@ -73,7 +78,8 @@ class _Signals:
         self._come = True
 
 
-def _say(name: str, error: Exception) -> int:
+def say(name: str, error: Exception) -> int:
+    """Print an error of the user's as one line; the exit code."""
     # The terminal may be gone.
     with suppress(OSError):
         print(f"{name}: error: {error}", file=sys.stderr, flush=True)

@@ -4,20 +4,16 @@ With a rig instead of a body it first makes the body, from a range of motion (A 
 """
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from std_srvs.srv import Trigger
-
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.errors import BodyError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
@@ -28,7 +24,7 @@ from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import MissedFrames
 from bodycam_ros.nodes.graph import cameras_used
-from bodycam_ros.nodes.live_calibration import LiveCalibration
+from bodycam_ros.nodes.live_calibration import LiveCalibration, calibrate_action
 from bodycam_ros.nodes.parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
@@ -51,10 +47,15 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
     Where most cameras go back in time, the body begins anew there. Registrations hear what it knows of their cameras.
+    While it is inactive it keeps the body, what has been collected of a range of motion, and the cameras' clocks.
     """
 
-    def __init__(self) -> None:
-        super().__init__("skeleton_solver", SolverParameters, SOLVER_GROUPS)
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        super().__init__("skeleton_solver", SolverParameters, SOLVER_GROUPS, arguments=arguments)
+        self._action = calibrate_action(self, lambda: self._calibration) if self.parameters.rig else None
+
+    def prepare(self) -> None:
+        """Read body, equipment and rig, and listen to registrations and stations."""
         of = self.parameters
         self._equipment = read_equipment(of.equipment) if of.equipment else None
         self._topics = BodyTopics(self, with_equipment=self._equipment is not None)
@@ -77,11 +78,11 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._timings = TimingTopics(self, carried)
         self._hints = BodyHints(self, carried)
         for camera in carried:
-            on_landmarks = partial(self._on_landmarks, camera)
-            self.subscription(
-                "bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", on_landmarks, reliable(STAGE_DEPTH)
-            )
-        self.create_service(Trigger, "~/flush", self._on_flush)
+            heard = partial(self._on_landmarks, camera)
+            self.subscription("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", heard, reliable(STAGE_DEPTH))
+        self._is_described = False
+        self.trigger("~/flush", lambda: (True, f"{self._flush()} instants published"))
+        self.trigger("~/reset", self._reset)
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, carried, self._on_camera)
         self._health = SolverHealth(self._cameras, self.skipped)
@@ -89,20 +90,40 @@ class SkeletonSolver(StageNode[SolverParameters]):
             self._start()
         self.every(_LOOK_S, self._look)
 
-    def finish(self) -> None:
-        """Publish what waits for later instants before the node goes."""
+    def begin(self) -> None:
+        """Say what body it is."""
+        if self._body is not None and not self._is_described:
+            self._describe()
+
+    def pause(self) -> None:
+        """Publish what waits for later instants, for these do not come; a body that is being made is given up."""
         if self._calibration is not None:
             self._calibration.stop()
         self._flush()
+        self._forget_heard()
+
+    def _reset(self) -> tuple[bool, str]:
+        """What was learned of the motion, the clocks and the cameras is dropped."""
+        flushed = self._flush()
+        self._forget_heard()
+        if self._pipeline is not None:
+            self._solve_with_those_known()
+        return True, f"{flushed} instants published; the body begins anew"
+
+    def _forget_heard(self) -> None:
+        self._waiting.clear()
+        self._missed = MissedFrames()
+
+    def finish(self) -> None:
+        """The same, and see to it that it is heard."""
+        self.pause()
         self._topics.wait_until_heard()
 
     def _read_body(self, path: Path) -> tuple[str, ...]:
         """Learn the body that is there; its cameras, as far as they are listened to."""
         self._know(read_body(path))
         asked, there = self.parameters.cameras, tuple(self._body.mounts)
-        used = cameras_used(asked, there, f"{path}: the body") if self.parameters.worn else ()
-        self._topics.describe(self._body, self._held)
-        return used
+        return cameras_used(asked, there, f"{path}: the body") if self.parameters.worn else ()
 
     def _know(self, person: BodyModel) -> None:
         """There is a body; with the equipment, if any, it is what is solved and published."""
@@ -111,18 +132,15 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._held = held_equipment(self.parameters.equipment, person) if self.parameters.equipment else None
         self._person, self._body = person, coupled_body(person, self._held)
 
+    def _describe(self) -> None:
+        self._is_described = True
+        self._topics.describe(self._body, self._held)
+
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
-        rig = Rig.from_yaml(self.parameters.rig)
-        if self._equipment is not None and self._equipment.mounts:
-            raise BodyError(
-                f"equipment {self._equipment.name}: carries {', '.join(self._equipment.mounts)}, which a range of "
-                "motion does not need; make the body first, then start again with 'equipment' and without 'rig'"
-            )
-        if self.parameters.cameras:
-            raise BodyError(f"{path}: a calibration needs all cameras of the rig, so leave out the parameter 'cameras'")
-        self._calibration = LiveCalibration(self, rig, path, lambda: self._cameras.missing, self._solve_new)
-        return tuple(rig.cameras)
+        missing = lambda: self._cameras.missing  # noqa: E731
+        self._calibration = LiveCalibration.of(self, self._equipment, path, self._action, missing, self._solve_new)
+        return self._calibration.cameras
 
     def _on_camera(self, camera: str) -> None:
         self._first_info_s = self._first_info_s or time.monotonic()
@@ -182,7 +200,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         self._flush()
         self._know(body)
         self._solve_with_those_known()
-        self._topics.describe(self._body, self._held)
+        self._describe()
 
     def _take(self, heard: LandmarkMatches | SaidSegments) -> None:
         if isinstance(heard, LandmarkMatches):
@@ -236,11 +254,8 @@ class SkeletonSolver(StageNode[SolverParameters]):
         elif self._pipeline is not None:
             self._publish(self._pipeline.look())
         if self._pipeline is not None:
+            self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
             self._timings.publish(self._pipeline.instants.watch.timings)
-
-    def _on_flush(self, request: Message, response: Message) -> Message:
-        response.success, response.message = True, f"{self._flush()} instants published"
-        return response
 
     def _flush(self) -> int:
         """Publish the instants that wait for later ones; how many there were."""
@@ -275,6 +290,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         if self._coupled is not None:
             health.append(equipment_health(self._coupled))
         if self._verdict is not None:
+            self._verdict.settings = self.settings.verdict
             health = [*health, verdict_health(self._verdict.verdict())]
         return health if self._calibration is None else [*health, self._calibration.health()]
 

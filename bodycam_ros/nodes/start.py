@@ -10,7 +10,10 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player")
+NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "humans", "player", "graph")
+
+_GRAPH = "one_process"
+"""The module of ``graph``; that of this name tells which nodes there are."""
 
 
 def tracker() -> NoReturn:
@@ -38,9 +41,19 @@ def retarget() -> NoReturn:
     _run("retarget")
 
 
+def humans() -> NoReturn:
+    """Describe the body as REP-155 does."""
+    _run("humans")
+
+
 def player() -> NoReturn:
     """Play a bag."""
     _run("player")
+
+
+def graph() -> NoReturn:
+    """Run all nodes in one process."""
+    _run("graph")
 
 
 def _run(name: str) -> NoReturn:
@@ -53,7 +66,7 @@ def _run(name: str) -> NoReturn:
         preparation = import_module("bodycam_ros.kernels.preparation")
         preparation.prepare_kernels()
         preparation.load_kernels()
-    code: int = import_module(f"bodycam_ros.nodes.{name}").main()
+    code: int = import_module(f"bodycam_ros.nodes.{_GRAPH if name == 'graph' else name}").main()
     for stream in (sys.stdout, sys.stderr):
         # The terminal may be gone.
         with suppress(OSError):

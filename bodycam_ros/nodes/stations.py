@@ -10,6 +10,7 @@ from bodycam_ros.errors import StationError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now_message
+from bodycam_ros.nodes.loaded_map import load_map
 from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
@@ -17,7 +18,7 @@ from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.outside.stations_file import read_stations
-from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+from bodycam_ros.registration.reference_map import check_metric
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.said_segments import SaidSegments
 
@@ -30,7 +31,7 @@ def read_world(file: Path, map_path: str) -> dict[str, Station]:
     """
     if not map_path:
         return read_stations(file)
-    reference_map = ReferenceMap.load(Path(map_path))
+    reference_map = load_map(Path(map_path))
     check_metric(reference_map, Path(map_path))
     return read_stations(file, reference_map)
 

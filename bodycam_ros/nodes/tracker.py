@@ -1,11 +1,13 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.lens.lens_watch import LensWatch
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
@@ -13,13 +15,14 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
 from bodycam_ros.nodes.image_queue import ImageQueue
+from bodycam_ros.nodes.loaded_map import load_map
 from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.ways import AnsweredClock
 from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
-from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
@@ -43,13 +46,18 @@ class Tracker(StageNode[TrackerParameters]):
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
     that nobody heard of is lost for good. Where the time of the images goes back, or their camera_info changes, it
     begins anew. Where images wait for too long it leaves out every second one, undecoded, until it keeps up again.
+    While it is inactive it looks at none, and afterwards it begins anew.
     """
 
-    def __init__(self) -> None:
-        super().__init__("tracker", TrackerParameters, TRACKER_GROUPS)
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        super().__init__("tracker", TrackerParameters, TRACKER_GROUPS, arguments=arguments)
+
+    def prepare(self) -> None:
+        """Load the map, and listen to the camera."""
         self.camera = self.required("camera")
-        self._map = ReferenceMap.load(Path(self.parameters.map)) if self.parameters.map else None
+        self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
+        self._lens: LensWatch | None = None
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
         self._tally = _Tally()
@@ -60,6 +68,7 @@ class Tracker(StageNode[TrackerParameters]):
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
+        self._answered_clock = AnsweredClock(self, self.camera)
         of = self.parameters
         self._images = ImageQueue(
             self,
@@ -74,10 +83,31 @@ class Tracker(StageNode[TrackerParameters]):
         self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
         # A reader of the tracks may come when no further image does.
         self.every(_LOOK_S, self._look)
+        self.trigger("~/reset", self._reset)
+
+    def pause(self) -> None:
+        """Who registers the tracks is told by the first image after that: it follows none."""
+        self._images.forget()
+        if self._tracker is not None:
+            self._begin()
+
+    def _reset(self) -> tuple[bool, str]:
+        if self._tracker is None:
+            return True, f"nothing is known yet: there is no {self.camera}/camera_info"
+        self._restarts += 1
+        self._begin()
+        return True, f"camera {self.camera} begins anew: the next image is a keyframe without a predecessor"
 
     def _on_camera(self, camera: str) -> None:
+        self._lens = LensWatch(self._models.models[camera])
         self._begin()
         self.soon(self._track_next)
+
+    def settings_changed(self) -> None:
+        """Wait, and run ahead, as is said now."""
+        of = self.parameters
+        self._answers.most_ahead = of.most_ahead
+        self._thinning.longest_wait_s, self._thinning.recovery_s = of.longest_wait, of.recovery
 
     def _begin(self) -> None:
         """Nothing is known of the images so far; the next is a keyframe without a predecessor."""
@@ -123,7 +153,8 @@ class Tracker(StageNode[TrackerParameters]):
     def _track(self, tracker: LandmarkTracker, image: CameraImage, came_s: float) -> None:
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
-            frame = tracker.track(decode_grey(image), image.stamp_ns)
+            grey = decode_grey(image)
+            frame = tracker.track(grey, image.stamp_ns)
         except RecordingError as error:
             self.skipped.add("images skipped", str(error))
             return
@@ -134,6 +165,9 @@ class Tracker(StageNode[TrackerParameters]):
         self._tally.tracks += len(frame.track_ids)
         self._tally.keyframes += frame.keyframe
         self._tally.latency_s += time.monotonic() - came_s
+        # Not while others wait: to keep up comes first.
+        if self._lens is not None and not len(self._images) and self._lens.look(grey) and self._lens.remark:
+            self.get_logger().warning(self._lens.remark)
 
     def _on_landmarks(self, message: Message) -> None:
         if self._tracker is None:
@@ -146,6 +180,8 @@ class Tracker(StageNode[TrackerParameters]):
         # What was said of the tracks of a tracker before this one, or of a time before, does not concern these.
         if self._answers.answered(matches.stamp_ns):
             self._tracker.hear(matches)
+            if self._lens is not None:
+                self._lens.hear(matches.world_T_camera is not None)
         self.soon(self._track_next)
 
     def _on_request(self, message: Message) -> None:
@@ -165,6 +201,8 @@ class Tracker(StageNode[TrackerParameters]):
             "images waiting": len(self._images),
             "times begun anew": self._restarts,
             "camera_info changed": self._models.changes,
+            "lens": self._lens.said if self._lens else "unknown",
+            **self._answered_clock.values(),
             **self.skipped.counts,
             "last error": self.skipped.latest or "none",
         }
@@ -186,6 +224,8 @@ class Tracker(StageNode[TrackerParameters]):
             return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
         if tally.tracks == 0:
             return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
+        if self._lens is not None and self._lens.remark:
+            return HealthLevel.WARN, self._lens.remark
         if self._images.is_thinned:
             return HealthLevel.WARN, self._images.is_thinned
         if lost:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.latency import STAGES, latency_of, processor_time
+from bodycam_ros.evaluate.latency import STAGES, cost_of_image, latency_of, processor_time
 from bodycam_ros.moments import Instant, Moment, Moments, Noted, read_moments
 
 _MS = 1_000_000
@@ -86,3 +86,15 @@ def test_moments_are_written_and_read_or_refused(tmp_path: Path) -> None:
     for name in ("other.csv", "none.csv"):
         with pytest.raises(RecordingError, match=name):
             read_moments(tmp_path / name)
+
+
+def test_the_cost_of_an_image_is_that_of_all_processes_while_it_is_played() -> None:
+    def noted(moment: Moment, ms: float, cpu_ms: float) -> Noted:
+        return Noted(moment, "left", _FIRST_NS, Instant(round(ms * _MS), round(cpu_ms * _MS)))
+
+    # An image every 10 ms. The player takes 1 ms of each, the solver 3; what it took before is not theirs.
+    player = [noted(Moment.PLAYED, 10.0 * image, 500.0 + image) for image in range(30)]
+    solver = [noted(Moment.SOLVED, 10.0 * image + 4.0, 9000.0 + 3.0 * image) for image in range(40)]
+    assert cost_of_image([player, solver, []]) == pytest.approx(0.004)
+    assert cost_of_image([solver[::-1], player]) == pytest.approx(0.004)
+    assert np.isnan(cost_of_image([player[:1], solver]))

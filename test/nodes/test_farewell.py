@@ -19,7 +19,7 @@ NODE_OF_ITS_OWN = """
 import ctypes, sys
 from bodycam_ros.errors import BodyError
 from bodycam_ros.nodes import farewell
-from bodycam_ros.nodes.parameters import PlayerParameters
+from bodycam_ros.nodes.player_parameters import PlayerParameters
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 

@@ -109,8 +109,10 @@ def test_arguments_are_yaml_whatever_the_value() -> None:
     node = NodeProcess("player", "player_2", {"bag": "a folder: with #signs", "rate": 0.5, "cameras": ["a", "b"]})
     arguments = node.arguments(Path("some.yaml"))
     assert arguments[:5] == ["--ros-args", "-r", "__node:=player_2", "--params-file", "some.yaml"]
-    given = dict(argument.split(":=", 1) for argument in arguments[6::2])
+    given = dict(argument.split(":=", 1) for argument in arguments[6:-2:2])
     assert {name: yaml.safe_load(value) for name, value in given.items()} == node.parameters
+    assert arguments[-2:] == ["--enclave", "/player_2"]
+    assert NodeProcess("player", "player_2", namespace="/lab/anna/").enclave == "/lab/anna/player_2"
 
 
 def test_the_player_waits_for_the_graph() -> None:

@@ -1,5 +1,6 @@
 """The solver makes the body itself: a known body goes through its range of motion before a real node."""
 
+import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,7 @@ CALIBRATION = "skeleton_solver: calibration"
 PAUSE_NS = 20_000_000_000
 LOST_M, LOST_DEG = 0.004, 0.5  # at 0.3 px
 _START_S, _SOON_S, _CALIBRATION_S = 60.0, 30.0, 120.0
+_CALLED_OFF_S = 2.0
 
 
 def _write_rig(path: Path, body: BodyModel) -> Path:
@@ -183,6 +185,45 @@ def test_a_range_of_motion_becomes_the_body_that_is_solved(graph: Any, tmp_path:
     graph.until(lambda: len(graph.heard["/joint_states"]) == count + 15, _SOON_S, "it is solved as before")
     assert studio.solver.end() == 0, studio.solver.printed
     assert "Traceback" not in studio.solver.printed
+
+
+def test_called_off_while_it_calibrates(graph: Any, tmp_path: Path) -> None:
+    """An action says how far it is; who calls it off is answered at once, and asks again when he likes."""
+    from action_msgs.msg import GoalStatus
+
+    action = pytest.importorskip("bodycam_msgs.action", reason="bodycam_msgs was built before it had actions")
+    studio = Studio(graph, tmp_path)
+    studio.plug_in()
+    studio.perform(range_of_motion(studio.truth))
+    told: list[Any] = []
+
+    def ask() -> tuple[Any, Any]:
+        told.clear()
+        goal = graph.send_goal("/skeleton_solver/calibrate", action.Calibrate, told.append)
+        assert goal.accepted
+        graph.until(lambda: any(each.step == "refinement" for each in told), _CALIBRATION_S, "it says how far it is")
+        return goal, goal.get_result_async()
+
+    goal, result = ask()
+    _, beside = ask()
+    called_off_s = time.monotonic()
+    cancelled = goal.cancel_goal_async()
+    graph.until(lambda: cancelled.done() and result.done() and beside.done(), _SOON_S, "all who ask are answered")
+    took_s = time.monotonic() - called_off_s
+    print(f"answered {took_s:.2f} s after it was called off")
+    assert took_s < _CALLED_OFF_S
+    assert len(cancelled.result().goals_canceling) == 1 and result.result().status == GoalStatus.STATUS_CANCELED
+    assert "called off" in result.result().result.message and beside.result().status == GoalStatus.STATUS_ABORTED
+    assert _files(tmp_path) == {"rig.yaml"}
+
+    # What was collected is there, and makes the body now.
+    _, result = ask()
+    graph.until(result.done, _CALIBRATION_S, "the calibration answers")
+    assert result.result().status == GoalStatus.STATUS_SUCCEEDED and result.result().result.success
+    assert _files(tmp_path) == {"rig.yaml", "body.yaml", "body.html"}
+    shares = [each.share for each in told if each.step == "refinement"]
+    assert 0.0 < min(shares) <= max(shares) <= 1.0
+    assert studio.solver.end() == 0 and "Traceback" not in studio.solver.printed
 
 
 def test_stopped_while_it_calibrates(graph: Any, tmp_path: Path) -> None:

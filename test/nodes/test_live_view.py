@@ -12,6 +12,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.cli.main import main
+from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.view.live_session import LiveSession
 from bodycam_ros.view.local_server import LocalServer
@@ -38,12 +39,12 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
     body, make = read_body(sample / "body.yaml"), node_messages()
     names = JointAngles(body).names
     session = LiveSession(server, None)
-    description = graph.publisher("/robot_description", "std_msgs/msg/String", latched())
+    description = graph.publisher("/anna/robot_description", "std_msgs/msg/String", latched())
     description.publish(text_message(make, urdf_text(body)))
-    joints = graph.publisher("/joint_states", "sensor_msgs/msg/JointState")
-    odometry = graph.publisher("/odometry", "nav_msgs/msg/Odometry")
-    camera = graph.publisher("/head/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
-    listener = BodyListener(session.hear_body, session.hear_instant)
+    joints = graph.publisher("/anna/joint_states", "sensor_msgs/msg/JointState")
+    odometry = graph.publisher("/anna/odometry", "nav_msgs/msg/Odometry")
+    camera = graph.publisher("/anna/head/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+    listener = BodyListener(session.hear_body, session.hear_instant, namespace="anna")
     session.listener = listener
     try:
         assert "waiting for /robot_description" in session.state
@@ -114,7 +115,29 @@ def test_what_does_not_go_with_the_running_graph_is_named(
 ) -> None:
     assert main(["view", "--live", "--body", str(sample / "body.yaml"), "--video", str(tmp_path / "x.mp4")]) == 1
     assert "leave out --body, --video" in capsys.readouterr().err
+    assert main(["view", "--body", str(sample / "body.yaml"), "--namespace", "anna"]) == 1
+    assert "--namespace 'anna': is for --live" in capsys.readouterr().err
     with pytest.raises(SystemExit) as ended:
         main(["view", "--map", str(sample / "map")])
     assert ended.value.code == 2
     assert "required: --body" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("namespace", "environment", "complaint"),
+    [
+        ("two words", {}, "Invalid namespace"),
+        ("", {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}, "SECURITY ERROR"),
+    ],
+)
+def test_a_graph_that_cannot_be_heard_is_told_in_a_line(
+    namespace: str, environment: dict[str, str], complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
+    from bodycam_ros.nodes.body_listener import BodyListener
+
+    for name, value in {**environment, "ROS_SECURITY_KEYSTORE": str(tmp_path / "none")}.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(ViewError, match=f"the graph cannot be heard: .*{complaint}") as raised:
+        BodyListener(lambda text: None, lambda instant: None, namespace)
+    assert "\n" not in str(raised.value)

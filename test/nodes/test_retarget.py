@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_access import assert_as_listed
+from said_by_solver import SaidBySolver
 from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
 
@@ -49,47 +51,11 @@ def states(robot: Robot, solved: SolvedBody) -> list[RobotState]:
     return [following.follow(*each) for each in zip(motion.stamps_ns[INSTANTS].tolist(), poses, strict=True)]
 
 
-class Solver:
-    """Says what the solver would, of the sample's person."""
-
-    def __init__(self, graph: Any, solved: SolvedBody) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
-        from bodycam_ros.nodes.qos import latched
-
-        self._solved, self._make = solved, node_messages()
-        self._described = graph.publisher("/robot_description", "std_msgs/msg/String", latched())
-        self._angles = graph.publisher("/joint_states", "sensor_msgs/msg/JointState")
-        self._root = graph.publisher("/odometry", "nav_msgs/msg/Odometry")
-
-    def is_heard(self) -> bool:
-        return all(each.get_subscription_count() for each in (self._described, self._angles, self._root))
-
-    def describe(self, text: str) -> None:
-        from bodycam_ros.messages.status import text_message
-
-        self._described.publish(text_message(self._make, text))
-
-    def tell(self, row: int, **angles: float) -> None:
-        """An instant; angles are given to joints by name instead of what was solved."""
-        from bodycam_ros.messages.body import joint_state_message
-        from bodycam_ros.messages.header import MAP_FRAME, header_message
-        from bodycam_ros.messages.pose import pose_with_covariance_message
-
-        motion = self._solved.motion
-        stamp, root = int(motion.stamps_ns[row]), motion.world_T_root[row]
-        known = dict(zip(motion.joint_names, motion.joint_angles[row].tolist(), strict=True)) | angles
-        positions = np.array(list(known.values()))
-        self._angles.publish(joint_state_message(self._make, stamp, list(known), positions, np.zeros(len(known))))
-        pose = pose_with_covariance_message(self._make, root, np.eye(6))
-        header = header_message(self._make, stamp, MAP_FRAME)
-        self._root.publish(self._make("nav_msgs/msg/Odometry", header=header, child_frame_id="pelvis", pose=pose))
-
-
 def test_a_robot_follows_live_as_offline(
     graph: Any, robot: Robot, solved: SolvedBody, states: list[RobotState]
 ) -> None:
     graph.listen(_HEARD)
-    solver = Solver(graph, solved)
+    solver = SaidBySolver(graph, solved)
     (started,) = graph.start(*follower(talos_urdf(), MAPPING))
     graph.until_known(_START_S)
     graph.until(solver.is_heard, _START_S, "the robot hears the solver")
@@ -100,6 +66,7 @@ def test_a_robot_follows_live_as_offline(
     graph.until(lambda: "has no shin_left" in graph.diagnostics("retarget: robot").get("text", ""), _SOON_S, "a no")
     assert started.process.poll() is None and not graph.heard["/robot/joint_states"]
 
+    assert_as_listed(graph, [started.node], ["retarget"])
     solver.describe(urdf_text(solved.body))
     rows = range(len(solved.motion.stamps_ns))[INSTANTS]
     for row in rows:

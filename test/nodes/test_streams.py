@@ -1,70 +1,28 @@
 """What cameras do to a graph: clocks that jump, stamps that are none, camera_info in every way a driver offers it."""
 
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
+from driven_camera import PERIOD_S, DrivenCamera, stamps
+from tiny_bag import FRAME_NS
 from two_cameras import write_map
 
-from bodycam_ros.messages.factory import array_sequence
-from bodycam_ros.messages.header import header_message, stamp_ns
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess
 
 HOUR_NS = 3_600_000_000_000
 _START_S, _SOON_S = 60.0, 20.0
-_PERIOD_S = 0.05
 _WARN, _ERROR = 1, 2
 _TRACKS = {"/left/tracks": "bodycam_msgs/msg/FeatureTracks"}
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
-class Camera:
-    """A driver of raw images that show much to be tracked."""
-
-    def __init__(self, graph: Any, name: str, quality: Any, info_quality: Any) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
-
-        self.name = name
-        self._make = node_messages()
-        self.images = graph.publisher(f"/{name}/image_raw", "sensor_msgs/msg/Image", quality)
-        self._infos = graph.publisher(f"/{name}/camera_info", "sensor_msgs/msg/CameraInfo", info_quality)
-        self.tracker = NodeProcess("tracker", f"tracker_{name}", {"camera": name, "transport": "raw"})
-        self._due_s = 0.0
-        blobs = np.random.default_rng(3).integers(0, 255, (HEIGHT // 4, WIDTH // 4), dtype=np.uint8)
-        self._pixels = cv2.resize(blobs, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC).reshape(-1)
-
-    def show(self, stamps: Iterable[int]) -> None:
-        for stamp in stamps:
-            header = header_message(self._make, stamp, "")
-            image = self._make("sensor_msgs/msg/Image", header=header, width=WIDTH, height=HEIGHT, encoding="mono8")
-            image.step, image.data = WIDTH, array_sequence(self._pixels)
-            self.images.publish(image)
-
-    def is_due(self) -> bool:
-        """Whether it is time for another image."""
-        due = time.monotonic() > self._due_s
-        if due:
-            self._due_s = time.monotonic() + _PERIOD_S
-        return due
-
-    def inform(self, focal_px: float = 30.0) -> None:
-        info = self._make("sensor_msgs/msg/CameraInfo", width=WIDTH, height=HEIGHT, distortion_model="equidistant")
-        info.d, info.k = [0.0] * 4, [focal_px, 0.0, 31.5, 0.0, focal_px, 23.5, 0.0, 0.0, 1.0]
-        self._infos.publish(info)
-
-
-def _stamps(first: int, count: int) -> list[int]:
-    return [START_NS + (first + k) * FRAME_NS for k in range(count)]
-
-
 def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(graph: Any) -> None:
     from bodycam_ros.nodes.qos import reliable
 
-    camera = Camera(graph, "left", reliable(500), reliable(10))
+    camera = DrivenCamera(graph, "left", reliable(500), reliable(10))
     graph.listen(_TRACKS | _DIAGNOSTICS)
     (tracker,) = graph.start(camera.tracker)
     graph.until(camera.images.get_subscription_count, _START_S, "the tracker reads")
@@ -77,11 +35,11 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     camera.show([0] * 5)
     graph.until(lambda: reports()[-1].get("images without a stamp") == "5", _SOON_S, "zeros are named")
     camera.inform()
-    first = _stamps(0, 30)
+    first = stamps(0, 30)
     # An hour ahead, and then on as before; then a few that are older than what came before.
     camera.show([*first[:20], first[20] + HOUR_NS, *first[20:], first[3], first[2]])
     # The bag is played again.
-    again = _stamps(0, 25)
+    again = stamps(0, 25)
     camera.show(again)
     graph.until(lambda: len(graph.heard["/left/tracks"]) >= len(first + again), _SOON_S, "all are tracked")
     tracks = graph.messages("/left/tracks")
@@ -92,7 +50,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     counted = {"images without a stamp": "5", "images out of time": "3", "times begun anew": "1"}
     graph.until(lambda: counted.items() <= reports()[-1].items(), _SOON_S, "all of that is counted")
 
-    later = iter(_stamps(25, 1000))
+    later = iter(stamps(25, 1000))
 
     def has_warned() -> bool:
         if camera.is_due():
@@ -115,7 +73,7 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
     from bodycam_ros.nodes.qos import best_effort, latched, reliable
 
     best, early, late = (
-        Camera(graph, name, quality, info_quality)
+        DrivenCamera(graph, name, quality, info_quality)
         for name, quality, info_quality in (
             ("best", best_effort(100), best_effort(10)),
             ("early", reliable(100), latched()),
@@ -133,7 +91,7 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
     graph.until(lambda: graph.diagnostics("tracker_best: clock"), _SOON_S, "the missing clock is told")
     assert "nobody publishes /clock" in graph.diagnostics("tracker_best: clock")["text"]
 
-    images = iter(_stamps(0, 1000))
+    images = iter(stamps(0, 1000))
 
     def are_tracked(*names: str) -> bool:
         if best.is_due():
@@ -169,12 +127,12 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
 def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: Any, tmp_path: Path) -> None:
     from bodycam_ros.nodes.qos import latched, reliable
 
-    camera = Camera(graph, "left", reliable(100), latched())
+    camera = DrivenCamera(graph, "left", reliable(100), latched())
     graph.listen(_TRACKS | {"/left/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
     camera.inform()
     seldom = NodeProcess("tracker", "tracker_left", {**camera.tracker.parameters, "tracker.keyframe_interval": 300})
     graph.start(seldom)
-    images = iter(_stamps(0, 2000))
+    images = iter(stamps(0, 2000))
 
     def count(topic: str) -> int:
         if camera.is_due():
@@ -204,7 +162,7 @@ def test_a_machine_that_is_too_slow_leaves_out_every_second_image_and_comes_back
     from bodycam_ros.nodes.message_classes import node_messages
     from bodycam_ros.nodes.qos import latched, reliable
 
-    make, camera = node_messages(), Camera(graph, "left", reliable(100), latched())
+    make, camera = node_messages(), DrivenCamera(graph, "left", reliable(100), latched())
     answers = graph.publisher("/left/landmarks", "bodycam_msgs/msg/LandmarkMatches", reliable(10))
     graph.listen(_TRACKS | _DIAGNOSTICS)
     camera.inform()
@@ -213,7 +171,7 @@ def test_a_machine_that_is_too_slow_leaves_out_every_second_image_and_comes_back
     graph.until(
         lambda: camera.images.get_subscription_count() and answers.get_subscription_count(), _START_S, "it reads"
     )
-    images = iter(_stamps(0, 100_000))
+    images = iter(stamps(0, 100_000))
     answered, due_s = 0, 0.0
 
     def go_on(pause_s: float) -> None:
@@ -237,7 +195,7 @@ def test_a_machine_that_is_too_slow_leaves_out_every_second_image_and_comes_back
     graph.until(lambda: says("tracking", 0.0) and answered > 20, _SOON_S, "it keeps up")
     assert np.all(np.diff(tracked()) == FRAME_NS), "nothing is left out where it keeps up"
     # A quarter slower than the images come, so that half of them are little.
-    slow = 1.25 * _PERIOD_S
+    slow = 1.25 * PERIOD_S
     graph.until(lambda: says("every second image left out", slow), _SOON_S, "it leaves images out, and says so")
     assert graph.diagnostics("tracker_left: camera left")["level"] == _WARN
     first = len(tracked())

@@ -54,7 +54,7 @@ def images(dressed: DressedBody, motion: Array) -> list[dict[str, CameraImage]]:
         pictures = dressed.images(poses, 1.0, frame)
         looking = [name for place, name in enumerate(pictures) if frame < 4 or frame % 2 == place]
         stamp_ns = START_NS + frame * STEP_NS
-        taken.append({name: CameraImage(name, stamp_ns, RawPicture(pictures[name], False)) for name in looking})
+        taken.append({name: CameraImage(name, stamp_ns, RawPicture("bgr8", pictures[name])) for name in looking})
     return taken
 
 

@@ -41,7 +41,7 @@ def motion(dressed: DressedBody) -> Array:
 def images(dressed: DressedBody, motion: Array) -> list[list[CameraImage]]:
     return [
         [
-            CameraImage(name, START_NS + frame * STEP_NS, RawPicture(pixels, red_first=False))
+            CameraImage(name, START_NS + frame * STEP_NS, RawPicture("bgr8", pixels))
             for name, pixels in dressed.images(poses, 1.0, frame).items()
         ]
         for frame, poses in enumerate(motion)

@@ -1,0 +1,19 @@
+"""What the launch file starts, by the stand-in of launch."""
+
+from pathlib import Path
+
+from launch_stand_in import Node, performed
+
+REPOSITORY = Path(__file__).parents[1]
+LAUNCH_FILE = REPOSITORY / "launch/bodycam.launch.py"
+
+
+def launched(installed: tuple[str, ...] = (), **arguments: str) -> dict[str, Node]:
+    nodes, _ = performed(LAUNCH_FILE, REPOSITORY, installed, **arguments)
+    return {node.node_name: node for node in nodes}
+
+
+def write_rig(folder: Path) -> Path:
+    rig = folder / "rig.yaml"
+    rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
+    return rig

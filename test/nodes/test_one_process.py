@@ -1,0 +1,143 @@
+"""The whole graph in one process gives what the replay gives, is heard outside, and ends as its nodes do."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from altered_sample import write_altered_sample
+
+from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.replay.replay import replay
+from bodycam_ros.solved.solved_recording import read_solved
+
+ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
+CAMERAS = ("waist_front", "torso_front", "thigh_left")
+FRAMES = 45
+REPOSITORY = Path(__file__).parents[2]
+
+_START_S, _PLAY_S, _SOON_S, _END_S = 90.0, 120.0, 30.0, 3.0
+
+OUTPUTS = {
+    "/robot_description": "std_msgs/msg/String",
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+
+
+@dataclass(frozen=True)
+class GraphProcess(NodeProcess):
+    """All nodes in one process, with flags and not as parameters."""
+
+    flags: tuple[str, ...] = ()
+
+    def arguments(self, config: Path | None = None) -> list[str]:
+        return list(self.flags)
+
+
+@pytest.fixture(scope="module")
+def played(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The graph has played some of the sample, was listened to from outside, and has been interrupted."""
+    for package in ("rclpy", "bodycam_msgs"):
+        pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
+    from live_graph import running_graph
+    from std_srvs.srv import Trigger
+
+    folder = tmp_path_factory.mktemp("one_process")
+    bag = write_altered_sample(sample, folder / "bag", cameras=CAMERAS, frames=FRAMES)
+    flags = ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "--cameras", *CAMERAS]
+    flags += ["--bag", str(bag), "--ros-args", "-p", "longest_wait:=0.0", "-p", "settle:=3.0"]
+    with running_graph(folder) as graph:
+        graph.listen(OUTPUTS | {f"/{camera}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for camera in CAMERAS})
+        (process,) = graph.start(GraphProcess("graph", "graph", flags=tuple(flags)))
+        heard = graph.heard["/joint_states"]
+        # All but those that wait for later ones, for the last come when it is asked for them.
+        come = lambda: process.process.poll() is not None or len(heard) >= FRAMES - 5  # noqa: E731
+        graph.until(come, _START_S + _PLAY_S, "joint states")
+        assert process.process.poll() is None, graph.report()
+        graph.until(lambda: graph.call("/skeleton_solver/flush", Trigger).success, _SOON_S, "the solver flushes")
+        graph.until(lambda: len(heard) >= COVERAGE * FRAMES, _SOON_S, "a joint state for nearly every instant")
+        graph.until(lambda: len(graph.heard["/odometry"]) >= len(heard), _SOON_S, "as much odometry")
+        told_s = time.monotonic()
+        codes, ended_s = graph.end(), time.monotonic() - told_s
+        yield SimpleNamespace(
+            bag=bag,
+            live=read_solved(graph.write(folder / "live")),
+            codes=codes,
+            ended_s=ended_s,
+            printed=process.printed,
+            names={status.name.split(":")[0] for each in graph.messages("/diagnostics") for status in each.status},
+        )
+
+
+def test_joint_states_agree_with_the_replay(played: Any, sample: Path, tmp_path: Path) -> None:
+    replay(played.bag, sample / "map", sample / "body.yaml", tmp_path / "replayed", PipelineSettings(), jobs=1)
+    live, replayed = played.live, read_solved(tmp_path / "replayed")
+    with open_recording(played.bag) as recording:
+        assert len(replayed.stamps_ns) <= max(map(recording.image_count, recording.cameras)) == FRAMES
+    _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)
+    assert len(of_live) >= COVERAGE * len(replayed.stamps_ns)
+    assert live.motion.joint_names == replayed.motion.joint_names
+    apart_deg = np.degrees(np.abs(live.motion.joint_angles[of_live] - replayed.motion.joint_angles[of_replay]))
+    assert np.median(apart_deg) <= ANGLE_DEG
+    for link, world_T_link in replayed.world_T_link.items():
+        apart_m = np.linalg.norm(live.world_T_link[link][of_live, :3, 3] - world_T_link[of_replay, :3, 3], axis=1)
+        assert np.median(apart_m) <= POSITION_M, link
+
+
+def test_every_node_reports_under_its_own_name(played: Any) -> None:
+    expected = {*(f"tracker_{camera}" for camera in CAMERAS), "registration", "skeleton_solver", "player"}
+    assert expected <= played.names
+
+
+def test_ctrl_c_ends_all_nodes_in_time(played: Any) -> None:
+    assert played.codes == {"graph": 0}
+    assert played.ended_s < _END_S
+    assert "Traceback" not in played.printed
+
+
+def test_nodes_hear_each_other_directly(played: Any) -> None:
+    assert "this middleware carries messages within the process" not in played.printed
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"map": "nowhere"}, f"tracker_{CAMERAS[0]}: error: nowhere: there is no map folder; make one with"),
+        ({"bag": "nowhere"}, "player: error: nowhere: "),
+        ({"cameras": "tail"}, "graph: error: {sample}/body.yaml: the body carries no camera tail; it carries"),
+    ],
+    ids=["cannot be brought up", "fails at work", "no such graph"],
+)
+def test_the_error_of_one_node_ends_all_in_one_line(sample: Path, given: dict[str, str], line: str) -> None:
+    for package in ("rclpy", "bodycam_msgs"):
+        pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
+    from live_graph import own_domain
+
+    flags = {"map": str(sample / "map"), "body": str(sample / "body.yaml"), "cameras": CAMERAS[0], **given}
+    command = [sys.executable, "-m", "bodycam_ros.nodes.start", "graph"]
+    command += [word for name, value in flags.items() for word in (f"--{name}", value)]
+    with own_domain() as domain:
+        ours = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        ended = subprocess.run(
+            command,
+            cwd=REPOSITORY,
+            env=os.environ | ours,
+            capture_output=True,
+            text=True,
+            timeout=_START_S,
+            check=False,
+        )
+    assert ended.returncode == 1 and not ended.stdout
+    (said,) = ended.stderr.splitlines()
+    assert said.startswith(line.format(sample=sample))
