@@ -3,24 +3,35 @@
 #   make test    all tests, the live graph on ROS 2's wheels included
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
-#   make lint    ruff and mypy
+#   make lint    ruff, mypy, and hadolint for the Dockerfile
 #   make docs    the pages of docs/ as a site: out/site/index.html
 #   make bench   milliseconds per frame of every stage
 #   make latency how long a joint state takes from its images in the live graph; bench ends with it
+#   make apart   the live graph on two computers, made of namespaces of the network: what gets lost between them (root)
 #   make endure  the same, and the solver over 10 minutes: does it keep its pace?
+#   make wheels  what is released, in dist: archive of the sources, wheels of the package and of its messages
+#   make wheel-check     the same, installed and run in an environment that knows nothing of the sources
+#   make release-check   may this state be released? versions, changelog, sizes, lock, pages, and wheel-check
+#   make lock    lock.txt and lock_ros.txt anew: versions and hashes of all that is installed
+#   make audit   is anything known against what is locked? asks the package index
 #   make clean   remove what the others made
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# What CMake needs to find ROS 2's wheels.
+FOR_ROS = VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+	PATH="$(CURDIR)/$(BIN):$$PATH"
 DEMO := out/demo
 READERS := .venv-readers
+RELEASE := .venv-release
+DIST := dist
 
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test readers faults lint docs bench latency endure clean
+.PHONY: demo test readers faults lint docs bench latency apart endure wheels wheel-check release-check clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -47,6 +58,7 @@ lint: $(VENV)/test.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/hadolint --config .hadolint.yaml Dockerfile
 
 docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -58,11 +70,26 @@ bench: $(VENV)/runtime.stamp
 latency: $(VENV)/ros.stamp
 	$(BIN)/bodycam latency bags/sample/bag --map bags/map --body bags/body.yaml
 
+apart: $(VENV)/ros.stamp
+	PYTHONPATH=test $(BIN)/python -m tools.two_computers_run bags/sample/bag bags/map bags/body.yaml
+
 endure: $(VENV)/runtime.stamp
 	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10
 
+wheels: $(VENV)/ros.stamp $(RELEASE)/release.stamp
+	rm -rf $(DIST)
+	$(RELEASE)/bin/python -m build --no-isolation --outdir $(DIST) .
+	$(FOR_ROS) $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps ./msg_defs -w $(DIST)
+	$(RELEASE)/bin/twine check --strict $(DIST)/*
+
+wheel-check: wheels
+	$(BIN)/python release/wheel_check.py $(DIST)
+
+release-check: docs wheel-check
+	$(BIN)/python release/release_check.py $(DIST)
+
 clean:
-	rm -rf $(VENV) $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(READERS) $(RELEASE) $(LOCKING) $(DIST) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:
@@ -80,8 +107,8 @@ $(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt set
 	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 
-$(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt
-	$(PIP_INSTALL) -r requirements-test.txt
+$(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt requirements-study.txt
+	$(PIP_INSTALL) -r requirements-test.txt -r requirements-study.txt
 	@touch $@
 
 # The site needs nothing of ours.
@@ -89,11 +116,17 @@ $(VENV)/docs.stamp: $(VENV)/python.stamp requirements-docs.txt constraints.txt
 	$(PIP_INSTALL) -r requirements-docs.txt
 	@touch $@
 
-$(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/*.*)
+$(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/action/*.action msg_defs/*.* msg_defs/tf2_msgs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
 	$(PIP_INSTALL) -r requirements-ros.txt
-	VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs
+	$(FOR_ROS) $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
+	@touch $@
+
+# Programs that release bring much that nothing else needs.
+$(RELEASE)/release.stamp: $(VENV)/python.stamp requirements-release.txt constraints.txt
+	rm -rf $(RELEASE)
+	$(BIN)/python -m venv $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-release.txt
 	@touch $@
 
 # Not a part of .venv: Blender's numpy is another, and both are larger than all the rest.
@@ -107,4 +140,23 @@ $(READERS)/others.stamp: $(VENV)/python.stamp requirements-readers.txt constrain
 	rm -rf $(READERS)/others
 	$(BIN)/python -m venv $(READERS)/others
 	$(READERS)/others/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-readers.txt
+	@touch $@
+
+# Versions and hashes of all that is installed, and whether anything is known against them; see docs/security.md.
+LOCKING := .venv-lock
+COMPILE := $(LOCKING)/bin/uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate \
+	--python-version 3.11 --constraints constraints.txt
+
+.PHONY: lock audit
+lock: $(LOCKING)/stamp
+	$(COMPILE) requirements.txt --output-file lock.txt
+	$(COMPILE) requirements-ros.txt --output-file lock_ros.txt
+
+audit: $(LOCKING)/stamp
+	$(LOCKING)/bin/pip-audit --strict --require-hashes --disable-pip -r lock.txt -r lock_ros.txt
+
+$(LOCKING)/stamp: $(VENV)/python.stamp requirements-lock.txt constraints.txt
+	rm -rf $(LOCKING)
+	$(BIN)/python -m venv $(LOCKING)
+	$(LOCKING)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-lock.txt
 	@touch $@

@@ -1,0 +1,42 @@
+# ROS 2 Jazzy with bodycam_ros:   docker build -t bodycam_ros .
+#   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" bodycam_ros bodycam replay BAG --map MAP --body BODY.yaml -o OUT
+#   docker run --rm --user "$(id -u):$(id -g)" --net=host --ipc=host -v "$PWD:/data" bodycam_ros \
+#     ros2 launch bodycam_ros bodycam.launch.py ...
+# docs/install.md says what the steps are for.
+FROM ros:jazzy-ros-base
+
+SHELL ["/bin/bash", "-o", "pipefail", "-c"]
+
+# What ROS, rosdep and the compiler of bodycam_msgs need, while only manifests are there: sources change more often.
+WORKDIR /opt/bodycam
+COPY package.xml src/bodycam_ros/
+RUN apt-get update \
+ && apt-get install -y --no-install-recommends build-essential python3-colcon-common-extensions python3-venv \
+ && rosdep update --rosdistro jazzy \
+ && rosdep install --from-paths src --ignore-src -y \
+ && rm -rf /var/lib/apt/lists/* ~/.ros
+
+# What neither has, beside apt's packages.
+COPY requirements-ubuntu.txt constraints-ubuntu.txt src/bodycam_ros/
+RUN python3 -m venv --system-site-packages venv \
+ && touch venv/COLCON_IGNORE \
+ && venv/bin/python -m pip install --no-cache-dir \
+      -r src/bodycam_ros/requirements-ubuntu.txt -c src/bodycam_ros/constraints-ubuntu.txt
+
+COPY . src/bodycam_ros/
+RUN . /opt/ros/jazzy/setup.bash \
+ && . venv/bin/activate \
+ && colcon build \
+ && rm -rf build log
+
+# Kernels are compiled now, for every processor with AVX2; those that are compiled at the first run are for that machine.
+ARG NUMBA_CPU_NAME=x86-64-v3
+ENV NUMBA_CPU_NAME=${NUMBA_CPU_NAME} NUMBA_CPU_FEATURES=""
+COPY docker/entrypoint.sh /bodycam_entrypoint.sh
+RUN /bodycam_entrypoint.sh python3 -m bodycam_ros.kernels
+
+RUN useradd --uid 1001 --create-home --shell /bin/bash bodycam && install -d -o bodycam -g bodycam /data
+USER 1001
+WORKDIR /data
+ENTRYPOINT ["/bodycam_entrypoint.sh"]
+CMD ["bodycam"]
