@@ -1,14 +1,16 @@
 """Whether the nodes of a running graph use what ``access_table`` says of them, and nothing else."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.secured.access import Access
 from bodycam_ros.secured.access_table import access_of_graph
 
-_SAID_WITHIN_S = 15.0
+_FOUND_WITHIN_S = 15.0
+_PREFIX = 12
+"""Bytes of an endpoint's identity that are those of its participant, which is a process."""
 
 _AT_TIMES = ("/clock", "/camera_info", "/timing", "/image_raw", "/compressed", "/compressed_video", "/foxglove")
 """Endings of topics that are used only with a simulation's clock or a certain transport."""
@@ -38,8 +40,8 @@ def assert_as_listed(graph: Any, nodes: Sequence[NodeProcess], running: Iterable
         (node,) = (node for node in nodes if node.name == name)
         may = access_of_graph(nodes)[name].resolved(node.namespace, name)
         namespace = f"/{node.namespace.strip('/')}"
-        # What a node has is said by a message of its own, which may come after all that the test has waited for.
-        deadline_s = time.monotonic() + _SAID_WITHIN_S
+        # Discovery may come after all that the test has waited for.
+        deadline_s = time.monotonic() + _FOUND_WITHIN_S
         while (differences := _differences(graph, name, namespace, may)) and time.monotonic() < deadline_s:
             graph.hear(0.1)
         assert not differences, f"{name}: {'; '.join(differences)}\n{graph.report()}"
@@ -47,7 +49,7 @@ def assert_as_listed(graph: Any, nodes: Sequence[NodeProcess], running: Iterable
 
 def _differences(graph: Any, name: str, namespace: str, may: Access) -> list[str]:
     """What a node does and may not, or may and does not."""
-    does = graph.endpoints(name, namespace)
+    does = _endpoints(graph.listener, f"{namespace.rstrip('/')}/{name}")
     found = []
     for deed, listed in {"publishes": may.publishes, "subscribes": may.subscribes, "serves": may.serves}.items():
         unused = (each for each in listed - does[deed] if "/_action/" not in each)
@@ -55,3 +57,30 @@ def _differences(graph: Any, name: str, namespace: str, may: Access) -> list[str
         found += [f"{deed} what the table lacks: {each}" for each in sorted(does[deed] - listed)]
         found += [f"the table says that it {deed} {each}" for each in sorted(idle)]
     return found + ([] if does["calls"] == may.calls else [f"calls {sorted(does['calls'])}"])
+
+
+def _endpoints(listener: Any, full_name: str) -> dict[str, set[str]]:
+    """Names of what a node's process publishes, subscribes, serves and calls.
+
+    DDS's own discovery is asked whose endpoints there are. What ROS lists by a node's name comes from a message that
+    the node sends, whose last state was seen to stay away.
+    """
+    topics = [name for name, _ in listener.get_topic_names_and_types(no_demangle=True)]
+    writers = {topic: _participants(listener.get_publishers_info_by_topic, topic) for topic in topics}
+    readers = {topic: _participants(listener.get_subscriptions_info_by_topic, topic) for topic in topics}
+    own = writers.get(f"rr{full_name}/get_parametersReply", set())
+
+    def names(found: dict[str, set[bytes]], kind: str, ending: str = "") -> set[str]:
+        ours = (topic for topic, participants in found.items() if own & participants)
+        return {topic.removeprefix(kind).removesuffix(ending) for topic in ours if topic.startswith(f"{kind}/")}
+
+    return {
+        "publishes": names(writers, "rt"),
+        "subscribes": names(readers, "rt"),
+        "serves": names(readers, "rq", "Request"),
+        "calls": names(writers, "rq", "Request"),
+    }
+
+
+def _participants(look: Callable[..., list[Any]], topic: str) -> set[bytes]:
+    return {bytes(each.endpoint_gid)[:_PREFIX] for each in look(topic, no_mangle=True)}

@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ from typing import Any
 
 import rclpy
 from ended_with_us import ended_with_us
+from own_domain import own_domain
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
@@ -28,8 +28,6 @@ from bodycam_ros.recording.bag_writer import is_latched, write_recording
 _REPOSITORY = Path(__file__).parent.parent
 _DEPTH = 5000
 _ASKED = 4
-_DOMAINS = range(1, 102)
-"""Those whose ports are outside of what Linux hands out to anybody who asks for a port."""
 _START_S, _GRACE_S = 60.0, 30.0
 
 
@@ -133,11 +131,10 @@ class Graph:
         """Quality of service of those who publish a topic."""
         return [each.qos_profile for each in self._node.get_publishers_info_by_topic(topic)]
 
-    def endpoints(self, node: str, namespace: str = "/") -> dict[str, set[str]]:
-        """Names of what a node was found to publish, subscribe, serve and call."""
-        looks = {"publishes": "publisher", "subscribes": "subscriber", "serves": "service", "calls": "client"}
-        of_node = {deed: getattr(self._node, f"get_{look}_names_and_types_by_node") for deed, look in looks.items()}
-        return {deed: {name for name, _ in look(node, namespace)} for deed, look in of_node.items()}
+    @property
+    def listener(self) -> Any:
+        """The node that listens, by which to ask what there is."""
+        return self._node
 
     def count_publishers(self, topic: str) -> int:
         """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
@@ -262,21 +259,6 @@ def _free_shared_memory() -> None:
     tool = shutil.which("fastdds", path=os.pathsep.join([str(Path(sys.prefix) / "bin"), os.environ.get("PATH", "")]))
     assert tool, "fastdds, which is installed with rmw_fastrtps, is not there"
     subprocess.run([tool, "shm", "clean"], check=True, capture_output=True)
-
-
-@contextmanager
-def own_domain() -> Iterator[int]:
-    """A DDS domain that no other test on this machine has, as long as the context lasts, or the process."""
-    start = os.getpid() % len(_DOMAINS)
-    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
-        with socket.socket(socket.AF_UNIX) as claim:
-            try:
-                claim.bind(f"\0bodycam_ros/test/domain/{domain}")
-            except OSError:
-                continue  # somebody else's
-            yield domain
-            return
-    raise RuntimeError("all DDS domains are taken by other tests on this machine")
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from made_once import made_once
+from own_domain import own_domain
 
 _WORKERS = 3
 
@@ -60,9 +61,6 @@ def test_what_failed_is_made_by_the_next(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_no_two_graphs_share_a_domain() -> None:
-    pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
-    from live_graph import own_domain
-
     with own_domain() as one, own_domain() as other:
         assert one != other
     with own_domain() as again:

@@ -122,7 +122,7 @@ def test_nodes_hear_each_other_directly(played: Any) -> None:
 def test_the_error_of_one_node_ends_all_in_one_line(sample: Path, given: dict[str, str], line: str) -> None:
     for package in ("rclpy", "bodycam_msgs"):
         pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
-    from live_graph import own_domain
+    from own_domain import own_domain
 
     flags = {"map": str(sample / "map"), "body": str(sample / "body.yaml"), "cameras": CAMERAS[0], **given}
     command = [sys.executable, "-m", "bodycam_ros.nodes.start", "graph"]

@@ -37,7 +37,7 @@ def probe(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def domain() -> Iterator[int]:
     pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
-    from live_graph import own_domain
+    from own_domain import own_domain
 
     with own_domain() as domain:
         yield domain
