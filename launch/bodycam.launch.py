@@ -23,13 +23,10 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 
 from bodycam_ros.nodes.graph import NodeProcess
-from bodycam_ros.nodes.launched import NO_PREFIX, OF_NAMESPACE, STATE_PUBLISHER, TRUTH, hosted
+from bodycam_ros.nodes.launched import NO_PREFIX, OF_NAMESPACE, RESPAWN_DELAY_S, STATE_PUBLISHER, TRUTH, hosted
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
-
-RESPAWN_DELAY_S = 2.0
-"""A node that cannot run, because its map is missing, say, must not take the others' processors."""
 
 TRANSPORTS = ("compressed", "raw", "video", "foxglove")
 
@@ -156,6 +153,13 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="false",
                 choices=list(TRUTH),
                 description="run the whole graph in one process: sooner there, and cheaper, on a machine of few cores",
+            ),
+            DeclareLaunchArgument(
+                "processes",
+                default_value="auto",
+                choices=["auto", "separate", "forked"],
+                description="of the nodes: 'separate' starts each by itself, 'forked' all of them from one that has "
+                "loaded what they need, which is sooner on few cores and takes less memory; 'auto' has that there",
             ),
             DeclareLaunchArgument(
                 "autostart",

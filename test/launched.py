@@ -8,8 +8,9 @@ REPOSITORY = Path(__file__).parents[1]
 LAUNCH_FILE = REPOSITORY / "launch/bodycam.launch.py"
 
 
-def launched(installed: tuple[str, ...] = (), **arguments: str) -> dict[str, Node]:
-    nodes, _ = performed(LAUNCH_FILE, REPOSITORY, installed, **arguments)
+def launched(installed: tuple[str, ...] = (), processes: str = "separate", **arguments: str) -> dict[str, Node]:
+    """The nodes by name; on every machine the same, unless ``processes`` is ``auto``."""
+    nodes, _ = performed(LAUNCH_FILE, REPOSITORY, installed, processes=processes, **arguments)
     return {node.node_name: node for node in nodes}
 
 

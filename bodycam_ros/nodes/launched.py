@@ -1,5 +1,6 @@
 """What the launch file starts on a host, of its arguments: namespace, frames, and which nodes of the graph. No ROS."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,6 +36,12 @@ _REGISTRATIONS = 4
 
 _CLOCK_HZ = 40.0
 """Of the clock that is played, as ros2 bag has it."""
+
+RESPAWN_DELAY_S = 2.0
+"""A node that cannot run, because its map is missing, say, must not take the others' processors."""
+
+_NODES_A_CORE = 4
+"""Each takes some 2 s of a core to load for itself what it needs: with more of them that is felt."""
 
 _MOST_HZ = 1000.0
 """The highest rate that robot_state_publisher takes: of every instant it is to say where the links are."""
@@ -78,7 +85,7 @@ def hosted(given: Mapping[str, str], has_state_publisher: bool) -> Hosted:
     nodes, publisher = of_host(whole, _names(given["nodes"])), None
     if has_state_publisher:
         nodes, publisher = beside_solver(nodes)
-    if TRUTH[given["one_process"]]:
+    if TRUTH[given["one_process"]] or _is_forked(given, nodes):
         one = NodeProcess("graph", "", {} if publisher is None else {"publish_links": False}, words=_words(given))
         nodes, playing = ([], [one]) if given["bagfile"] else ([one], [])
         playing = told(playing, namespace, common | managed | clock, given["transport"])
@@ -195,14 +202,23 @@ def beside_solver(graph: Sequence[NodeProcess]) -> tuple[list[NodeProcess], dict
     }
 
 
+def _is_forked(given: Mapping[str, str], nodes: Sequence[NodeProcess]) -> bool:
+    """Whether the processes come of one that has loaded what they need: by itself where cores are few."""
+    if given["processes"] == "auto":
+        return len(nodes) > _NODES_A_CORE * (os.cpu_count() or 1)
+    return given["processes"] == "forked"
+
+
 def _words(given: Mapping[str, str]) -> tuple[str, ...]:
-    """Command line of the executable ``graph``, which runs everything in one process."""
-    if given["nodes"]:
-        raise SettingsError("one_process: runs the whole graph, so leave out 'nodes'")
+    """Command line of the executable ``graph``."""
     named = {f"--{name.replace('_', '-')}": given[name] for name in (*FILES_OF_GRAPH, "registrations", "humans")}
     cameras = _names(given["cameras"])
     words = [word for flag, value in named.items() if value for word in (flag, value)]
     words += ["--cameras", *cameras] if cameras else []
+    words += ["--nodes", *_names(given["nodes"])] if _names(given["nodes"]) else []
+    if not TRUTH[given["one_process"]]:
+        words += ["--processes", *(["--respawn", f"{RESPAWN_DELAY_S:g}"] if TRUTH[given["respawn"]] else [])]
+        words += [] if given["registrations"] else ["--registrations", str(_REGISTRATIONS)]
     words += ["--overwrite-body"] if TRUTH[given["overwrite_body"]] else []
     if given["bagfile"]:
         words += ["--bag", given["bagfile"], "--rate", given["rate"]]

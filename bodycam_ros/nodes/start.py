@@ -12,7 +12,7 @@ from typing import NoReturn
 
 NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "humans", "player", "graph")
 
-_GRAPH = "one_process"
+_GRAPH = "graph_command"
 """The module of ``graph``; that of this name tells which nodes there are."""
 
 
@@ -52,7 +52,7 @@ def player() -> NoReturn:
 
 
 def graph() -> NoReturn:
-    """Run all nodes in one process."""
+    """Run all nodes, in one process or forked from it."""
     _run("graph")
 
 

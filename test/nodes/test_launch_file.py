@@ -19,7 +19,7 @@ PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 def test_a_process_for_each_camera_and_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(PROFILES, raising=False)
     body = str(write_body(tmp_path / "body.yaml"))
-    nodes, context = performed(LAUNCH_FILE, REPOSITORY, map="map", body=body)
+    nodes, context = performed(LAUNCH_FILE, REPOSITORY, map="map", body=body, processes="separate")
     assert [node.executable for node in nodes] == [
         *("tracker", "tracker", "registration", "registration", "skeleton_solver")
     ]
@@ -186,7 +186,7 @@ def test_launch_itself_takes_the_file(tmp_path: Path) -> None:
     described = runpy.run_path(str(LAUNCH_FILE))
     context = LaunchContext()
     given = {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), "bagfile": "bag"}
-    context.launch_configurations.update(given)
+    context.launch_configurations.update(given, processes="separate")
     for entity in described["generate_launch_description"]().entities[:-1]:
         entity.execute(context)
     nodes = described["_nodes"](context)

@@ -32,6 +32,7 @@ def test_joint_states_come_of_the_usage_line(graph: Any, sample: Path, tmp_path:
         bagfile=str(sample / "sample/bag"),
         rate="0.5",
         cameras=",".join(cameras),
+        processes="separate",
     )
     graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/map/points": "sensor_msgs/msg/PointCloud2"})
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray", "/odometry": "nav_msgs/msg/Odometry"})

@@ -61,15 +61,31 @@ def test_the_whole_graph_in_one_process(tmp_path: Path) -> None:
     assert not graph.respawn
     nodes = launched((STATE_PUBLISHER,), **given)
     assert nodes["graph"].parameters["publish_links"] is False and STATE_PUBLISHER in nodes
-    with pytest.raises(SettingsError, match="leave out 'nodes'"):
-        launched(**given, nodes="tracker")
     (graph,) = launched(**given, bagfile="bag", use_sim_time="true").values()
     assert graph.parameters == {"frame_prefix": "anna/", "use_sim_time": True, "clock": 40.0}
+    (graph,) = launched(**given, nodes="tracker, registration").values()
+    assert graph.command_arguments(tmp_path)[4:7] == ["--nodes", "tracker", "registration"]
+
+
+def test_processes_are_forked_from_one_where_cores_are_few(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = write_body(tmp_path / "body.yaml")
+    given = {"map": "map", "body": str(body)}
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    assert len(launched(**given, processes="auto")) == 5
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    (graph,) = launched(**given, processes="auto").values()
+    assert (graph.executable, graph.respawn) == ("graph", True)
+    assert graph.command_arguments(tmp_path)[:9] == [
+        *("--map", "map", "--body", str(body), "--processes", "--respawn", "2", "--registrations", "4")
+    ]
+    assert [*launched(**given, processes="auto", nodes="tracker")] == ["tracker_left", "tracker_right"]
+    (graph,) = launched(**given, processes="forked", respawn="false", bagfile="bag").values()
+    assert not graph.respawn and "--respawn" not in graph.cmd, "a bag is played once"
 
 
 def test_the_graph_in_one_process_knows_what_launch_says(tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
-    from bodycam_ros.nodes.one_process import _parser
+    from bodycam_ros.nodes.graph_command import _parser
 
     body, stations = write_body(tmp_path / "body.yaml"), tmp_path / "cameras.yaml"
     write_stations(stations, stations_around(1).values())
@@ -82,7 +98,7 @@ def test_the_graph_in_one_process_knows_what_launch_says(tmp_path: Path) -> None
     (graph,) = launched(**given, bagfile="bag", loop="true", one_process="true").values()
     said = vars(_parser().parse_args([str(word) for word in graph.cmd[1:]]))
     left_out = {name for name, value in said.items() if not value}
-    assert left_out == {"rig", "overwrite_body", "equipment"}
+    assert left_out == {"rig", "overwrite_body", "equipment", "nodes", "processes", "respawn"}
     assert (said["cameras"], said["registrations"], said["grown_map"]) == (["left"], 2, Path("some"))
 
 
