@@ -33,13 +33,13 @@ class LaterAction:
         type_name: such as "bodycam_msgs/action/Calibrate": its result has ``success`` and ``message``, its feedback
             ``step`` and ``share``.
         name: of the action.
-        worker: who works, while the node is active.
+        worker: who works, while the node is active; None where it was configured to do without.
 
     Attributes:
         lacking: why nobody can ask; empty if everybody can.
     """
 
-    def __init__(self, node: StageNode[Any], type_name: str, name: str, worker: Callable[[], Worker]) -> None:
+    def __init__(self, node: StageNode[Any], type_name: str, name: str, worker: Callable[[], Worker | None]) -> None:
         self._node, self._worker = node, worker
         self._asking: list[tuple[Any, Future]] = []
         self._told: tuple[str, float] | None = None
@@ -77,11 +77,15 @@ class LaterAction:
     async def _execute(self, goal: Any) -> Any:
         future = Future(executor=self._node.executor)
         self._asking.append((goal, future))
-        if self._node.is_active:
-            self._node.guarded(self._worker().make)(goal.request)
-        else:
+        worker = self._worker()
+        if not self._node.is_active:
             self.answer(False, f"the node is {self._node.state}; activate it first")
+        elif worker is None:
+            self.answer(False, "the node was configured to do without it")
+        else:
+            self._node.guarded(worker.make)(goal.request)
         return await future
 
     def _cancel(self, goal: Any) -> CancelResponse:
-        return CancelResponse.ACCEPT if self._worker().cancel() else CancelResponse.REJECT
+        worker = self._worker()
+        return CancelResponse.ACCEPT if worker is not None and worker.cancel() else CancelResponse.REJECT

@@ -106,7 +106,7 @@ def _whole(given: Mapping[str, str]) -> list[NodeProcess]:
         path("map"),
         Path(given["body"]),
         _names(given["cameras"]),
-        int(given["registrations"] or _REGISTRATIONS),
+        int(_number(given, "registrations")) if given["registrations"] else _REGISTRATIONS,
         path("rig"),
         TRUTH[given["overwrite_body"]],
         path("grown_map"),
@@ -118,8 +118,15 @@ def _whole(given: Mapping[str, str]) -> list[NodeProcess]:
 
 def _player(given: Mapping[str, str], graph: Sequence[NodeProcess]) -> NodeProcess:
     # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
-    rate, loop = float(given["rate"]), TRUTH[given["loop"]]
+    rate, loop = _number(given, "rate"), TRUTH[given["loop"]]
     return player(Path(given["bagfile"]), rate, cameras_of(graph), loop, stations_of(graph))
+
+
+def _number(given: Mapping[str, str], name: str) -> float:
+    try:
+        return float(given[name])
+    except ValueError:
+        raise SettingsError(f"{name}: expected a number, got {given[name]!r}") from None
 
 
 def _names(text: str) -> list[str]:

@@ -29,7 +29,9 @@ _LOOK_S = 0.2
 _STOP_S = 5.0
 
 
-def calibrate_action(node: StageNode[SolverParameters], calibration: Callable[[], "LiveCalibration"]) -> LaterAction:
+def calibrate_action(
+    node: StageNode[SolverParameters], calibration: Callable[[], "LiveCalibration | None"]
+) -> LaterAction:
     """The action ``~/calibrate``, of a calibration that is there once the node is configured."""
     return LaterAction(node, _ACTION, "~/calibrate", calibration)
 

@@ -1,7 +1,7 @@
 """A ROS 2 bag, folder or single file, as a stream of decoded messages."""
 
 import logging
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -18,13 +18,17 @@ from bodycam_ros.recording.typestore import recording_typestore
 _SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
 """Of a stamp, behind the four bytes in which CDR says its byte order."""
 
+_OF_BODY = ("/robot_description", "/joint_states", "/odometry")
+"""Who says all of that has a body."""
+
 logger = logging.getLogger(__name__)
 
 
 class BagFile:
     """Topics and messages of a ros2 bag folder or an .mcap file. A context manager.
 
-    Standard messages are decoded as Jazzy has them; topics of types that we do not know can be listed, not read.
+    Standard messages are decoded as Jazzy has them; topics of types that we do not know can be listed, not read. A bag
+    that has one body, and that in a namespace, is read as if there were none; what is outside of it keeps its name.
 
     Raises:
         RecordingError: on entering, if there is no readable bag; while reading, where it is damaged.
@@ -35,10 +39,12 @@ class BagFile:
         with _fault_named(path):
             check_files(path)
             self._reader = Reader(path)
+        self._namespace = ""
 
     def __enter__(self) -> "BagFile":
         with _fault_named(self.path):
             self._reader.open()
+        self._namespace = _namespace(self._reader.connections)
         return self
 
     def __exit__(
@@ -49,7 +55,7 @@ class BagFile:
     @property
     def topics(self) -> dict[str, str]:
         """Topic -> message type ("sensor_msgs/msg/Image"), in the order of the topics' names."""
-        return {c.topic: c.msgtype for c in sorted(self._reader.connections, key=lambda c: c.topic)}
+        return dict(sorted((self._name(c.topic), c.msgtype) for c in self._reader.connections))
 
     @property
     def start_ns(self) -> int:
@@ -64,7 +70,8 @@ class BagFile:
     def message_count(self, topic: str) -> int:
         """Messages on a topic, as the bag's metadata and the statistics in its files have it; some may be lost."""
         storage: Any = self._reader.storage
-        in_files = [c for file in getattr(storage, "storages", ()) for c in file.connections if c.topic == topic]
+        files = getattr(storage, "storages", ())
+        in_files = [c for file in files for c in file.connections if self._name(c.topic) == topic]
         return max(sum(c.msgcount for c in listed) for listed in (self._connections([topic]), in_files))
 
     def messages(
@@ -92,7 +99,7 @@ class BagFile:
             except Exception:  # damaged bytes can raise nearly anything in a parser
                 logger.debug("%s: a message on %s at %d ns cannot be decoded", self.path, connection.topic, stamp_ns)
                 continue
-            yield connection.topic, stamp_ns, message
+            yield self._name(connection.topic), stamp_ns, message
 
     def header_stamps(self, topics: Collection[str]) -> Iterator[tuple[str, int, int]]:
         """Yield topic, time of recording [ns] and stamp [ns] of messages that begin with one, in order of the former.
@@ -110,10 +117,21 @@ class BagFile:
             if len(cdr) >= _NANOSECONDS.stop:
                 order: Literal["little", "big"] = "little" if cdr[1] & 1 else "big"
                 seconds, nanoseconds = (int.from_bytes(cdr[part], order) for part in (_SECONDS, _NANOSECONDS))
-                yield connection.topic, recorded_ns, seconds * 1_000_000_000 + nanoseconds
+                yield self._name(connection.topic), recorded_ns, seconds * 1_000_000_000 + nanoseconds
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
-        return [c for c in self._reader.connections if c.topic in topics]
+        return [c for c in self._reader.connections if self._name(c.topic) in topics]
+
+    def _name(self, topic: str) -> str:
+        return topic.removeprefix(self._namespace)
+
+
+def _namespace(connections: Iterable[Connection]) -> str:
+    """That of the one body that the topics tell of, such as "/anna"; empty where it has none, and of several bodies."""
+    topics = {c.topic for c in connections}
+    said = ({each.removesuffix(end) for each in topics if each.endswith(end)} for end in _OF_BODY)
+    bodies = set.intersection(*said)
+    return bodies.pop() if len(bodies) == 1 else ""
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from outside.dressed_body import stations_around
 from talos import MAPPING
 from two_cameras import write_body
 
-from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.errors import BodyError, SettingsError, StationError
 from bodycam_ros.outside.stations_file import write_stations
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -162,6 +162,10 @@ def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
         launched(body=body)
     with pytest.raises(RuntimeError, match="'respawn' provided value 'perhaps'"):
         launched(map="map", body=body, respawn="perhaps")
+    with pytest.raises(SettingsError, match="rate: expected a number, got 'half'"):
+        launched(map="map", body=body, bagfile="bag", rate="half")
+    with pytest.raises(SettingsError, match="registrations: expected a number, got 'two'"):
+        launched(map="map", body=body, registrations="two")
     with pytest.raises(BodyError, match="no camera hat"):
         launched(map="map", body=body, cameras="hat")
     stations = str(tmp_path / "cameras.yaml")
