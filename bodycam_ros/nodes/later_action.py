@@ -77,10 +77,9 @@ class LaterAction:
     async def _execute(self, goal: Any) -> Any:
         future = Future(executor=self._node.executor)
         self._asking.append((goal, future))
-        worker = self._worker()
         if not self._node.is_active:
             self.answer(False, f"the node is {self._node.state}; activate it first")
-        elif worker is None:
+        elif (worker := self._worker()) is None:
             self.answer(False, "the node was configured to do without it")
         else:
             self._node.guarded(worker.make)(goal.request)
