@@ -18,7 +18,7 @@ from lifecycle_msgs.srv import GetState
 from live_graph import Graph, Started, running_graph
 
 _WAYS = ("separate", "forked", "one")
-_LONGEST_S = 180.0
+_LONGEST_S = 90.0
 _ASK_S = 1.0
 _MB = 1 << 20
 
@@ -33,7 +33,13 @@ def main() -> None:
     parser.add_argument("--rate", default="0.5", help="times the recorded speed, which this machine holds")
     parser.add_argument("--ways", nargs="+", choices=_WAYS, default=_WAYS)
     given = parser.parse_args()
-    arguments = {"map": str(given.map), "body": str(given.body), "bagfile": str(given.bag), "rate": given.rate}
+    arguments = {
+        "map": str(given.map),
+        "body": str(given.body),
+        "bagfile": str(given.bag),
+        "rate": given.rate,
+        "registrations": "4",
+    }
     nodes, _ = performed(LAUNCH_FILE, REPOSITORY, processes="separate", **arguments)
     managed = [node.node_name for node in nodes if node.executable != "player"]
     print(f"{len(managed)} nodes and a player on {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
