@@ -36,8 +36,8 @@ _ENCLAVE = "--enclave"
 def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signals: Signals) -> int:
     """Run nodes until all have ended, by themselves or because a signal has come.
 
-    Call it before this process has threads, or has begun ROS: neither survives a fork. Nodes that fail say why
-    themselves; the others go on.
+    Call it before this process has begun ROS, or has threads other than LTTng's, which wait for a tracer: neither
+    survives a fork. Nodes that fail say why themselves; the others go on.
 
     Args:
         processes: the nodes.
@@ -54,7 +54,7 @@ def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signal
     is_told = False
     while running or waiting:
         now_s = time.monotonic()
-        if signals.have_come():
+        if is_over := signals.have_come():
             waiting.clear()
             if not is_told:
                 _tell(running)
@@ -64,8 +64,9 @@ def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signal
             running[_fork(each[1])] = each[1]
         for pid, code in _ended(running):
             process = running.pop(pid)
-            codes[process.name] = code
-            if code < 0 and not is_told:
+            # Who was about to begin ends of the signal itself.
+            codes[process.name] = 0 if is_over and -code in _ENDS else code
+            if code < 0 and not is_over:
                 print(f"{process.name}: killed by signal {-code}", file=sys.stderr, flush=True)
             if respawn_s is not None and process.executable not in _ONCE:
                 waiting.append((now_s + respawn_s, process))
@@ -118,7 +119,7 @@ def _be_child(process: NodeProcess, parent: int, mask: Iterable[int]) -> None:
                 signal.signal(number, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         if os.getppid() == parent:
-            sys.argv += _own_enclave(sys.argv, process.name)
+            sys.argv += own_enclave(sys.argv, process.name)
             code = run(lambda: made(process), process.name)
     except BaseException:
         traceback.print_exc()
@@ -130,7 +131,7 @@ def _be_child(process: NodeProcess, parent: int, mask: Iterable[int]) -> None:
         os._exit(code)
 
 
-def _own_enclave(arguments: list[str], name: str) -> list[str]:
+def own_enclave(arguments: list[str], name: str) -> list[str]:
     """ROS arguments by which a node has its own keys, where the graph has some: those beside the graph's."""
     given = [value for flag, value in zip(arguments, arguments[1:], strict=False) if flag == _ENCLAVE]
     return ["--ros-args", _ENCLAVE, str(PurePosixPath(given[-1]).with_name(name))] if given else []

@@ -100,6 +100,15 @@ def test_each_says_why_it_cannot_run(sample: Path) -> None:
     assert {line.split(missing)[0] for line in ended.stderr.splitlines()} == {f"tracker_{each}: " for each in CAMERAS}
 
 
+def test_each_has_keys_of_its_own_where_the_graph_has_some() -> None:
+    pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
+    from bodycam_ros.nodes.forked import own_enclave
+
+    launched = ["graph", "--processes", "--ros-args", "--enclave", "/anna/graph", "--ros-args", "-r", "__ns:=/anna"]
+    assert own_enclave(launched, "tracker_left") == ["--ros-args", "--enclave", "/anna/tracker_left"]
+    assert own_enclave(["graph", "--processes"], "tracker_left") == []
+
+
 def _short(names: set[str]) -> set[str]:
     """Names of processes, as long as Linux lets them be."""
     return {name[:15] for name in names}
