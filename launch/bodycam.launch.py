@@ -152,7 +152,7 @@ def generate_launch_description() -> LaunchDescription:
                 "one_process",
                 default_value="false",
                 choices=list(TRUTH),
-                description="run the whole graph in one process: sooner there, and cheaper, on a machine of few cores",
+                description="run all nodes of this host in one process: sooner there, and cheaper, on few cores",
             ),
             DeclareLaunchArgument(
                 "processes",

@@ -16,9 +16,10 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import ViewError
-from bodycam_ros.messages.factory import numbers
+from bodycam_ros.geometry import Array
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
+from bodycam_ros.nodes.angles_and_root import AnglesAndRoot
 from bodycam_ros.nodes.farewell import ignore_discovery
 from bodycam_ros.nodes.message_classes import message_class
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
@@ -26,7 +27,7 @@ from bodycam_ros.view.live_body import LiveInstant
 
 _SPIN_S = 0.2
 _KEPT = 60
-"""Instants of which one half is waited for, and poses of a camera: the solver tells of an instant after its images."""
+"""Poses of a camera: the solver tells of an instant after its images."""
 
 
 class BodyListener:
@@ -45,8 +46,7 @@ class BodyListener:
         self, on_body: Callable[[str], None], on_instant: Callable[[LiveInstant], None], namespace: str = ""
     ) -> None:
         self._on_instant = on_instant
-        self._angles: dict[int, tuple[tuple[str, ...], NDArray[np.float64]]] = {}
-        self._roots: dict[int, NDArray[np.float64]] = {}
+        told = AnglesAndRoot(self._tell, on_fault=lambda text: None)
         self._poses: dict[str, deque[tuple[int, NDArray[np.float64]]]] = {}
         self._context = rclpy.Context()
         try:
@@ -57,8 +57,8 @@ class BodyListener:
             self._context.try_shutdown()
             raise ViewError(f"--live: the graph cannot be heard: {' '.join(str(error).split())}") from error
         self._listen("std_msgs/msg/String", "robot_description", lambda message: on_body(message.data), latched())
-        self._listen("sensor_msgs/msg/JointState", "joint_states", self._hear_joints, reliable(OUTPUT_DEPTH))
-        self._listen("nav_msgs/msg/Odometry", "odometry", self._hear_root, reliable(OUTPUT_DEPTH))
+        self._listen("sensor_msgs/msg/JointState", "joint_states", told.hear_angles, reliable(OUTPUT_DEPTH))
+        self._listen("nav_msgs/msg/Odometry", "odometry", told.hear_root, reliable(OUTPUT_DEPTH))
         self._is_stopped = threading.Event()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
@@ -95,25 +95,10 @@ class BodyListener:
             executor.spin_once(_SPIN_S)
         executor.remove_node(self._node)
 
-    def _hear_joints(self, message: Any) -> None:
-        stamp = stamp_ns(message.header.stamp)
-        self._angles[stamp] = tuple(message.name), numbers(message.position, np.float64, len(message.name))
-        self._tell(stamp)
-
-    def _hear_root(self, message: Any) -> None:
-        stamp = stamp_ns(message.header.stamp)
-        self._roots[stamp] = pose_and_covariance(message.pose)[0]
-        self._tell(stamp)
-
     def _hear_camera(self, camera: str, message: Any) -> None:
         pose = pose_and_covariance(message.pose)[0]
         self._poses[camera].append((stamp_ns(message.header.stamp), pose))
 
-    def _tell(self, stamp: int) -> None:
-        for waiting in (self._angles, self._roots):
-            while len(waiting) > _KEPT:
-                del waiting[next(iter(waiting))]
-        if stamp in self._angles and stamp in self._roots:
-            names, angles = self._angles.pop(stamp)
-            poses = {camera: tuple(sorted(heard, key=lambda one: one[0])) for camera, heard in self._poses.items()}
-            self._on_instant(LiveInstant(stamp, names, angles, self._roots.pop(stamp), poses))
+    def _tell(self, stamp: int, names: tuple[str, ...], angles: NDArray[np.float64], root: Array) -> None:
+        poses = {camera: tuple(sorted(heard, key=lambda one: one[0])) for camera, heard in self._poses.items()}
+        self._on_instant(LiveInstant(stamp, names, angles, root, poses))

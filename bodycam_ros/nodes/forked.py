@@ -31,6 +31,8 @@ _ONCE = ("player",)
 _ENDS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _ENCLAVE = "--enclave"
+_MESSAGES = ("bodycam_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs")
+"""Packages of the messages that nearly all nodes use."""
 
 
 def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signals: Signals) -> int:
@@ -54,7 +56,7 @@ def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signal
     is_told = False
     while running or waiting:
         now_s = time.monotonic()
-        if is_over := signals.have_come():
+        if signals.have_come():
             waiting.clear()
             if not is_told:
                 _tell(running)
@@ -62,7 +64,10 @@ def run_forked(processes: Sequence[NodeProcess], respawn_s: float | None, signal
         for each in [each for each in waiting if each[0] <= now_s]:
             waiting.remove(each)
             running[_fork(each[1])] = each[1]
-        for pid, code in _ended(running):
+        ended = _ended(running)
+        # A terminal's Ctrl-C reaches all of them at once.
+        is_over = signals.have_come()
+        for pid, code in ended:
             process = running.pop(pid)
             # Who was about to begin ends of the signal itself.
             codes[process.name] = 0 if is_over and -code in _ENDS else code
@@ -80,6 +85,8 @@ def _loaded_for_all(processes: Sequence[NodeProcess]) -> list[ReferenceMap]:
     for executable, count in Counter(process.executable for process in processes).items():
         if count > 1:
             imported(executable)
+    for package in _MESSAGES:
+        import_module(f"{package}.msg")
     # rclpy imports it with the first message that is used.
     import_module("rosidl_generator_py")
     maps = []

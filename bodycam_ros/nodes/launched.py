@@ -106,7 +106,7 @@ def _whole(given: Mapping[str, str]) -> list[NodeProcess]:
         path("map"),
         Path(given["body"]),
         _names(given["cameras"]),
-        int(_number(given, "registrations")) if given["registrations"] else _REGISTRATIONS,
+        _registrations(given),
         path("rig"),
         TRUTH[given["overwrite_body"]],
         path("grown_map"),
@@ -118,15 +118,25 @@ def _whole(given: Mapping[str, str]) -> list[NodeProcess]:
 
 def _player(given: Mapping[str, str], graph: Sequence[NodeProcess]) -> NodeProcess:
     # Not `ros2 bag play`, which starts before 18 nodes have loaded; it does as well in another terminal.
-    rate, loop = _number(given, "rate"), TRUTH[given["loop"]]
+    rate, loop = _rate(given), TRUTH[given["loop"]]
     return player(Path(given["bagfile"]), rate, cameras_of(graph), loop, stations_of(graph))
 
 
-def _number(given: Mapping[str, str], name: str) -> float:
+def _registrations(given: Mapping[str, str]) -> int:
+    """How many nodes share the registration: of one process one, unless more are asked for."""
+    text = given["registrations"]
+    if not text:
+        return 1 if TRUTH[given["one_process"]] else _REGISTRATIONS
+    if not text.isdecimal():
+        raise SettingsError(f"registrations: expected how many, got {text!r}")
+    return int(text)
+
+
+def _rate(given: Mapping[str, str]) -> float:
     try:
-        return float(given[name])
+        return float(given["rate"])
     except ValueError:
-        raise SettingsError(f"{name}: expected a number, got {given[name]!r}") from None
+        raise SettingsError(f"rate: expected a number, got {given['rate']!r}") from None
 
 
 def _names(text: str) -> list[str]:
@@ -218,16 +228,16 @@ def _is_forked(given: Mapping[str, str], nodes: Sequence[NodeProcess]) -> bool:
 
 def _words(given: Mapping[str, str]) -> tuple[str, ...]:
     """Command line of the executable ``graph``."""
-    named = {f"--{name.replace('_', '-')}": given[name] for name in (*FILES_OF_GRAPH, "registrations", "humans")}
+    named = {f"--{name.replace('_', '-')}": given[name] for name in (*FILES_OF_GRAPH, "humans")}
     cameras = _names(given["cameras"])
     words = [word for flag, value in named.items() if value for word in (flag, value)]
     words += ["--cameras", *cameras] if cameras else []
+    words += ["--registrations", str(_registrations(given))] if given["map"] else []
     words += ["--nodes", *_names(given["nodes"])] if _names(given["nodes"]) else []
     if not TRUTH[given["one_process"]]:
         words += ["--processes", *(["--respawn", f"{RESPAWN_DELAY_S:g}"] if TRUTH[given["respawn"]] else [])]
-        words += [] if given["registrations"] else ["--registrations", str(_REGISTRATIONS)]
     words += ["--overwrite-body"] if TRUTH[given["overwrite_body"]] else []
     if given["bagfile"]:
-        words += ["--bag", given["bagfile"], "--rate", given["rate"]]
+        words += ["--bag", given["bagfile"], "--rate", f"{_rate(given):g}"]
         words += ["--loop"] if TRUTH[given["loop"]] else []
     return tuple(words)

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.body import joint_state_message, transforms_message
-from bodycam_ros.messages.factory import Message, numbers
-from bodycam_ros.messages.header import MAP_FRAME, stamp_ns
-from bodycam_ros.messages.pose import pose_and_covariance
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.header import MAP_FRAME
 from bodycam_ros.messages.status import Health, HealthLevel, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.parameters import declare, robot_settings
@@ -25,11 +21,11 @@ from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_HEARD, MOTION_S
 from bodycam_ros.nodes.retarget_parameters import RetargetParameters
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.told_body import ToldBody
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
-_KEPT = 100  # instants of which only the angles, or only the root, is known
 _SKIPPED = "instants skipped"
 _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
@@ -60,8 +56,7 @@ class RetargetNode(StageNode[RetargetParameters]):
         self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
         self._following: Retargeting | None = None
         self._body: BodyModel | None = None
-        self._angles: dict[int, dict[str, float]] = {}
-        self._roots: dict[int, Array] = {}
+        self._told = ToldBody(self._follow, partial(self.skipped.add, _SKIPPED))
         self._followed_ns = -1
         self._tally = _Tally()
         told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
@@ -70,8 +65,8 @@ class RetargetNode(StageNode[RetargetParameters]):
         self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), MOTION_SAID)
         self._tf = self.publisher(TRANSFORMS, "/tf", often(), TRANSFORMS_SAID) if is_installed(TRANSFORMS) else None
         self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
-        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._on_angles, often(), MOTION_HEARD)
-        self.subscription("nav_msgs/msg/Odometry", "odometry", self._on_root, often(), MOTION_HEARD)
+        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), MOTION_HEARD)
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), MOTION_HEARD)
 
     def begin(self) -> None:
         """Say what robot it is."""
@@ -79,8 +74,7 @@ class RetargetNode(StageNode[RetargetParameters]):
 
     def pause(self) -> None:
         """Begin anew where the body is then."""
-        self._angles.clear()
-        self._roots.clear()
+        self._told.forget()
         self._followed_ns = -1
         if self._body is not None:
             self._following = Retargeting(self._body, self._robot, self._retarget)
@@ -93,42 +87,14 @@ class RetargetNode(StageNode[RetargetParameters]):
             else:
                 self._following.imitate(body)
         except BodyError as error:
-            self._body = None  # what is told from now on is of a body that the robot cannot follow
+            body = None  # what is told from now on is of a body that the robot cannot follow
             self.skipped.add("bodies skipped", f"robot_description: {error}")
-            return
-        self._body, self._joint_angles = body, JointAngles(body)
+        self._body = body
+        self._told.is_of(body)
 
-    def _on_angles(self, message: Message) -> None:
-        instant_ns = stamp_ns(message.header.stamp)
-        try:
-            angles = numbers(message.position, np.float64, len(message.name))
-        except ValueError as error:
-            self.skipped.add(_SKIPPED, f"joint_states: malformed message ({error})")
-            return
-        self._angles[instant_ns] = dict(zip(message.name, angles.tolist(), strict=True))
-        self._follow(instant_ns)
-
-    def _on_root(self, message: Message) -> None:
-        instant_ns = stamp_ns(message.header.stamp)
-        self._roots[instant_ns] = pose_and_covariance(message.pose)[0]
-        self._follow(instant_ns)
-
-    def _follow(self, instant_ns: int) -> None:
-        """Follow an instant once its angles and its root have come, and the body is known."""
-        for waiting in (self._angles, self._roots):
-            while len(waiting) > _KEPT:
-                del waiting[next(iter(waiting))]
-        known = instant_ns in self._angles and instant_ns in self._roots
-        if self._following is None or self._body is None or not known:
-            return
-        told, root = self._angles.pop(instant_ns), self._roots.pop(instant_ns)
-        names = self._joint_angles.names
-        if missing := [name for name in names if name not in told]:
-            self.skipped.add(_SKIPPED, f"joint_states lacks {missing[0]}; is it of another robot_description?")
-            return
-        angles = np.array([told[name] for name in names])
-        if not (np.isfinite(angles).all() and np.isfinite(root).all()):
-            self.skipped.add(_SKIPPED, f"joint_states or odometry at {instant_ns} ns is not finite")
+    def _follow(self, instant_ns: int, world_T_segment: Array) -> None:
+        """Follow an instant of the body."""
+        if self._following is None or self._body is None:
             return
         if instant_ns == self._followed_ns:
             self.skipped.add(_SKIPPED, f"the instant {instant_ns} ns was told twice; do two solvers publish?")
@@ -136,8 +102,7 @@ class RetargetNode(StageNode[RetargetParameters]):
         if instant_ns < self._followed_ns:
             self._following = Retargeting(self._body, self._robot, self._retarget)
         self._followed_ns = instant_ns
-        poses = self._joint_angles.poses(angles)
-        self._publish(self._following.follow(instant_ns, self._body.forward_kinematics(root, poses)))
+        self._publish(self._following.follow(instant_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:
         self._tally.instants += 1

@@ -1,70 +1,44 @@
-"""What the solver tells of an instant, put together: the angles of the joints and the pose of the root."""
+"""Where the segments of a body are at an instant that the solver tells."""
 
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.factory import Message, numbers
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.pose import pose_and_covariance
-
-_KEPT = 100  # instants of which only the angles, or only the root, is known
+from bodycam_ros.nodes.angles_and_root import AnglesAndRoot
 
 
-class ToldBody:
+class ToldBody(AnglesAndRoot):
     """Hears joint states and odometry of one body.
 
     Args:
-        on_instant: called with the stamp [ns] and world_T_segment (S, 4, 4) [m] of every instant.
+        on_pose: called with the stamp [ns] and world_T_segment (S, 4, 4) [m] of every instant.
         on_fault: called with what is wrong with a message.
     """
 
-    def __init__(self, on_instant: Callable[[int, Array], None], on_fault: Callable[[str], None]) -> None:
-        self._on_instant, self._on_fault = on_instant, on_fault
+    def __init__(self, on_pose: Callable[[int, Array], None], on_fault: Callable[[str], None]) -> None:
+        super().__init__(self._place, on_fault)
+        self._on_pose, self._on_fault = on_pose, on_fault
         self._body: BodyModel | None = None
-        self._angles: dict[int, dict[str, float]] = {}
-        self._roots: dict[int, Array] = {}
 
     def is_of(self, body: BodyModel | None) -> None:
         """What is told from now on is of this body; None: of nobody known."""
         self._body = body
         self._joint_angles = None if body is None else JointAngles(body)
-        self._angles.clear()
-        self._roots.clear()
+        self.forget()
 
-    def hear_angles(self, message: Message) -> None:
-        """sensor_msgs/JointState."""
-        try:
-            angles = numbers(message.position, np.float64, len(message.name))
-        except ValueError as error:
-            self._on_fault(f"joint_states: malformed message ({error})")
+    def _place(self, stamp: int, names: tuple[str, ...], angles: NDArray[np.float64], root: Array) -> None:
+        if self._body is None or self._joint_angles is None:
             return
-        stamp = stamp_ns(message.header.stamp)
-        self._angles[stamp] = dict(zip(message.name, angles.tolist(), strict=True))
-        self._tell(stamp)
-
-    def hear_root(self, message: Message) -> None:
-        """nav_msgs/Odometry."""
-        stamp = stamp_ns(message.header.stamp)
-        self._roots[stamp] = pose_and_covariance(message.pose)[0]
-        self._tell(stamp)
-
-    def _tell(self, stamp: int) -> None:
-        for waiting in (self._angles, self._roots):
-            while len(waiting) > _KEPT:
-                del waiting[next(iter(waiting))]
-        if self._body is None or self._joint_angles is None or stamp not in self._angles or stamp not in self._roots:
-            return
-        told, root = self._angles.pop(stamp), self._roots.pop(stamp)
-        names = self._joint_angles.names
-        if missing := [name for name in names if name not in told]:
+        told = dict(zip(names, angles.tolist(), strict=True))
+        if missing := [name for name in self._joint_angles.names if name not in told]:
             self._on_fault(f"joint_states lacks {missing[0]}; is it of another robot_description?")
             return
-        angles = np.array([told[name] for name in names])
-        if not (np.isfinite(angles).all() and np.isfinite(root).all()):
+        ours = np.array([told[name] for name in self._joint_angles.names])
+        if not (np.isfinite(ours).all() and np.isfinite(root).all()):
             self._on_fault(f"joint_states or odometry at {stamp} ns is not finite")
             return
-        self._on_instant(stamp, self._body.forward_kinematics(root, self._joint_angles.poses(angles)))
+        self._on_pose(stamp, self._body.forward_kinematics(root, self._joint_angles.poses(ours)))

@@ -1,7 +1,7 @@
 """A ROS 2 bag, folder or single file, as a stream of decoded messages."""
 
 import logging
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +19,8 @@ _SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
 """Of a stamp, behind the four bytes in which CDR says its byte order."""
 
 _OF_BODY = ("/robot_description", "/joint_states", "/odometry")
-"""Who says all of that has a body."""
+_OUR_MESSAGES = "bodycam_msgs/"
+"""Who says all of that, and something in messages of ours, has a body that was solved; a robot may say the former."""
 
 logger = logging.getLogger(__name__)
 
@@ -28,7 +29,7 @@ class BagFile:
     """Topics and messages of a ros2 bag folder or an .mcap file. A context manager.
 
     Standard messages are decoded as Jazzy has them; topics of types that we do not know can be listed, not read. A bag
-    that has one body, and that in a namespace, is read as if there were none; what is outside of it keeps its name.
+    that has one solved body, and that in a namespace, is read as if there were none; what is outside keeps its name.
 
     Raises:
         RecordingError: on entering, if there is no readable bag; while reading, where it is damaged.
@@ -123,14 +124,15 @@ class BagFile:
         return [c for c in self._reader.connections if self._name(c.topic) in topics]
 
     def _name(self, topic: str) -> str:
-        return topic.removeprefix(self._namespace)
+        return topic.removeprefix(self._namespace) if topic.startswith(f"{self._namespace}/") else topic
 
 
-def _namespace(connections: Iterable[Connection]) -> str:
-    """That of the one body that the topics tell of, such as "/anna"; empty where it has none, and of several bodies."""
+def _namespace(connections: Sequence[Connection]) -> str:
+    """That of the one body that was solved, such as "/anna"; empty where it has none, and of several bodies."""
     topics = {c.topic for c in connections}
     said = ({each.removesuffix(end) for each in topics if each.endswith(end)} for end in _OF_BODY)
-    bodies = set.intersection(*said)
+    ours = [c.topic for c in connections if c.msgtype.startswith(_OUR_MESSAGES)]
+    bodies = {each for each in set.intersection(*said) if any(topic.startswith(f"{each}/") for topic in ours)}
     return bodies.pop() if len(bodies) == 1 else ""
 
 

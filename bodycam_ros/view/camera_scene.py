@@ -25,7 +25,7 @@ class CameraScene:
     """Draws the cameras of a body."""
 
     def __init__(self, scene: SceneApi, body: BodyModel, on_click: Callable[[Part], None]) -> None:
-        self._scene, self._body = scene, body
+        self._scene, self._body, self._on_click = scene, body, on_click
         self._selected: str | None = None
         self._shown: str | None = None
         self._is_visible = True
@@ -107,6 +107,7 @@ class CameraScene:
             receive_shadow=False,
             visible=self._is_visible,
         )
+        when_clicked(frustum, partial(self._on_click, Part("camera", camera)))
         place(frustum, mount.segment_T_camera)
         return frustum
 

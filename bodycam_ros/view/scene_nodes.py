@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from viser import IcosphereHandle, MeshHandle, SceneNodeHandle
+from viser import CameraFrustumHandle, IcosphereHandle, MeshHandle, SceneNodeHandle
 
 from bodycam_ros.drawing.picture_style import QUIET, WARNING, side_colour
 from bodycam_ros.geometry import Array, quaternion_xyzw
@@ -45,7 +45,7 @@ def place(handle: SceneNodeHandle, parent_T_node: Array) -> None:
     handle.wxyz = np.roll(quaternion_xyzw(parent_T_node[:3, :3]), 1)
 
 
-def when_clicked(handle: IcosphereHandle | MeshHandle, act: Callable[[], None]) -> None:
+def when_clicked(handle: IcosphereHandle | MeshHandle | CameraFrustumHandle, act: Callable[[], None]) -> None:
     """Call ``act()`` when a person clicks a node of the scene."""
 
     async def clicked(_: object) -> None:

@@ -2,39 +2,23 @@
 
 import os
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 from altered_sample import write_altered_sample
-
-from bodycam_ros.nodes.graph import NodeProcess
+from by_one_command import GraphProcess, refused
 
 CAMERAS = ("waist_front", "torso_front")
 NODES = {*(f"tracker_{camera}" for camera in CAMERAS), "registration", "skeleton_solver", "player"}
 FRAMES = 20
-REPOSITORY = Path(__file__).parents[2]
 
 _LONGEST_S, _SOON_S = 90.0, 20.0
 
 
-@dataclass(frozen=True)
-class GraphProcess(NodeProcess):
-    """All nodes by one command, with flags and not as parameters."""
-
-    flags: tuple[str, ...] = ()
-
-    def arguments(self, config: Path | None = None) -> list[str]:
-        return list(self.flags)
-
-
 @pytest.fixture
-def begun(graph: Any, sample: Path, tmp_path: Path) -> Iterator[Any]:
+def begun(graph: Any, sample: Path, tmp_path: Path) -> Any:
     """The process that all others come of, once joint states do."""
     bag = write_altered_sample(sample, tmp_path / "bag", cameras=CAMERAS, frames=FRAMES)
     flags = ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "--cameras", *CAMERAS]
@@ -44,12 +28,7 @@ def begun(graph: Any, sample: Path, tmp_path: Path) -> Iterator[Any]:
     (begun,) = graph.start(GraphProcess("graph", "graph", flags=tuple(flags)))
     graph.until(lambda: begun.process.poll() is not None or graph.heard["/joint_states"], _LONGEST_S, "joint states")
     assert begun.process.poll() is None, graph.report()
-    family = _children(begun.process.pid)
-    yield begun
-    # Whatever went wrong: nobody else would end them.
-    for pid in family.values():
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+    return begun
 
 
 def test_every_node_has_a_process_and_is_started_again(graph: Any, begun: Any) -> None:
@@ -80,24 +59,12 @@ def test_nobody_outlives_the_one_they_come_of(graph: Any, begun: Any) -> None:
 def test_each_says_why_it_cannot_run(sample: Path) -> None:
     for package in ("rclpy", "bodycam_msgs"):
         pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
-    from own_domain import own_domain
-
-    command = [sys.executable, "-m", "bodycam_ros.nodes.start", "graph", "--processes", "--nodes", "tracker"]
-    command += ["--map", "nowhere", "--body", str(sample / "body.yaml"), "--cameras", *CAMERAS]
-    with own_domain() as domain:
-        ours = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        ended = subprocess.run(
-            command,
-            cwd=REPOSITORY,
-            env=os.environ | ours,
-            capture_output=True,
-            text=True,
-            timeout=_LONGEST_S,
-            check=False,
-        )
-    assert ended.returncode == 1 and not ended.stdout
+    said = refused(
+        *("--processes", "--nodes", "tracker", "--map", "nowhere", "--body", str(sample / "body.yaml")),
+        *("--cameras", *CAMERAS),
+    )
     missing = "error: nowhere: there is no map folder; make one with"
-    assert {line.split(missing)[0] for line in ended.stderr.splitlines()} == {f"tracker_{each}: " for each in CAMERAS}
+    assert {line.split(missing)[0] for line in said} == {f"tracker_{each}: " for each in CAMERAS}
 
 
 def test_each_has_keys_of_its_own_where_the_graph_has_some() -> None:

@@ -162,10 +162,11 @@ def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
         launched(body=body)
     with pytest.raises(RuntimeError, match="'respawn' provided value 'perhaps'"):
         launched(map="map", body=body, respawn="perhaps")
-    with pytest.raises(SettingsError, match="rate: expected a number, got 'half'"):
-        launched(map="map", body=body, bagfile="bag", rate="half")
-    with pytest.raises(SettingsError, match="registrations: expected a number, got 'two'"):
-        launched(map="map", body=body, registrations="two")
+    for processes in ("separate", "forked"):
+        with pytest.raises(SettingsError, match="rate: expected a number, got 'half'"):
+            launched(processes=processes, map="map", body=body, bagfile="bag", rate="half")
+        with pytest.raises(SettingsError, match="registrations: expected how many, got '2.5'"):
+            launched(processes=processes, map="map", body=body, registrations="2.5")
     with pytest.raises(BodyError, match="no camera hat"):
         launched(map="map", body=body, cameras="hat")
     stations = str(tmp_path / "cameras.yaml")

@@ -50,7 +50,7 @@ def test_the_whole_graph_in_one_process(tmp_path: Path) -> None:
     (graph,) = launched(**given, cameras="right, left", transport="raw", params_file="mine.yaml").values()
     assert (graph.executable, graph.respawn) == ("graph", True)
     assert graph.command_arguments(tmp_path) == [
-        *("--map", "map", "--body", str(body), "--cameras", "right", "left"),
+        *("--map", "map", "--body", str(body), "--cameras", "right", "left", "--registrations", "1"),
         *("--ros-args", "--enclave", "/anna/graph", "--ros-args", "-r", "__ns:=/anna"),
         *("--params-file", "mine.yaml", "--params-file", str(tmp_path / "anna.graph.params.yaml")),
     ]
@@ -64,7 +64,9 @@ def test_the_whole_graph_in_one_process(tmp_path: Path) -> None:
     (graph,) = launched(**given, bagfile="bag", use_sim_time="true").values()
     assert graph.parameters == {"frame_prefix": "anna/", "use_sim_time": True, "clock": 40.0}
     (graph,) = launched(**given, nodes="tracker, registration").values()
-    assert graph.command_arguments(tmp_path)[4:7] == ["--nodes", "tracker", "registration"]
+    assert graph.command_arguments(tmp_path)[4:9] == ["--registrations", "1", "--nodes", "tracker", "registration"]
+    with pytest.raises(SettingsError, match="the graph has no registration_1"):
+        launched(**given, nodes="registration_1")
 
 
 def test_processes_are_forked_from_one_where_cores_are_few(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,7 +78,7 @@ def test_processes_are_forked_from_one_where_cores_are_few(tmp_path: Path, monke
     (graph,) = launched(**given, processes="auto").values()
     assert (graph.executable, graph.respawn) == ("graph", True)
     assert graph.command_arguments(tmp_path)[:9] == [
-        *("--map", "map", "--body", str(body), "--processes", "--respawn", "2", "--registrations", "4")
+        *("--map", "map", "--body", str(body), "--registrations", "4", "--processes", "--respawn", "2")
     ]
     assert [*launched(**given, processes="auto", nodes="tracker")] == ["tracker_left", "tracker_right"]
     (graph,) = launched(**given, processes="forked", respawn="false", bagfile="bag").values()
@@ -100,6 +102,9 @@ def test_the_graph_in_one_process_knows_what_launch_says(tmp_path: Path) -> None
     left_out = {name for name, value in said.items() if not value}
     assert left_out == {"rig", "overwrite_body", "equipment", "nodes", "processes", "respawn"}
     assert (said["cameras"], said["registrations"], said["grown_map"]) == (["left"], 2, Path("some"))
+    (graph,) = launched(**given, bagfile="bag", nodes="tracker", processes="forked").values()
+    said = vars(_parser().parse_args([str(word) for word in graph.cmd[1:]]))
+    assert (said["processes"], said["respawn"], said["nodes"], said["rate"]) == (True, 2.0, ["tracker"], 1.0)
 
 
 def test_robot_state_publisher_takes_over_the_links_where_it_is(tmp_path: Path) -> None:

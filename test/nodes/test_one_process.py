@@ -1,11 +1,7 @@
 """The whole graph in one process gives what the replay gives, is heard outside, and ends as its nodes do."""
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
+from by_one_command import GraphProcess, refused
 
-from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
@@ -23,7 +19,6 @@ from bodycam_ros.solved.solved_recording import read_solved
 ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
 CAMERAS = ("waist_front", "torso_front", "thigh_left")
 FRAMES = 45
-REPOSITORY = Path(__file__).parents[2]
 
 _START_S, _PLAY_S, _SOON_S, _END_S = 90.0, 120.0, 30.0, 3.0
 
@@ -33,16 +28,6 @@ OUTPUTS = {
     "/odometry": "nav_msgs/msg/Odometry",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
-
-
-@dataclass(frozen=True)
-class GraphProcess(NodeProcess):
-    """All nodes in one process, with flags and not as parameters."""
-
-    flags: tuple[str, ...] = ()
-
-    def arguments(self, config: Path | None = None) -> list[str]:
-        return list(self.flags)
 
 
 @pytest.fixture(scope="module")
@@ -122,22 +107,6 @@ def test_nodes_hear_each_other_directly(played: Any) -> None:
 def test_the_error_of_one_node_ends_all_in_one_line(sample: Path, given: dict[str, str], line: str) -> None:
     for package in ("rclpy", "bodycam_msgs"):
         pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
-    from own_domain import own_domain
-
     flags = {"map": str(sample / "map"), "body": str(sample / "body.yaml"), "cameras": CAMERAS[0], **given}
-    command = [sys.executable, "-m", "bodycam_ros.nodes.start", "graph"]
-    command += [word for name, value in flags.items() for word in (f"--{name}", value)]
-    with own_domain() as domain:
-        ours = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        ended = subprocess.run(
-            command,
-            cwd=REPOSITORY,
-            env=os.environ | ours,
-            capture_output=True,
-            text=True,
-            timeout=_START_S,
-            check=False,
-        )
-    assert ended.returncode == 1 and not ended.stdout
-    (said,) = ended.stderr.splitlines()
+    (said,) = refused(*(word for name, value in flags.items() for word in (f"--{name}", value)))
     assert said.startswith(line.format(sample=sample))

@@ -12,9 +12,11 @@ from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.solved.solved_recording import read_solved
 
+_OF_ROBOT = ("/robot_description", "/joint_states", "/odometry")
+
 
 def _recorded(solved: Path, folder: Path, *namespaces: str) -> Path:
-    """The same bag, said in namespaces."""
+    """The same bag, said in namespaces, beside a robot and a neighbour of a longer name."""
     with AnyReader([solved], default_typestore=recording_typestore()) as bag, write_recording(folder) as writer:
         for connection, stamp_ns, cdr in bag.messages():
             for namespace in namespaces:
@@ -23,6 +25,11 @@ def _recorded(solved: Path, folder: Path, *namespaces: str) -> Path:
                 # robot_state_publisher says it again; a robot that follows has joints, too.
                 again = f"{namespaces[0]}/robot_state_publisher{connection.topic}"
                 writer.write_serialized(again, connection.msgtype, stamp_ns, bytes(cdr))
+            if connection.topic in _OF_ROBOT:
+                writer.write_serialized(f"/spot{connection.topic}", connection.msgtype, stamp_ns, bytes(cdr))
+            if connection.topic == "/odometry":
+                neighbour = f"{namespaces[0]}_too{connection.topic}"
+                writer.write_serialized(neighbour, connection.msgtype, stamp_ns, bytes(cdr))
     return folder
 
 
@@ -36,6 +43,7 @@ def test_the_body_of_a_namespace_is_read(sample_out: Path, tmp_path: Path) -> No
     ours, theirs = (next(iter(each.landmarks([camera]))) for each in (alone, of_anna))
     assert ours.stamp_ns == theirs.stamp_ns and np.array_equal(ours.landmark_ids, theirs.landmark_ids)
     with BagFile(tmp_path / "anna") as bag, BagFile(sample_out) as before:
+        assert {"/spot/joint_states", "/team/anna_too/odometry"} <= bag.topics.keys(), "nobody else's"
         assert bag.message_count("/joint_states") == before.message_count("/joint_states") > 0
 
 

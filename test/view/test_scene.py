@@ -16,6 +16,7 @@ from bodycam_ros.drawing.stick_figure import Bone
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.view.camera_scene import CameraScene
 from bodycam_ros.view.correction import Correction, Move, Part
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.motion import Motion
@@ -132,6 +133,47 @@ def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     scene.select(body, KNEE)
     assert colour_of(server, head) == rgb(LOST)
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
+
+
+def test_the_chosen_camera_shows_its_image_instead_of_a_pyramid(server: LocalServer, body: BodyModel) -> None:
+    cameras = CameraScene(server.scene, body, lambda part: None)
+    image = np.full((4, 6, 3), 100, np.uint8)
+
+    def shown(name: str) -> bool:
+        node = server.scene.get_handle_by_name(name)
+        return node is not None and node.visible
+
+    def seen() -> dict[str, bool]:
+        parts = {"head": "head", "shin_left": "shin_left"}
+        return {
+            f"{kind} of {camera}": shown(f"/world/body/{segment}/{kind}_{camera}")
+            for camera, segment in parts.items()
+            for kind in ("camera", "picture")
+        }
+
+    cameras.show_image("head", image)
+    before = seen()
+    assert before == {
+        "camera of head": False,
+        "picture of head": True,
+        "camera of shin_left": True,
+        "picture of shin_left": False,
+    }
+    found = pose_of(server, "/world/body/head/picture_head")
+    assert_allclose(found, pose_of(server, "/world/body/head/camera_head"), rtol=0.0, atol=FLOAT32)
+    cameras.show(False)
+    assert not any(seen().values())
+    cameras.show(True)
+    assert seen() == before
+    cameras.show_image("shin_left", image)
+    assert seen() == {
+        "camera of head": True,
+        "picture of head": False,
+        "camera of shin_left": False,
+        "picture of shin_left": True,
+    }
+    cameras.show_image(None, None)
+    assert [name for name, is_shown in seen().items() if is_shown] == ["camera of head", "camera of shin_left"]
 
 
 def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
