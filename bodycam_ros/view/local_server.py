@@ -1,5 +1,6 @@
 """A web server that serves this machine only, and nothing from or to elsewhere."""
 
+import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -32,6 +33,8 @@ class LocalServer(viser.ViserServer):
     def __init__(self, port: int, label: str) -> None:
         if not 0 <= port <= _HIGHEST_PORT:
             raise ViewError(f"port {port}: expected 0 (any free port) to {_HIGHEST_PORT}")
+        # A page that is closed while it connects is no news, and would be a traceback.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with redirect_stdout(StringIO()), _only_our_pages():
             super().__init__(HOST, port, label, verbose=False)
         self.gui.configure_theme(show_logo=False, show_share_button=False)

@@ -104,8 +104,10 @@ def test_two_people_share_the_map_and_nothing_else(graph: Any, tmp_path: Path) -
     graph.until(lambda: all(person.is_heard() for person in people), _START_S, "both solvers listen")
     for person in people:
         person.walk()
-    assert set(graph.end().items()) == {("anna/skeleton_solver", 0), ("lab/ben/skeleton_solver", 0)}, graph.report()
     heard = [f"/{person.namespace}/odometry" for person in people]
+    # Who is interrupted solves what has come to it: the first instants say that it does.
+    graph.until(lambda: all(len(graph.heard[topic]) >= FRAMES // 2 for topic in heard), _SOON_S, "most instants")
+    assert set(graph.end().items()) == {("anna/skeleton_solver", 0), ("lab/ben/skeleton_solver", 0)}, graph.report()
     graph.until(lambda: all(len(graph.heard[topic]) == FRAMES for topic in heard), _SOON_S, "all instants of both")
     graph.until(lambda: len(graph.heard["/tf"]) == 2 * FRAMES, _SOON_S, "the transforms of both")
 

@@ -4,6 +4,7 @@ import http.client
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from websockets.typing import Origin, Subprotocol
 
 from bodycam_ros.errors import ViewError
 from bodycam_ros.view.local_server import HOST, LocalServer
+
+_NOTICED_S = 0.5
 
 
 @pytest.fixture
@@ -39,6 +42,15 @@ def test_it_listens_on_loopback_only(server: LocalServer) -> None:
     connection = http.client.HTTPConnection(HOST, server.get_port(), timeout=30)
     connection.request("GET", "/")
     assert connection.getresponse().status == 200
+
+
+def test_a_page_that_is_closed_while_it_connects_is_no_news(
+    server: LocalServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.create_connection((HOST, server.get_port())) as page:
+        page.sendall(b"GET / HTTP/1.1\r\nHost: half of a hea")
+    time.sleep(_NOTICED_S)
+    assert not caplog.records
 
 
 def test_pages_from_elsewhere_cannot_connect(server: LocalServer) -> None:
