@@ -20,6 +20,13 @@ _PATIENCE_S = 3.0
 _MOMENT_S = 0.01
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C. ``python -m`` kills itself in the end where a KeyboardInterrupt itself has left an ``exec``.
+
+    A dataclass that is imported is made by one; that somebody catches the exception makes no difference.
+    """
+
+
 class Ending:
     """Answers the signals that end a program.
 
@@ -71,7 +78,7 @@ class Ending:
             return
         self._latest = now
         if number == signal.SIGINT:
-            raise KeyboardInterrupt
+            raise Interrupted
         raise SystemExit(self.exit_code)
 
     def say(self) -> None:

@@ -77,6 +77,26 @@ def test_workers_end_with_a_parent_that_is_killed_and_the_next_run_clears_up(sam
     assert [path.name for path in tmp_path.iterdir()] == ["another_output"]
 
 
+_INTERRUPTED_WITHIN_EXEC = """
+import sys
+from bodycam_ros.cli.ending import Ending
+ending = Ending()
+ending.answer()
+ending.begin()
+try:
+    exec("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
+except KeyboardInterrupt:
+    sys.exit(ending.exit_code)
+"""
+
+
+def test_ctrl_c_within_an_import_gives_the_same_code(tmp_path: Path) -> None:
+    (tmp_path / "interrupted.py").write_text(_INTERRUPTED_WITHIN_EXEC)
+    paths = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
+    command = [sys.executable, "-m", "interrupted"]
+    assert subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, check=False).returncode == 130
+
+
 @pytest.mark.parametrize(
     ("number", "delay_s"),
     [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.0), (signal.SIGHUP, 0.3), (signal.SIGINT, 0.6), (signal.SIGTERM, 1.2)],
