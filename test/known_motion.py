@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from told_pose import told_pose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
@@ -61,22 +62,9 @@ class KnownMotion:
         times = np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
         heard = [(time + self.clocks_s.get(camera, 0.0), time, camera) for time in times for camera in self.cameras]
         previous_ns: dict[str, int] = {}
-        nothing = np.zeros(0, np.uint32)
         for stamp_s, time, camera in sorted(heard):
             name, stamp_ns = self.names.get(camera, camera), self._stamp_ns(stamp_s)
-            yield LandmarkMatches(
-                camera=name,
-                stamp_ns=stamp_ns,
-                previous_stamp_ns=previous_ns.get(name, 0),
-                track_ids=nothing,
-                landmark_ids=nothing,
-                pixels=np.zeros((0, 2), np.float32),
-                points_world=np.zeros((0, 3), np.float32),
-                world_T_camera=self._registered(camera, time, random),
-                pose_covariance=np.eye(6) * 1e-6,
-                current_R_previous=np.eye(3),
-                rotation_inliers=0,
-            )
+            yield told_pose(name, stamp_ns, previous_ns.get(name, 0), self._registered(camera, time, random))
             previous_ns[name] = stamp_ns
 
     def log(self) -> AgreementLog:

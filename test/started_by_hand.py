@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from range_of_motion import START_NS, known_body, range_of_motion
+from told_pose import told_pose
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -102,31 +103,13 @@ class Recording:
             previous_ns = -(10**18)
             for time_s, stamp_ns, pose in zip(times_s.tolist(), stamps_ns.tolist(), poses, strict=True):
                 if stamp_ns > previous_ns:  # Trackers leave out images whose stamps do not increase.
-                    yield time_s, camera, _registration(camera, stamp_ns, previous_ns, pose, np.diag(sigmas**2))
+                    yield time_s, camera, told_pose(camera, stamp_ns, previous_ns, pose, np.diag(sigmas**2))
                     previous_ns = stamp_ns
 
 
 @cache
 def _true_poses(phase_us: int, duration_s: float) -> Mapping[str, Array]:
     return range_of_motion(BODY, duration_s, RATE_HZ, delay_s=1e-6 * phase_us).world_T_camera
-
-
-def _registration(
-    camera: str, stamp_ns: int, previous_ns: int, world_T_camera: Array, covariance: Array
-) -> LandmarkMatches:
-    return LandmarkMatches(
-        camera=camera,
-        stamp_ns=stamp_ns,
-        previous_stamp_ns=previous_ns,
-        track_ids=np.zeros(0, np.uint32),
-        landmark_ids=np.zeros(0, np.uint32),
-        pixels=np.zeros((0, 2), np.float32),
-        points_world=np.zeros((0, 3), np.float32),
-        world_T_camera=world_T_camera,
-        pose_covariance=covariance,
-        current_R_previous=np.eye(3),
-        rotation_inliers=0,
-    )
 
 
 def free_running(**altered: CameraRun) -> dict[str, CameraRun]:

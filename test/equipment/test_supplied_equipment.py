@@ -9,6 +9,7 @@ import pytest
 import yaml
 from known_motion import BODY, START_NS
 from scipy.optimize import least_squares
+from told_pose import told_pose
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.equipment.coupled_body import coupled_body
@@ -18,7 +19,6 @@ from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 
@@ -129,18 +129,11 @@ def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOut
     outputs = []
     for frame, (camera, mount) in product(range(frames), BODY.mounts.items()):
         outputs += pipeline.add(
-            LandmarkMatches(
-                camera=camera,
-                stamp_ns=START_NS + frame * FRAME_NS,
-                previous_stamp_ns=START_NS + (frame - 1) * FRAME_NS if frame else 0,
-                track_ids=np.zeros(0, np.uint32),
-                landmark_ids=np.zeros(0, np.uint32),
-                pixels=np.zeros((0, 2), np.float32),
-                points_world=np.zeros((0, 3), np.float32),
-                world_T_camera=poses[BODY.segment_index[mount.segment]] @ mount.segment_T_camera,
-                pose_covariance=np.eye(6) * 1e-6,
-                current_R_previous=np.eye(3),
-                rotation_inliers=0,
+            told_pose(
+                camera,
+                START_NS + frame * FRAME_NS,
+                START_NS + (frame - 1) * FRAME_NS if frame else 0,
+                poses[BODY.segment_index[mount.segment]] @ mount.segment_T_camera,
             )
         )
     return outputs + pipeline.flush()

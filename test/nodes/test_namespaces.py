@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from frame_tree import FrameTree
 from tiny_bag import write_tiny_bag
+from told_pose import told_pose
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
@@ -74,18 +75,11 @@ def _matches(body: BodyModel, map_T_root: Array, stamp: int, follows: bool) -> d
     n_pose = np.tile(np.eye(4), (len(body.tree_joints), 1, 1))
     world_T_segment = body.forward_kinematics(map_T_root, n_pose)
     return {
-        camera: LandmarkMatches(
-            camera=camera,
-            stamp_ns=stamp,
-            previous_stamp_ns=stamp - FRAME_NS if follows else 0,
-            track_ids=np.zeros(0, np.uint32),
-            landmark_ids=np.zeros(0, np.uint32),
-            pixels=np.zeros((0, 2), np.float32),
-            points_world=np.zeros((0, 3), np.float32),
-            world_T_camera=world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera,
-            pose_covariance=np.eye(6) * 1e-6,
-            current_R_previous=np.eye(3),
-            rotation_inliers=0,
+        camera: told_pose(
+            camera,
+            stamp,
+            stamp - FRAME_NS if follows else 0,
+            world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera,
         )
         for camera, mount in body.mounts.items()
     }

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from range_of_motion import range_of_motion
 from started_by_hand import BODY, CAMERAS, CameraRun, Recording, free_running
+from told_pose import told_pose
 from two_cameras import write_body
 
 from bodycam_ros.body import body_file
@@ -61,18 +62,11 @@ def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
                 joint_poses[row, :3, 3] = STICK_IN_TORSO
         world_T_segment = body.forward_kinematics(world_T_root, joint_poses)
         for camera, mount in body.mounts.items():
-            yield LandmarkMatches(
-                camera=camera,
-                stamp_ns=stamp,
-                previous_stamp_ns=stamp - FRAME_NS if frame else 0,
-                track_ids=np.zeros(0, np.uint32),
-                landmark_ids=np.zeros(0, np.uint32),
-                pixels=np.zeros((0, 2), np.float32),
-                points_world=np.zeros((0, 3), np.float32),
-                world_T_camera=world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera,
-                pose_covariance=np.eye(6) * 1e-6,
-                current_R_previous=np.eye(3),
-                rotation_inliers=0,
+            yield told_pose(
+                camera,
+                stamp,
+                stamp - FRAME_NS if frame else 0,
+                world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera,
             )
 
 
