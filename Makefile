@@ -18,7 +18,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# uv, installed into .venv by pip, resolves and links packages ten times faster than pip does.
+INSTALL := VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/uv pip install --quiet -c constraints.txt
 # What CMake needs to find ROS 2's wheels.
 FOR_ROS = VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	PATH="$(CURDIR)/$(BIN):$$PATH"
@@ -99,27 +100,28 @@ $(VENV)/python.stamp:
 		{ echo "$(PYTHON) cannot make virtual environments; install them: sudo apt install python3-venv" >&2; exit 1; }
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt uv
 	@touch $@
 
 $(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt setup.py
-	$(PIP_INSTALL) -r requirements.txt
-	$(PIP_INSTALL) --no-build-isolation --no-deps -e .
+	$(INSTALL) -r requirements.txt
+	$(INSTALL) --no-build-isolation --no-deps -e .
 	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 
 $(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt requirements-study.txt
-	$(PIP_INSTALL) -r requirements-test.txt -r requirements-study.txt
+	$(INSTALL) -r requirements-test.txt -r requirements-study.txt
 	@touch $@
 
 # The site needs nothing of ours.
 $(VENV)/docs.stamp: $(VENV)/python.stamp requirements-docs.txt constraints.txt
-	$(PIP_INSTALL) -r requirements-docs.txt
+	$(INSTALL) -r requirements-docs.txt
 	@touch $@
 
 $(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/action/*.action msg_defs/*.* msg_defs/tf2_msgs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
-	$(PIP_INSTALL) -r requirements-ros.txt
-	$(FOR_ROS) $(PIP_INSTALL) --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
+	$(INSTALL) -r requirements-ros.txt
+	$(FOR_ROS) $(BIN)/uv pip install --quiet -c constraints.txt --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
 	@touch $@
 
 # Programs that release bring much that nothing else needs.
