@@ -5,10 +5,9 @@
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
 #   make docs    the pages of docs/ as a site: out/site/index.html
-#   make bench   milliseconds per frame of every stage
-#   make latency how long a joint state takes from its images in the live graph; bench ends with it
-#   make apart   the live graph on two computers, made of namespaces of the network: what gets lost between them (root)
-#   make endure  the same, and the solver over 10 minutes: does it keep its pace?
+#   make bench   CPU time of each stage of the pipeline
+#   make latency time from images to their joint state in the live graph
+#   make endure  time and memory of the solver over 10 minutes
 #   make wheels  what is released, in dist: archive of the sources, wheels of the package and of its messages
 #   make wheel-check     the same, installed and run in an environment that knows nothing of the sources
 #   make release-check   may this state be released? versions, changelog, sizes, lock, pages, and wheel-check
@@ -32,7 +31,7 @@ DIST := dist
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test readers faults lint docs bench latency apart endure wheels wheel-check release-check clean
+.PHONY: demo test readers faults lint docs bench latency endure wheels wheel-check release-check clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -55,7 +54,7 @@ readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults
 
-lint: $(VENV)/test.stamp
+lint: $(VENV)/ros.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -65,17 +64,13 @@ docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(VENV)/runtime.stamp
-	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml
-	$(MAKE) --no-print-directory latency
+	$(BIN)/python -m benchmarks.stage_timing bags/sample/bag --map bags/map --body bags/body.yaml
 
 latency: $(VENV)/ros.stamp
 	$(BIN)/bodycam latency bags/sample/bag --map bags/map --body bags/body.yaml
 
-apart: $(VENV)/ros.stamp
-	PYTHONPATH=test $(BIN)/python -m tools.two_computers_run bags/sample/bag bags/map bags/body.yaml
-
 endure: $(VENV)/runtime.stamp
-	$(BIN)/bodycam bench bags/sample/bag --map bags/map --body bags/body.yaml --minutes 10
+	$(BIN)/python -m benchmarks.endurance bags/sample/bag --map bags/map --body bags/body.yaml
 
 wheels: $(VENV)/ros.stamp $(RELEASE)/release.stamp
 	rm -rf $(DIST)

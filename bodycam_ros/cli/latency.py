@@ -18,13 +18,12 @@ from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.latency import Latency, ProcessorTime
+    from bodycam_ros.evaluate.latency import Latency
 
 _CAMERAS_A_CORE = 2
 """That a core holds in real time; where to begin to look for a rate at which nothing queues."""
 
 _SLOWEST = 0.02
-_LAPTOP_CORES, _LAPTOP_CAMERAS, _LAPTOP_HZ = 8, 16, 30.0
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -53,7 +52,6 @@ class _Played:
     rate: float
     output_delay: int
     latency: "Latency"
-    cost: "ProcessorTime"
     image_s: float
 
 
@@ -82,35 +80,24 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(_table(played))
     console.print(_explanation(), soft_wrap=True)
     console.print(_cost(played, arguments.one_process), soft_wrap=True)
-    if not arguments.one_process:
-        console.print(_estimate(arguments.registrations, played), soft_wrap=True)
     return 0
 
 
 def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
-    from bodycam_ros.evaluate.latency import cost_of_image, latency_of, processor_time
+    from bodycam_ros.evaluate.latency import cost_of_image, latency_of
     from bodycam_ros.evaluate.live_run import play_live
 
     while True:
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-            noted = play_live(
-                arguments.recording,
-                arguments.map,
-                arguments.body,
-                scratch,
-                cameras,
-                rate,
-                delay,
-                arguments.registrations,
-                arguments.one_process,
-            )
+            inputs = (arguments.recording, arguments.map, arguments.body, scratch)
+            noted = play_live(*inputs, cameras, rate, delay, arguments.registrations, arguments.one_process)
         latency = latency_of(chain.from_iterable(noted.values()))
         if not len(latency.stamps_ns):
             raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
         if arguments.rate or latency.way_s <= frame_s / rate:
             processes = [list(chain.from_iterable(noted.values()))] if arguments.one_process else noted.values()
-            return _Played(len(cameras), rate, delay, latency, processor_time(noted), cost_of_image(processes))
+            return _Played(len(cameras), rate, delay, latency, cost_of_image(processes))
         if rate < _SLOWEST:
             raise RecordingError(f"{arguments.recording}: images queue even at {rate:g} of its speed; is it too short?")
         rate /= 2
@@ -164,22 +151,3 @@ def _cost(played: Sequence[_Played], one_process: bool) -> str:
     runs = ", ".join(f"{1e3 * each.image_s:.1f} ({each.cameras} cameras, delay {each.output_delay})" for each in played)
     where = "one process, player included" if one_process else "all processes, player included"
     return f"processor time of an image, {where} [ms]: {runs}"
-
-
-def _estimate(registrations: int, played: Sequence[_Played]) -> str:
-    from bodycam_ros.evaluate.machine_estimate import estimate_machine
-
-    most = max(played, key=lambda each: (each.cameras, -each.output_delay))
-    cost = most.cost
-    laptop = estimate_machine(cost, _LAPTOP_CORES, _LAPTOP_CAMERAS, registrations, _LAPTOP_HZ)
-    return (
-        f"processor time, all threads: tracker {1e3 * cost.tracker_s:.1f} ms an image, registration "
-        f"{1e3 * cost.registration_s:.1f} ms an image, solver {1e3 * cost.solver_s:.1f} ms an instant "
-        f"({most.cameras} cameras)\n"
-        f"estimate for {_LAPTOP_CORES} such cores, {_LAPTOP_CAMERAS} cameras at {_LAPTOP_HZ:g} Hz, {registrations} "
-        f"registrations, output_delay 0: {1e3 * laptop.latency_s:.0f} ms from image to joint state, of which one "
-        f"tracker, one registration and the solver after one another are {1e3 * laptop.chain_s:.0f}; cores busy "
-        f"{100 * laptop.busy:.0f} %, busiest process {100 * laptop.busiest:.0f} % of its core: "
-        f"{'keeps up' if laptop.keeps_up else 'does not keep up'}. The work of one instant is laid out on the cores: "
-        "trackers at once, each registration its cameras in turn, the solver last."
-    )

@@ -34,7 +34,6 @@ COMMANDS = {
     "export": "write a solved recording or a body for other programs",
     "keystore": "make keys for the live graph, and say who may hear and say what",
     "settings": "print all settings with their defaults",
-    "bench": "time every stage on a recording",
     "latency": "time the live graph from image to joint state (needs ROS 2)",
     "discovery": "let the live nodes of several computers find each other (needs ROS 2)",
 }

@@ -130,41 +130,6 @@ def _stages(chains: Sequence[NDArray[np.int64]], begun_ns: int, solved_ns: int) 
     )
 
 
-@dataclass(frozen=True)
-class ProcessorTime:
-    """Processor time of one kind of node, all its threads, what it spends on messages included [s].
-
-    Attributes:
-        tracker_s: for an image.
-        registration_s: for an image.
-        solver_s: for an instant.
-    """
-
-    tracker_s: float
-    registration_s: float
-    solver_s: float
-
-
-def processor_time(noted: Mapping[str, Sequence[Noted]]) -> ProcessorTime:
-    """What each kind of process costs, once it is warm.
-
-    Args:
-        noted: name of a node -> what it noted.
-    """
-
-    def per(moment: Moment) -> float:
-        spent_s, count = 0.0, 0
-        for notes in noted.values():
-            mine = [note for note in notes if note.moment is moment]
-            warm = mine[round(_WARM_UP * len(mine)) :]
-            if len(warm) > 1:
-                spent_s += 1e-9 * (warm[-1].at.cpu_ns - warm[0].at.cpu_ns)
-                count += len(warm) - 1
-        return spent_s / count if count else float("nan")
-
-    return ProcessorTime(per(Moment.TRACKED), per(Moment.REGISTERED), per(Moment.SOLVED))
-
-
 def cost_of_image(noted: Iterable[Sequence[Noted]]) -> float:
     """Processor time that the whole graph spends for an image, what it spends on messages included [s].
 

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import yaml
 
-from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.errors import BodycamError
 from bodycam_ros.kernels.preparation import prepare_kernels
 from bodycam_ros.moments import Noted, read_moments
 from bodycam_ros.nodes.graph import NodeProcess, live_graph, player
 from bodycam_ros.share_folder import share_folder
 
-_GRAPH = "graph"
+_GRAPH, _PLAYER = "graph", "player"
 _SHARED_MEMORY = "config/fastdds-shm.xml"
 _READER_WAIT_S = 300.0
 _LAST_FRAMES_S = 2.0
@@ -64,7 +64,7 @@ def play_live(
         Name of a node -> what it noted.
 
     Raises:
-        BodycamError: ROS 2 is not there, or a node ended by itself; the message has what it said.
+        BodycamError: ROS 2 is not installed, or a node ended by itself; the message has the end of its output.
     """
     for package in ("rclpy", "bodycam_msgs"):
         if find_spec(package) is None:
@@ -72,75 +72,50 @@ def play_live(
     prepare_kernels()
     nodes = live_graph(reference_map, body, cameras, registrations)
     playing = player(bag, rate, cameras)
-    playing = replace(playing, parameters={**playing.parameters, "reader_wait": _READER_WAIT_S})
-    nodes = [_as_measured(node, output_delay) for node in (*nodes, playing)]
-    nodes = [_noting(node, scratch) for node in nodes]
+    nodes.append(replace(playing, parameters={**playing.parameters, "reader_wait": _READER_WAIT_S}))
+    nodes = [_as_measured(node, output_delay, scratch) for node in nodes]
+    commands = {node.name: [node.executable, *node.arguments()] for node in nodes}
     if one_process:
-        _play_in_one(nodes, _arguments(reference_map, body, cameras, registrations, bag, rate), scratch)
-    else:
-        _play_in_many(nodes, bag, scratch)
+        settings = scratch / "settings.yaml"
+        given = {f"/{node.name}": {"ros__parameters": dict(node.parameters)} for node in nodes}
+        settings.write_text(yaml.safe_dump(given))
+        words = [_GRAPH, "--map", str(reference_map), "--body", str(body), "--cameras", *cameras, "--bag", str(bag)]
+        words += ["--registrations", str(registrations), "--rate", str(rate)]
+        commands = {_GRAPH: [*words, "--ros-args", "--params-file", str(settings)]}
+    _play(commands, scratch)
     return {node.name: read_moments(_moments_file(node.name, scratch)) for node in nodes}
 
 
-def _play_in_many(nodes: Sequence[NodeProcess], bag: Path, scratch: Path) -> None:
-    playing = nodes[-1].name
-    commands = {node.name: [node.executable, *node.arguments()] for node in nodes}
+def _play(commands: Mapping[str, Sequence[str]], scratch: Path) -> None:
+    """Run the processes until the player, at its end, has written its moments, and what follows has come out."""
     with _running(commands, scratch) as processes:
-        while processes[playing].poll() is None:
-            _check_alive(processes, playing, scratch)
-            time.sleep(_SLICE_S)
-        if processes[playing].returncode:
-            raise RecordingError(f"{bag}: cannot be played: {_said(playing, scratch)}")
-        time.sleep(_LAST_FRAMES_S)
-        _check_alive(processes, playing, scratch)
-
-
-def _play_in_one(nodes: Sequence[NodeProcess], arguments: Sequence[str], scratch: Path) -> None:
-    given = {f"/{node.name}": {"ros__parameters": dict(node.parameters)} for node in nodes}
-    settings = scratch / "settings.yaml"
-    settings.write_text(yaml.safe_dump(given))
-    command = [_GRAPH, *arguments, "--ros-args", "--params-file", str(settings)]
-    with _running({_GRAPH: command}, scratch) as processes:
-        # The player writes what it noted when it has played all.
-        while not _moments_file(nodes[-1].name, scratch).exists():
-            _check_alive(processes, "", scratch)
+        while not _moments_file(_PLAYER, scratch).exists():
+            _check_alive(processes, scratch)
             time.sleep(_SLICE_S)
         time.sleep(_LAST_FRAMES_S)
-        _check_alive(processes, "", scratch)
+        _check_alive(processes, scratch)
 
 
-def _arguments(
-    reference_map: Path, body: Path, cameras: Sequence[str], registrations: int, bag: Path, rate: float
-) -> list[str]:
-    given = ["--map", str(reference_map), "--body", str(body), "--cameras", *cameras]
-    return [*given, "--registrations", str(registrations), "--bag", str(bag), "--rate", str(rate)]
-
-
-def _as_measured(node: NodeProcess, output_delay: int) -> NodeProcess:
-    # What queues is to be seen, not mended by leaving images out.
+def _as_measured(node: NodeProcess, output_delay: int, scratch: Path) -> NodeProcess:
+    # Images queue instead of being dropped, so that a queue shows.
     given: dict[str, dict[str, object]] = {
         "skeleton_solver": {"smoother.output_delay": output_delay},
         "tracker": {"longest_wait": 0.0},
     }
-    return replace(node, parameters={**node.parameters, **given.get(node.executable, {})})
-
-
-def _noting(node: NodeProcess, scratch: Path) -> NodeProcess:
-    return replace(node, parameters={**node.parameters, "moments": str(_moments_file(node.name, scratch))})
+    moments = {"moments": str(_moments_file(node.name, scratch))}
+    return replace(node, parameters={**node.parameters, **given.get(node.executable, {}), **moments})
 
 
 def _moments_file(name: str, scratch: Path) -> Path:
     return scratch / f"{name}.csv"
 
 
-def _check_alive(processes: dict[str, subprocess.Popen[bytes]], playing: str, scratch: Path) -> None:
+def _check_alive(processes: Mapping[str, subprocess.Popen[bytes]], scratch: Path) -> None:
     for name, process in processes.items():
-        if name != playing and process.poll() is not None:
-            raise BodycamError(f"the node {name} has ended by itself: {_said(name, scratch)}")
-
-
-def _said(name: str, scratch: Path) -> str:
-    return (scratch / f"{name}.log").read_text(errors="replace").strip()[-1000:] or "it said nothing"
+        code = process.poll()
+        if code if name == _PLAYER else code is not None:
+            said = (scratch / f"{name}.log").read_text(errors="replace").strip()[-1000:]
+            raise BodycamError(f"the node {name} ended with exit code {code}: {said or 'no output'}")
 
 
 @contextmanager

@@ -1,19 +1,15 @@
-"""The body made from ground truth, through the tool's command line, against the true trajectories."""
+"""The body made from ground truth against the true trajectories."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_file import read_body
+from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
-
-TOOL = Path(__file__).parent.parent / "tools" / "body_from_truth.py"
 
 Trajectory = dict[int, NDArray[np.float64]]
 
@@ -31,10 +27,8 @@ def recording(request: pytest.FixtureRequest, shared: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def true_body(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> BodyModel:
-    path = tmp_path_factory.mktemp("body") / "body.yaml"
-    subprocess.run([sys.executable, TOOL, recording, "-o", path], check=True)
-    return read_body(path)
+def true_body(recording: Path) -> BodyModel:
+    return body_from_truth(recording)
 
 
 @pytest.fixture(scope="module")

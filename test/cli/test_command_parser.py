@@ -14,7 +14,7 @@ from bodycam_ros.settings import describe
 HEAVY = ("cv2", "gtsam", "matplotlib", "numba", "numpy", "pycolmap", "scipy", "viser")
 """Each takes a tenth of a second or more to load."""
 
-WITH_SETTINGS = ("map", "map check", "map extend", "ingest", "stations", "body", "replay", "bench")
+WITH_SETTINGS = ("map", "map check", "map extend", "ingest", "stations", "body", "replay")
 
 
 def said_by(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[object, str, str]:

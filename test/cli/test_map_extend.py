@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 from tiny_bag import write_tiny_bag
-from tools.half_map import half_map
 
+from benchmarks.half_map import half_map
 from bodycam_ros.cli.main import main
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.whole_file import SCRATCH_PREFIX

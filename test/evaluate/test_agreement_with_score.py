@@ -7,8 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 from known_walk import FRAMES, Walk, write_solved, write_truth
-from tools.body_from_truth import body_from_truth
 
+from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.true_motion import read_true_motion

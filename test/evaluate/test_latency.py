@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.latency import STAGES, cost_of_image, latency_of, processor_time
+from bodycam_ros.evaluate.latency import STAGES, cost_of_image, latency_of
 from bodycam_ros.moments import Instant, Moment, Moments, Noted, read_moments
 
 _MS = 1_000_000
@@ -64,13 +64,6 @@ def test_frames_that_came_only_half_the_way_are_left_out() -> None:
     latency = latency_of(without)
     (row,) = np.flatnonzero(latency.stamps_ns == lost_ns)
     assert latency.stages_s[row, 0] == 0.0 and latency.stages_s[row, 1] == pytest.approx(0.005)
-
-
-def test_processor_time_is_per_image_and_instant() -> None:
-    noted = _run(40)
-    of_one = {"tracker": [n for n in noted["cameras"] if n.camera == "left"], "solver": noted["solver"]}
-    cost = processor_time(of_one)
-    assert (cost.tracker_s, cost.registration_s, cost.solver_s) == pytest.approx((0.007, 0.007, 0.009))
 
 
 def test_moments_are_written_and_read_or_refused(tmp_path: Path) -> None:

@@ -31,6 +31,3 @@ def test_the_live_graph_is_timed_from_image_to_joint_state(sample: Path, tmp_pat
     assert later < median <= p95 and real_time < 0.8 * median
     (cost_ms,) = re.findall(r"processor time of an image, .* \[ms\]: ([\d.]+) \(3 cameras, delay 2\)", ended.stdout)
     assert float(cost_ms) > 0.0
-    # What a kind of node costs shows where it has a process of its own.
-    for process in ("tracker", "registration", "solver", "estimate for 8 such cores"):
-        assert (process in ended.stdout) != one_process

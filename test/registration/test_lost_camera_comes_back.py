@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tools.lost_cameras import blind_images, registered, returns
 
+from benchmarks.relocalisation import blind_images, registered, returns
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 from grown_room import CAMERAS, cameras, elsewhere, matches_of, named, unlike, walk, walls
-from tools.half_map import half_map
 
+from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.growth_settings import GrowthSettings

@@ -3,10 +3,10 @@
 import gtsam
 import numpy as np
 import pytest
+from full_batch import levenberg_marquardt
 from moving_body import STEP_NS, body_with_cameras, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.evaluate.full_batch import levenberg_marquardt
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.solving.back_end import BackEndError
 from bodycam_ros.solving.block_solver import Block, solve_block

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from made_once import made_once
-from tools.body_from_truth import body_from_truth
 
+from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.body.body_file import write_body
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, umeyama

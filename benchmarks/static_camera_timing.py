@@ -1,16 +1,19 @@
-"""What static cameras cost an instant: a person of capsules, in plain colours before noise, seen by four of them.
+"""CPU time of static cameras for one state of the body: python -m benchmarks.static_camera_timing BODY.yaml.
 
-The scene is made here, so that every recording's bench can tell it: how long the lines take depends on how many there
-are, not on what they show, and the person moves as far between images as people who walk do.
+Four cameras see a person of capsules in plain colours before noise, who moves as far between images as people who walk.
+The scene is rendered here: the time depends on the number of correspondence lines, not on what they show.
 """
 
+import argparse
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import Array, exp_so3, rigid
@@ -36,13 +39,13 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class StationTiming:
-    """Milliseconds of the processor for an instant, all images decoded.
+    """Milliseconds of CPU for a state of the body, all images decoded.
 
     Attributes:
-        look_ms: for each instant.
+        look_ms: for each state.
         segments, faces: of the person.
-        stations: that looked.
-        largest_off_m: how far any segment was from where it was painted, to know that the person was followed.
+        stations: number of cameras.
+        largest_off_m: largest error of a segment's position [m]; it shows whether the person was tracked.
     """
 
     look_ms: list[float]
@@ -53,17 +56,17 @@ class StationTiming:
 
     @property
     def median_ms(self) -> float:
-        """Of an instant."""
+        """Median of a state."""
         return float(np.median(self.look_ms))
 
     @property
     def share_ms(self) -> float:
-        """Of an instant, per segment and station."""
+        """Median of a state, per segment and camera."""
         return self.median_ms / (self.segments * self.stations)
 
 
 def time_stations(body: BodyModel, settings: PipelineSettings, instants: int = 20) -> StationTiming | None:
-    """Follow a body through images that are made of it, on one thread; None if it has no bones to put capsules on."""
+    """Track a body through rendered images, on one thread; None if it has no bones to put capsules on."""
     surfaces = capsule_surfaces(body)
     if not surfaces:
         return None
@@ -112,3 +115,21 @@ def _painted(view: StationView, world_T_segment: Array, segments: int, random: n
     colours = np.random.default_rng(1).integers(20, 236, (segments, 3))
     person = colours[np.minimum(large, segments - 1)] + noise // 16 - 8
     return np.where((large == NOBODY)[..., None], noise, person).astype(np.uint8)
+
+
+def main() -> None:
+    """Print the time of a state."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("body", type=Path)
+    timing = time_stations(read_body(parser.parse_args().body), PipelineSettings())
+    if timing is None:
+        parser.error("the body has no bones to put capsules on")
+    print(
+        f"{timing.median_ms:.1f} ms a state of {timing.stations} cameras, {timing.segments} segments and "
+        f"{timing.faces:,} faces; {timing.share_ms:.2f} ms per segment and camera; largest error "
+        f"{100.0 * timing.largest_off_m:.1f} cm"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""Paste a moving crowd into a bag's images: python test/tools/moving_crowd.py BAG SOLVED OUT --cameras head shin_left.
+"""Paste a moving crowd into a bag's images: python -m benchmarks.moving_crowd BAG SOLVED OUT --cameras head shin_left.
 
 People of ellipsoids walk around the wearer, each with a texture of its own that moves with it, and are seen through
 each camera's lens from where the undisturbed recording was solved to be (SOLVED, what ``bodycam replay`` wrote of

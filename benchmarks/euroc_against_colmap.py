@@ -1,4 +1,4 @@
-"""Real images registered in a map of others, beside COLMAP: python test/tools/register_real_images.py EUROC.
+"""Real images registered in a map of others, beside COLMAP: python -m benchmarks.euroc_against_colmap EUROC.
 
 EUROC holds ``cam0``, ``cam1``, ``camera_*.yaml``, ``world_T_cam0.tum`` and a README with the extrinsics, as the EuRoC
 data set has them. Every second image of cam0 makes the map; the others, and all of cam1, are registered one by one, by
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
+from benchmarks.stage_timing import timed_method
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.colmap_camera import colmap_camera, pycolmap
 from bodycam_ros.cli.main import main as bodycam
@@ -101,27 +102,15 @@ def register(reference_map: ReferenceMap, cameras: dict[str, CameraModel], asked
     one = {name: ImageRegistration(camera, reference_map) for name, camera in cameras.items()}
     first, path = next(iter(asked.items()))
     one[first[:4]].register(_grey(path))
-    detecting = 0.0
-    detect = KeypointDetector.detect
-
-    def timed(self: KeypointDetector, image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> object:
-        nonlocal detecting
-        start = time.process_time()
-        found = detect(self, image, mask)
-        detecting += time.process_time() - start
-        return found
-
     poses: Poses = {}
     start = time.process_time()
-    KeypointDetector.detect = timed  # type: ignore[assignment,method-assign]
-    try:
+    with timed_method(KeypointDetector, "detect") as detecting:
         for name, path in asked.items():
             pose = one[name[:4]].register(_grey(path)).world_T_camera
             if pose is not None:
                 poses[name] = pose
-    finally:
-        KeypointDetector.detect = detect  # type: ignore[method-assign]
-    return Side(poses, detecting, time.process_time() - start - detecting)
+    features_s = sum(detecting)
+    return Side(poses, features_s, time.process_time() - start - features_s)
 
 
 def register_by_colmap(

@@ -1,4 +1,4 @@
-"""A map of a world that has changed since: python test/tools/changed_world.py MAP OUT --replace-share 0.2 --seed 0.
+"""A map of a world that has changed since: python -m benchmarks.changed_world MAP OUT --replace-share 0.2 --seed 0.
 
 In every photograph of the map rectangles are painted over with what other photographs show elsewhere, until so much of
 its area is replaced. Landmarks and their descriptors stay: what was there when the map was made is asked for still.

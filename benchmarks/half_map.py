@@ -1,4 +1,4 @@
-"""A map that shows half of a place: python test/tools/half_map.py MAP OUT --towards 180.
+"""A map that shows half of a place: python -m benchmarks.half_map MAP OUT --towards 180.
 
 Photographs stay whose optical axis points, seen from above, to within 90 degrees of a direction; landmarks that fewer
 than three of those show go, and descriptors that the others gave.

@@ -1,4 +1,4 @@
-"""How soon a camera that was blind is registered again: python test/tools/lost_cameras.py RECORDING --map MAP.
+"""How soon a camera that was blind is registered again: python -m benchmarks.relocalisation BAG --map MAP.
 
 Every camera's images are grey for some time, again and again. What counts is the time from the first image in which
 the undisturbed recording is registered to the first that is. ``--expected 8`` tells the registrar where the camera is,

@@ -1,4 +1,4 @@
-"""Cut a stretch out of a recording: python test/tools/cut_recording.py RECORDING OUT --start 0 --duration 2.
+"""Cut a stretch out of a recording: python -m benchmarks.cut_recording RECORDING OUT --start 0 --duration 2.
 
 The cut holds the bag's images and intrinsics, ``rig.yaml`` and, for scoring, the stretch of ``truth/segments``. The
 samples in ``bags/`` were made so, that of a range of motion with ``--cameras`` and ``--every 2``.

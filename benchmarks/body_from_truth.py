@@ -1,6 +1,6 @@
 """Make a body file from a recording's ground truth: a yardstick for the solver, and the body until it is estimated.
 
-    python test/tools/body_from_truth.py RECORDING -o body.yaml
+    python -m benchmarks.body_from_truth RECORDING -o body.yaml
 
 Keeps the segments that carry a camera or lie between the root and one that does. Ground truth serves scoring and
 tests only; the product never reads it.

@@ -1,4 +1,4 @@
-"""Blur and darken a recording: python test/tools/disturb_recording.py RECORDING OUT --blur 0.8 --darkest 0.4.
+"""Blur and darken a recording: python -m benchmarks.disturb_recording RECORDING OUT --blur 0.8 --darkest 0.4.
 
 Each image is averaged along its optical flow over a share of the time between two images, as a longer exposure would;
 the share swings between 0 and ``--blur`` and the gain between ``--darkest`` and 1, every camera at its own phase.

@@ -1,4 +1,4 @@
-"""Damage a bag's light: python test/tools/photometric_stress.py BAG OUT --seed 0.
+"""Damage a bag's light: python -m benchmarks.photometric_stress BAG OUT --seed 0.
 
 Every camera gets a gamma of its own, a gain that ramps up and down over time, and a shadow over half of the picture,
 whose border stands still in half of the cameras and sweeps through the picture in the others. Geometry, stamps and all

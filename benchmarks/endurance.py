@@ -1,8 +1,13 @@
-"""Whether the solver keeps its pace: minutes of motion from the seconds of a recording, played to and fro."""
+"""Time and memory of the solver over minutes: python -m benchmarks.endurance BAG --map MAP --body BODY.yaml.
 
+The seconds of the recording are played forward and backward until the minutes are over.
+"""
+
+import argparse
+import os
 import resource
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
 from pathlib import Path
@@ -11,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.registrations import registrations
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
@@ -21,12 +28,12 @@ _MINUTE_S = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Endurance:
-    """What the instants of a long motion cost.
+    """Cost of the states of a long motion.
 
     Attributes:
-        stamps_s: (N) of the instants, without those of the first second, which come at once [s].
-        solve_ms: (N) of CPU, from what cameras say to the body's output; a clock that is learned counts where it was.
-        memory_mb: (N) of the process after each.
+        stamps_s: (N,) of the states, without those of the first second, which come together [s].
+        solve_ms: (N,) milliseconds of CPU, from registrations to the body's output, time synchronisation included.
+        memory_mb: (N,) of the process after each.
     """
 
     stamps_s: NDArray[np.float64]
@@ -34,7 +41,7 @@ class Endurance:
     memory_mb: NDArray[np.float64]
 
     def percentile_ms(self, percent: float) -> float:
-        """Of all instants."""
+        """Of all states."""
         return float(np.percentile(self.solve_ms, percent))
 
     @property
@@ -49,7 +56,7 @@ class Endurance:
 
     @property
     def growth_mb(self) -> float:
-        """By how much the process grew after the first minute."""
+        """Growth of the process after the first minute [MB]."""
         return float(self.memory_mb[-1] - self.memory_mb[self.stamps_s < self._stretch_s][-1])
 
     @property
@@ -63,21 +70,19 @@ def endure(
     registered: Sequence[LandmarkMatches],
     settings: PipelineSettings,
     lasting_s: float,
-    on_instant: Callable[[], None] = lambda: None,
 ) -> Endurance:
-    """Solve a recording to and fro for some time, as a live graph would, without its messages.
+    """Solve a recording to and fro for some time, as a live graph does, without its messages.
 
     Args:
         body: with its mounts.
         cameras: models by name.
-        registered: what the cameras said, in order of time; a second or more.
+        registered: of all images, in order of time; a second or more.
         settings: of all stages.
         lasting_s: of the motion [s].
-        on_instant: called after each instant.
     """
     skeleton = SkeletonPipeline(body, cameras, settings, live=True)
     stamps_ns, solve_s, memory = [], [], []
-    begun, spent_s = False, 0.0  # clocks are listened to for a second before anything is solved
+    begun, spent_s = False, 0.0  # time synchronisation delays the first second
     for matches in to_and_fro(registered, lasting_s):
         started_s = time.thread_time()
         outputs = skeleton.add(matches)
@@ -86,7 +91,6 @@ def endure(
             stamps_ns.append(output.state.stamp_ns)
             solve_s.append(spent_s / len(outputs))
             memory.append(memory_bytes())
-            on_instant()
         if outputs:
             begun, spent_s = True, 0.0
     since_ns = np.array(stamps_ns, np.int64) - stamps_ns[0]
@@ -94,7 +98,7 @@ def endure(
 
 
 def to_and_fro(registered: Sequence[LandmarkMatches], lasting_s: float) -> Iterator[LandmarkMatches]:
-    """What cameras would say if the body went through a motion forward, then backward, and so on.
+    """Registrations of a motion that is repeated forward, backward, and so on.
 
     Args:
         registered: the motion, in order of time; a second or more.
@@ -110,7 +114,7 @@ def to_and_fro(registered: Sequence[LandmarkMatches], lasting_s: float) -> Itera
             stamp_ns = matches.stamp_ns - first_ns + at_ns
             if stamp_ns > until_ns:
                 return
-            # The pose at which it turns back is shown once.
+            # The pose between the two directions occurs once.
             if stamp_ns == previous_ns.get(matches.camera):
                 continue
             before_ns = previous_ns.get(matches.camera, 0) if matches.previous_stamp_ns else 0
@@ -120,7 +124,7 @@ def to_and_fro(registered: Sequence[LandmarkMatches], lasting_s: float) -> Itera
 
 
 def _backward(registered: Sequence[LandmarkMatches], mirror_ns: int) -> list[LandmarkMatches]:
-    """The same images in reverse order of time: each camera turns back as it had turned."""
+    """The same images in reverse order of time, rotations between images inverted."""
     following: dict[str, LandmarkMatches] = {}
     mirrored = []
     for matches in reversed(registered):
@@ -140,3 +144,27 @@ def _backward(registered: Sequence[LandmarkMatches], mirror_ns: int) -> list[Lan
 def memory_bytes() -> int:
     """Resident memory of this process."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def main() -> None:
+    """Print time and memory."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("--map", type=Path, required=True)
+    parser.add_argument("--body", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    arguments = parser.parse_args()
+    settings, body = PipelineSettings(), read_body(arguments.body)
+    cameras, registered = registrations(arguments.recording, arguments.map, body, settings, arguments.jobs)
+    done = endure(body, cameras, registered, settings, _MINUTE_S * arguments.minutes)
+    print(
+        f"solver over {arguments.minutes:g} min: {done.percentile_ms(50):.1f} ms a state (median), "
+        f"{done.percentile_ms(99):.1f} (p99), {done.percentile_ms(100):.0f} (worst); mean of the last minute "
+        f"{done.last_minute_ms:.2f} ms, {done.last_minute_ms / done.first_minute_ms:.2f} of the first; "
+        f"{done.growth_mb:+.1f} MB since the first minute"
+    )
+
+
+if __name__ == "__main__":
+    main()
