@@ -23,8 +23,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks.figures import blind_cameras, equipment, faulty_cameras, maps, real_person, recorded_motion
-from benchmarks.figures import speed, static_cameras
+from benchmarks.figures import (
+    blind_cameras,
+    equipment,
+    faulty_cameras,
+    maps,
+    real_person,
+    recorded_motion,
+    speed,
+    static_cameras,
+)
 from benchmarks.figures.bench import REPOSITORY, Bench
 from benchmarks.figures.figure import Figure, read_limits
 from benchmarks.figures.table import Run, broken, page, read_run, shown
@@ -55,7 +63,8 @@ def measurements(mode: str) -> Iterator[Measurement]:
         yield Measurement("photographs", maps.photographs, alone=True)
     yield Measurement("speed", partial(speed.whole_process, walk=walk), alone=True)
     yield Measurement("stages", speed.stages, alone=True)
-    yield Measurement("start", partial(speed.start_of_graph, ways=("separate", "one")[mode == "quick" :]), alone=True)
+    for way in ("separate", "one") if mode == "full" else ("one",):
+        yield Measurement(f"start {way}", partial(speed.start_of_graph, way=way), alone=True)
     if mode == "full":
         yield Measurement("euroc", maps.euroc, alone=True)
     for name in {"full": ("dev_walk", "dev_rom", "dev_cycle"), "quick": ("dev_walk",), "sample": ("sample",)}[mode]:

@@ -63,4 +63,6 @@ def feet_on_pedals(group: str, scored: Score, recording: Path) -> Iterator[Figur
     for side, first in (("left", 2), ("right", 5)):
         pedal = np.column_stack([np.interp(scored.seconds, known[:, 0], known[:, first + k]) for k in range(3)])
         path = (scored.link(f"foot_{side}") @ ball)[:, :3]
-        yield Figure(f"{group}: {side} foot to pedal, mean [mm]", 1e3 * float(np.linalg.norm(path - pedal, axis=1).mean()))
+        yield Figure(
+            f"{group}: {side} foot to pedal, mean [mm]", 1e3 * float(np.linalg.norm(path - pedal, axis=1).mean())
+        )

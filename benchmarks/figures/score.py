@@ -197,9 +197,7 @@ class Score:
         return np.stack([self.truth.at(self.seconds, segment)[0] for segment in self.segments], axis=1)
 
 
-def score(
-    bag: Path, recording: Path, disturbed_s: tuple[float, float] | None = None, own_clock: bool = False
-) -> Score:
+def score(bag: Path, recording: Path, disturbed_s: tuple[float, float] | None = None, own_clock: bool = False) -> Score:
     """Score a result.
 
     Args:

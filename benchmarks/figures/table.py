@@ -59,7 +59,7 @@ def shown(run: Run, before: Run | None, limits: Mapping[str, Limit]) -> Table:
         limit, old = limits.get(name), before.figures.get(name) if before else None
         held = limit is not None and limit.is_held_by(value)
         table.add_row(
-            name,
+            Text(name),
             Text(_written(value), "green" if held else "bold red"),
             str(limit or "none"),
             "" if old is None else _written(old),
@@ -73,8 +73,8 @@ def page(run: Run, limits: Mapping[str, Limit]) -> str:
     lines = [
         "# Figures",
         "",
-        "Made by `make figures`; do not edit. No change may break a limit (`benchmarks/figures/limits.yaml`). *Noise* is",
-        "how far two runs of the same code differ on a shared machine, as a share of the value.",
+        "Made by `make figures`; do not edit. No change may break a limit (`benchmarks/figures/limits.yaml`).",
+        "*Noise* is how far two runs of the same code differ on a shared machine, as a share of the value.",
         "",
         f"Commit {run.commit}, {run.cores} cores, load {run.load:.1f} at the start, {run.seconds / 60.0:.0f} min.",
     ]
