@@ -5,6 +5,7 @@
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
 #   make docs    the pages of docs/ as a site: out/site/index.html
+#   make figures the table that nothing may worsen: accuracy, speed, memory; QUICK=1 for its main rows in 3 minutes
 #   make bench   CPU time of each stage of the pipeline
 #   make latency time from images to their joint state in the live graph
 #   make endure  time and memory of the solver over 10 minutes
@@ -31,7 +32,7 @@ DIST := dist
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test readers faults lint docs bench latency endure wheels wheel-check release-check clean
+.PHONY: demo test figures readers faults lint docs bench latency endure wheels wheel-check release-check clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -62,6 +63,9 @@ lint: $(VENV)/ros.stamp
 
 docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+figures: $(VENV)/ros.stamp
+	$(BIN)/python -m benchmarks.figures $(if $(QUICK),--quick) $(FIGURES)
 
 bench: $(VENV)/runtime.stamp
 	$(BIN)/python -m benchmarks.stage_timing bags/sample/bag --map bags/map --body bags/body.yaml
