@@ -51,11 +51,6 @@ def transform_from_pose(pose: Message) -> NDArray[np.float64]:
     return geometry.rigid(rotation_from_message(pose.orientation), position)
 
 
-def transform_message(make: MessageFactory, a_T_b: NDArray[np.float64]) -> Message:
-    """geometry_msgs/Transform of a transform (4, 4)."""
-    return transform_messages(make, a_T_b[None])[0]
-
-
 def transform_messages(make: MessageFactory, a_T_b: NDArray[np.float64]) -> list[Message]:
     """geometry_msgs/Transform of transforms (N, 4, 4)."""
     return [

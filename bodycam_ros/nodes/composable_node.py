@@ -30,7 +30,7 @@ class ComposableNode(Node):
         """As rclpy does."""
         if self.topics_within is None or publisher_class is not Publisher:
             return super().create_publisher(*arguments, publisher_class=publisher_class, **options)
-        publisher = super().create_publisher(*arguments, publisher_class=ComposablePublisher, **options)
+        publisher: Any = super().create_publisher(*arguments, publisher_class=ComposablePublisher, **options)
         publisher.join(self.topics_within)
         return publisher
 
@@ -56,11 +56,12 @@ class ComposableNode(Node):
     @property
     def executor(self) -> Executor | None:
         """What calls back."""
-        return Node.executor.fget(self)
+        executor: Executor | None = Node.executor.fget(self)  # type: ignore[attr-defined]  # a property of rclpy
+        return executor
 
     @executor.setter
     def executor(self, executor: Executor) -> None:
-        Node.executor.fset(self, executor)
+        Node.executor.fset(self, executor)  # type: ignore[attr-defined]
         if executor is not None:
             self.__arrivals.begin(executor)
 

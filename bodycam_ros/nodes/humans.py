@@ -116,6 +116,7 @@ class HumansNode(StageNode[HumansParameters]):
     def _say_tracked(self) -> None:
         is_tracked = time.monotonic() - self._heard_s < _TRACKED_FOR_S
         header = header_message(self.make, self.get_clock().now().nanoseconds, "")
+        assert self._tracked is not None  # or there is no timer
         self._tracked.publish(self.make(IDS, header=header, ids=[self._id] if is_tracked else []))
 
     def health(self) -> list[Health]:

@@ -26,7 +26,7 @@ class LaterService:
         self._asking: list[tuple[Message, object]] = []
         service = node.create_service(Trigger, name, lambda request, response: response)
         self._send = service.send_response
-        service.send_response = self._note
+        service.send_response = self._note  # type: ignore[method-assign]
 
     @property
     def is_asked(self) -> bool:

@@ -197,6 +197,7 @@ class ManagedNode(LifecycleNode):
         else:
             self._say(error, str(error))
             # Not here: what is called would be destroyed by that.
+            assert self.executor is not None
             self.executor.create_task(self._process_failure)
 
     def _process_failure(self) -> None:
@@ -222,7 +223,7 @@ class ManagedNode(LifecycleNode):
         return [*self.subscriptions, *self.publishers, *self.services, *self.clients, *self.timers]
 
     def _destroyer(self, entity: Any) -> Callable[[Any], object]:
-        kinds = {
+        kinds: dict[Callable[[Any], object], Any] = {
             self.destroy_subscription: self.subscriptions,
             self.destroy_publisher: self.publishers,
             self.destroy_service: self.services,
@@ -251,4 +252,4 @@ class ManagedNode(LifecycleNode):
 def _fall_silent(service: Service) -> None:
     """Let a request that was on its way when the service is destroyed be as one that came later: nobody answers it."""
     service.callback = lambda request, response: response
-    service.send_response = lambda response, header: None
+    service.send_response = lambda response, header: None  # type: ignore[method-assign]

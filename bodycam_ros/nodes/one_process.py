@@ -72,9 +72,9 @@ def _run(processes: Sequence[NodeProcess], stopped: Callable[[], bool]) -> int:
     over.set()
     for each in running:
         each.join()
-    errors = {str(each.error): each for each in running if each.error is not None}
-    for each in errors.values():
-        say(each.name, each.error)
+    errors = {str(each.error): (each.name, each.error) for each in running if each.error is not None}
+    for name, failure in errors.values():
+        say(name, failure)
     return FAILED if any(each.has_failed for each in running) else 0
 
 

@@ -4,6 +4,7 @@ One name and one check for YAML, command line and ``ros2 param``.
 """
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final, TypeVar
 
@@ -198,9 +199,10 @@ def given_parameters(node: Node) -> dict[str, Any]:
         node: made with ``automatically_declare_parameters_from_overrides``; afterwards it has none of these
             parameters any more, so that they can be declared with their descriptions.
     """
+    there: Mapping[str, Any] = node.get_parameters_by_prefix("")  # rclpy annotates them as values
     given = {
         name: parameter.value
-        for name, parameter in node.get_parameters_by_prefix("").items()
+        for name, parameter in there.items()
         if name.split(".")[0] not in _ROS_OWN and not name.startswith(DESCRIPTION)
     }
     for name in given:
@@ -256,7 +258,7 @@ def own_parameters(given: dict[str, Any], parameters_type: type[P]) -> P:
     for name in plain:
         if name not in known:
             raise SettingsError(f"parameters: there is no parameter '{name}'; known are {', '.join(sorted(known))}")
-    mine = {f.name for f in fields(parameters_type)}
+    mine = {f.name for f in fields(parameters_type)}  # type: ignore[arg-type]  # all are dataclasses
     values = {name: tuple_of_list(value) for name, value in plain.items() if name in mine}
     return settings_from_mapping(parameters_type, values, SOURCE)
 

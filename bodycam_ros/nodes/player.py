@@ -50,7 +50,7 @@ class Player(StageNode[PlayerParameters]):
         self._complaint_due_s = 0.0
         self._unread_since_s: float | None = None
         self._playback = Playback(self)
-        self._never: Future[None] = Future()
+        self._never = Future()
         self._served_s = 0.0
 
     def settings_changed(self) -> None:

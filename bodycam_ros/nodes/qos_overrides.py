@@ -93,7 +93,8 @@ def given_overrides(node: Node) -> dict[str, Any]:
     Raises:
         SettingsError: a name or a value that cannot be.
     """
-    given = {f"{PREFIX}.{name}": each.value for name, each in node.get_parameters_by_prefix(PREFIX).items()}
+    prefixed: Mapping[str, Any] = node.get_parameters_by_prefix(PREFIX)  # rclpy annotates them as values
+    given = {f"{PREFIX}.{name}": each.value for name, each in prefixed.items()}
     for name, value in given.items():
         _check(name, value)
         node.undeclare_parameter(name)

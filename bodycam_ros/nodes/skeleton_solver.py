@@ -93,7 +93,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def begin(self) -> None:
         """Say what body it is."""
         if self._body is not None and not self._is_described:
-            self._describe()
+            self._describe(self._body)
 
     def pause(self) -> None:
         """Publish what waits for later instants, for these do not come; a body that is being made is given up."""
@@ -121,20 +121,20 @@ class SkeletonSolver(StageNode[SolverParameters]):
 
     def _read_body(self, path: Path) -> tuple[str, ...]:
         """Learn the body that is there; its cameras, as far as they are listened to."""
-        self._know(read_body(path))
-        asked, there = self.parameters.cameras, tuple(self._body.mounts)
+        asked, there = self.parameters.cameras, tuple(self._know(read_body(path)).mounts)
         return cameras_used(asked, there, f"{path}: the body") if self.parameters.worn else ()
 
-    def _know(self, person: BodyModel) -> None:
+    def _know(self, person: BodyModel) -> BodyModel:
         """There is a body; with the equipment, if any, it is what is solved and published."""
         person = with_hands(person) if self._stations else person
         # Fitted once: what is left out is told once.
         self._held = held_equipment(self.parameters.equipment, person) if self.parameters.equipment else None
         self._person, self._body = person, coupled_body(person, self._held)
+        return self._body
 
-    def _describe(self) -> None:
+    def _describe(self, body: BodyModel) -> None:
         self._is_described = True
-        self._topics.describe(self._body, self._held)
+        self._topics.describe(body, self._held)
 
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
@@ -198,9 +198,9 @@ class SkeletonSolver(StageNode[SolverParameters]):
     def _solve_new(self, body: BodyModel) -> None:
         """There is a new body: the registrations from now on are its own."""
         self._flush()
-        self._know(body)
+        coupled = self._know(body)
         self._solve_with_those_known()
-        self._describe()
+        self._describe(coupled)
 
     def _take(self, heard: LandmarkMatches | SaidSegments) -> None:
         if isinstance(heard, LandmarkMatches):

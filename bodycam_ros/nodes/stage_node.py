@@ -153,6 +153,7 @@ class StageNode(ComposableNode, ManagedNode, Generic[P]):
 
     def soon(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
         """Call back once, guarded, after what has arrived by now is served."""
+        assert self.executor is not None
         self.executor.create_task(self.guarded(callback, even_inactive))
 
     def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> None:

@@ -27,11 +27,11 @@ class TopicEvents:
     def subscribed(self, subscribe: Callable[[SubscriptionEventCallbacks], Subscription]) -> Subscription:
         """A subscription with these events, without those that the middleware does not have."""
         self._totals.clear()
-        strangers = {
+        strangers: dict[str, Any] = {
             "incompatible_qos": self._on_incompatible,
             "incompatible_type": partial(self._count, "publishers of another type", "is published as another type"),
         }
-        delivery = {
+        delivery: dict[str, Any] = {
             "deadline": partial(self._count, "deadlines missed", "no message came within the deadline"),
             "message_lost": partial(self._count, "messages lost", "the middleware lost a message"),
             "liveliness": self._on_liveliness,
