@@ -80,7 +80,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
     for blind, (start_s, end_s) in zip(
         (blind_cameras.leg, blind_cameras.arm, blind_cameras.silence), spans, strict=True
     ):
-        if mode == "full" or blind is blind_cameras.leg:
+        if mode != "quick" or blind is blind_cameras.leg:
             measure = partial(blind, walk=walk, start_s=start_s, end_s=end_s)
             yield Measurement(f"blind {blind.__name__}", measure)
     if mode == "full":
@@ -102,12 +102,13 @@ def main() -> int:
     """Measure, print and write the table."""
     parser = argparse.ArgumentParser(prog="benchmarks.figures", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="the rows that change most, in 3 minutes")
+    parser.add_argument("--sample", action="store_true", help="only what the repository carries, as without ../shared")
     parser.add_argument("--only", metavar="PATTERN", default="*", help="measurements whose name matches, as 'blind*'")
     parser.add_argument("--write-page", action="store_true", help="write docs/figures.md; for a full run")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keep the results in this folder")
     arguments = parser.parse_args()
     shared = REPOSITORY.parent / "shared"
-    shared_or_none = shared if (shared / "recordings").is_dir() else None
+    shared_or_none = shared if (shared / "recordings").is_dir() and not arguments.sample else None
     mode = "sample" if shared_or_none is None else "quick" if arguments.quick else "full"
     if arguments.write_page and (mode != "full" or arguments.only != "*"):
         parser.error("--write-page needs all rows: ../shared beside the repository, no --quick and no --only")

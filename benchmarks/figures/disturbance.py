@@ -73,11 +73,18 @@ def write_disturbed(
                 topic = f"/{renamed.get(camera, camera)}/{kind}"
             elif kind == "camera_info" and camera in focal:
                 message = reader.deserialize(data, connection.msgtype)
-                message.k[[0, 4]] *= focal[camera]
-                message.p[[0, 5]] *= focal[camera]
+                message.k = message.k * _focal_factors(focal[camera], 9)
+                message.p = message.p * _focal_factors(focal[camera], 12)
                 data = typestore.serialize_cdr(message, connection.msgtype)
             writer.write(written[topic], stamp, data)
     return target
+
+
+def _focal_factors(factor: float, length: int) -> np.ndarray:
+    """Factors of the entries of K (9) or P (12), whose first and sixth or fifth are the focal lengths."""
+    factors = np.ones(length)
+    factors[[0, 4 if length == 9 else 5]] = factor
+    return factors
 
 
 def write_slipped(body: Path, target: Path, camera: str, by_m: float) -> Path:

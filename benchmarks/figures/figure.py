@@ -34,8 +34,8 @@ class Limit:
     """What a figure must hold, and how far two runs of the same code differ.
 
     Attributes:
-        sign: ``<=``, ``>=`` or ``=``.
-        bound: the number or word.
+        sign: ``<=``, ``>=``, ``=``, or ``open``: it holds nothing yet.
+        bound: the number or word; where it is open, by which issue it is to get one.
         noise: largest difference between two runs of the same code, as a share of the value.
     """
 
@@ -45,8 +45,8 @@ class Limit:
 
     def is_held_by(self, value: Value) -> bool:
         """Whether a value is within the limit; NaN never is."""
-        if self.sign == "=":
-            return value == self.bound
+        if self.sign in ("=", "open"):
+            return self.sign == "open" or value == self.bound
         if isinstance(value, str) or isinstance(self.bound, str) or math.isnan(value):
             return False
         return value <= self.bound if self.sign == "<=" else value >= self.bound
