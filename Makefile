@@ -1,6 +1,7 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
-#   make test    all tests, the live graph on ROS 2's wheels included
+#   make test    the tests that protect, the live graph on ROS 2's wheels included: some minutes
+#   make test-all  those and the long ones: fault campaign, browser, shared recordings, Snakemake, more of the live graph
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
@@ -32,7 +33,7 @@ DIST := dist
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test figures readers faults lint docs bench latency endure wheels wheel-check release-check clean
+.PHONY: demo test test-all figures readers faults lint docs bench latency endure wheels wheel-check release-check clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -47,6 +48,9 @@ demo: $(VENV)/runtime.stamp
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp
+	$(BIN)/python -m pytest -m "not long" --numprocesses=auto --max-worker-restart=0
+
+test-all: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
 
 readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp

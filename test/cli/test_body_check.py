@@ -91,6 +91,7 @@ def reaching(folder: Path, bar_mm: int, *, saddle: bool = True) -> str:
     return str(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("bar_mm", "saddle"), [(1400, True), (2000, True), (3400, False)])
 def test_a_bar_out_of_reach_is_not_held_by_arms_and_lengths_that_nobody_has(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, bar_mm: int, saddle: bool

@@ -28,6 +28,7 @@ def _off_by_px(path, truth):
     return ray_difference_px(camera, truth, ray_grid(np.ones((truth.height, truth.width), dtype=bool))).max()
 
 
+@pytest.mark.long
 def test_a_fisheye_is_measured_from_images_of_a_charuco_board(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")  # narrower, the heads of the table are broken into lines
     truth = camera_from_info(

@@ -124,6 +124,7 @@ def test_a_map_is_not_replaced_by_accident(built, sample, capsys):
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_an_existing_model_is_taken_over(built, sample, tmp_path):
     """From a model in another frame and scale the same map comes out, with our descriptors and the model's camera."""
     turned = pycolmap.Reconstruction(built[0] / "sparse")
@@ -144,6 +145,7 @@ def test_an_existing_model_is_taken_over(built, sample, tmp_path):
     assert len(taken.descriptors) > 0.9 * len(ours.descriptors)
 
 
+@pytest.mark.long
 def test_a_model_of_other_photographs_or_intrinsics_is_refused(built, sample, few, tmp_path, capsys):
     arguments = ["--model", built[0] / "sparse", "--no-board", "-o", tmp_path / "map", *QUICK]
     expect_error([few, *arguments], capsys, "8 are not readable in the reference folder")
@@ -202,6 +204,7 @@ def test_photographs_of_nothing_are_an_error(few, tmp_path, capsys):
     expect_error([few, "-o", tmp_path / "map"], capsys, "0 of 4 photographs", "ref_0099.jpg")
 
 
+@pytest.mark.long
 def test_photographs_of_different_places_are_an_error(few, tmp_path, capsys):
     rng = np.random.default_rng(0)
     for name in NEAR[2:]:
@@ -247,6 +250,7 @@ def test_how_much_must_fit_together_is_a_setting(few, tmp_path, caplog, capsys):
     assert "the map may be bent" in caplog.text
 
 
+@pytest.mark.long
 def test_interruption_amid_the_matching_leaves_nothing_behind(sample, tmp_path):
     command = [
         sys.executable,

@@ -22,6 +22,8 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.whole_file import SCRATCH_PREFIX
 
+pytestmark = pytest.mark.long
+
 CAMERAS = ("waist_front", "torso_front", "thigh_left")
 
 

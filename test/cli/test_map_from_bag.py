@@ -15,6 +15,8 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
+pytestmark = pytest.mark.long
+
 QUICK = ["--worn.most", "24", "--worn.fewest", "4", "--features.max_features", "900", "--features.contrast", "0.03"]
 BAGS = Path(__file__).parents[2] / "bags"
 

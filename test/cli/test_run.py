@@ -30,6 +30,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
     return " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.long
 def test_a_take_is_solved_once_and_again_when_its_body_changes(
     capsys: pytest.CaptureFixture[str], folder: Path
 ) -> None:

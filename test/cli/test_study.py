@@ -24,6 +24,8 @@ from bodycam_ros.study.study_lock import LOCK
 from bodycam_ros.study.study_steps import study_steps
 from bodycam_ros.study.workflow_folder import WorkflowFolder, folder_of
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(bodycam_ros.__file__).parent.parent
 CUT_OFF = "is cut off: it ends without MCAP's footer"
 

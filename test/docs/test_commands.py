@@ -34,6 +34,7 @@ def test_commands_are_understood(block: DocBlock) -> None:
         assert words[0] != "bodycam" or is_understood(words), " ".join(words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.is_run], ids=by_page)
 def test_what_is_marked_runs(
     block: DocBlock,

@@ -14,6 +14,8 @@ from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import exp_so3, rigid
 
+pytestmark = pytest.mark.long
+
 TOLERANCE = 1e-6  # [cm], [deg]
 
 BETWEEN_FRAMES = 1e-4

@@ -67,6 +67,7 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
     ]
 
 
+@pytest.mark.long
 def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
     recording = write_images(tmp_path / "recording", ("waist", "shin"))
     result = bodycam("evaluate", solved, "--recording", recording, "-o", tmp_path / "report")

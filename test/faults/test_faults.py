@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from faults.cases import KINDS, chosen, named
 
+pytestmark = pytest.mark.long
+
 CAMPAIGN = Path(__file__).parent
 _LONGEST_S = 900.0
 

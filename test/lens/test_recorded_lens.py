@@ -1,6 +1,7 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 
 from bodycam_ros.cli.evaluate import compare_lenses
 from bodycam_ros.lens.recorded_lens import other_lenses
@@ -11,6 +12,7 @@ from bodycam_ros.verdict.verdict import Finding, Level, Verdict
 _FRAMES = 120
 
 
+@pytest.mark.long
 def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path, capsys):
     kinds = ("camera_info", "image_raw/compressed")
     topics = [f"/{camera}/{kind}" for camera in ("shin_left", "thigh_left") for kind in kinds]

@@ -23,6 +23,8 @@ from bodycam_ros.nodes.player_parameters import PlayerParameters
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
 
+pytestmark = pytest.mark.long
+
 farewell.PATIENCE_S = {patience_s}
 
 class Own(StageNode[PlayerParameters]):

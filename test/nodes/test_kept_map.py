@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from known_keyframes import FRAME_NS, K, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
 from bodycam_ros.camera import CameraModel
@@ -19,6 +20,8 @@ from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+pytestmark = pytest.mark.long
 
 CAMERA, OTHER = worn_camera(), worn_camera("foot")
 UNKNOWN = unknown_points(100)

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from altered_sample import CAMERAS, write_altered_sample
 
+pytestmark = pytest.mark.long
+
 _PATIENCE_S = 240.0
 
 

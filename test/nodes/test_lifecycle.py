@@ -10,6 +10,8 @@ from two_cameras import write_map
 
 from bodycam_ros.nodes.graph import NodeProcess, live_graph
 
+pytestmark = pytest.mark.long
+
 CAMERA = "waist_front"
 TRACKS, LANDMARKS = f"/{CAMERA}/tracks", f"/{CAMERA}/landmarks"
 JOINTS, DESCRIPTION, POINTS = "/joint_states", "/robot_description", "/map/points"

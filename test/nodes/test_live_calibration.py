@@ -29,6 +29,8 @@ from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.reference_map import ReferenceMap
 
+pytestmark = pytest.mark.long
+
 MAP = Path(__file__).parents[2] / "bags/map"
 CALIBRATION = "skeleton_solver: calibration"
 PAUSE_NS = 20_000_000_000

@@ -4,11 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from known_motion import BODY, KnownMotion, exchanged
 
 from bodycam_ros.body.body_file import write_body
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
+
+pytestmark = pytest.mark.long
 
 CAMERAS = ("torso_front", "upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right")
 VERDICT = "skeleton_solver: verdict"

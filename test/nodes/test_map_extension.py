@@ -11,6 +11,8 @@ from two_cameras import write_map
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.reference_map import ReferenceMap
 
+pytestmark = pytest.mark.long
+
 _PATIENCE_S = 120.0
 _CALLED_OFF_S = 2.0
 

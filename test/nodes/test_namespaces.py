@@ -19,6 +19,8 @@ from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.launched import frames_of
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
+pytestmark = pytest.mark.long
+
 FRAME_NS = 33_333_333
 START_NS = 10_000_000_000_000
 FRAMES = 20

@@ -16,7 +16,10 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recording_typestore
 
-pytestmark = pytest.mark.skipif(is_installed(COMPRESSED_VIDEO), reason="foxglove_msgs is there: nothing is decoded")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(is_installed(COMPRESSED_VIDEO), reason="foxglove_msgs is there: nothing is decoded"),
+]
 
 _START_S = 60.0
 

@@ -9,6 +9,8 @@ from driven_camera import DrivenCamera, stamps
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.nodes.graph import NodeProcess
 
+pytestmark = pytest.mark.long
+
 _START_S, _SOON_S = 60.0, 20.0
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 _MISSED, _SILENT = "deadlines missed, /left/image_raw", "publishers not alive, /left/image_raw"

@@ -5,8 +5,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess, live_graph
+
+pytestmark = pytest.mark.long
 
 CAMERAS = ("waist_front", "thigh_left")
 _START_S, _SOON_S = 90.0, 30.0

@@ -21,6 +21,8 @@ from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotSt
 from bodycam_ros.robot.robot_model import Robot
 from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
 
+pytestmark = pytest.mark.long
+
 INSTANTS = slice(0, 30, 5)
 _START_S, _SOON_S = 60.0, 30.0
 _HEARD = {

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from two_cameras import BODY, write_map
 
 from bodycam_ros.camera.readout import Readout
@@ -11,6 +12,8 @@ from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+pytestmark = pytest.mark.long
 
 _START_S, _SOON_S = 60.0, 20.0
 KNOWN_S = {"left": (0.012, 0.0002), "right": (0.020, 0.0)}

@@ -23,6 +23,8 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 
 FRAMES = 12

@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from driven_camera import PERIOD_S, DrivenCamera, stamps
 from tiny_bag import FRAME_NS
 from two_cameras import write_map
 
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import NodeProcess
+
+pytestmark = pytest.mark.long
 
 HOUR_NS = 3_600_000_000_000
 _START_S, _SOON_S = 60.0, 20.0

@@ -92,6 +92,7 @@ def test_a_body_of_other_cameras_is_refused(sample: Path, tmp_path: Path, capfd:
     assert_refused(capfd, code, tmp_path / "out", "none of the cameras", "waist_front")
 
 
+@pytest.mark.long
 def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:

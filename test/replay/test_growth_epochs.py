@@ -146,6 +146,7 @@ def by_image(results: list[Result]) -> dict[tuple[str, int], LandmarkMatches]:
     return {(one.camera, one.stamp_ns): one.matches for one in results if isinstance(one, RegisteredImage)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("backwards", "jobs"), [(False, 3), (True, 2)])
 def test_registrations_are_identical_whatever_the_number_of_processes(
     sample: Path, part: Path, tmp_path: Path, backwards: bool, jobs: int

@@ -64,6 +64,7 @@ def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, sho
     assert {step for step, _ in steps} == {"all instants together"} and steps[-1][1] == 1.0
 
 
+@pytest.mark.long
 def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_path: Path) -> None:
     def late(topic: str, number: int, message: object) -> object:
         return None if topic == "/thigh_left/image_raw/compressed" and number < 40 else message

@@ -20,6 +20,8 @@ from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 LEFT_LEG, LEFT_ARM = ("thigh_left", "shin_left", "foot_left"), ("upper_arm_left", "forearm_left")
 Change = Callable[[LandmarkMatches], LandmarkMatches | None]

@@ -10,6 +10,8 @@ from athletes import BODY, CRANK_M, Athlete, cyclist, lifter, snowboarder
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import log_so3, rigid
 
+pytestmark = pytest.mark.long
+
 TURNS, CADENCE_RPM = 3.0, 80.0
 THREE_TURNS_S = 60.0 * TURNS / CADENCE_RPM
 

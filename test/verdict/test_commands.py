@@ -14,6 +14,8 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.verdict.verdict import Level
 
+pytestmark = pytest.mark.long
+
 LEFT_LEG = ("waist_front", "thigh_left", "shin_left", "foot_left")
 ARMS = ("torso_front", "upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right")
 FRAMES = 21

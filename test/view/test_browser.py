@@ -21,6 +21,8 @@ from bodycam_ros.view.skeleton_scene import limbs_of
 pytest.importorskip("playwright", reason="playwright is not installed: pip install -r requirements-test.txt")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
+pytestmark = pytest.mark.long
+
 KNEE = Part("joint", "knee_left")
 _HUE, _GREY = 0.05, 0.35  # a lit surface keeps the hue of its colour; what is less saturated is grey
 _SEEN = 0.7  # share of a limb that nothing else hides

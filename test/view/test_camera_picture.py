@@ -83,6 +83,7 @@ def test_the_error_is_that_of_the_landmarks(camera: CameraModel) -> None:
     assert picture.error_px == pytest.approx(10.0, abs=1e-3)
 
 
+@pytest.mark.long
 def test_landmarks_of_the_sample_fall_where_they_were_seen(sample: Path, sample_out: Path) -> None:
     body = read_body(sample / "body.yaml")
     motion = read_motion(sample_out, body)

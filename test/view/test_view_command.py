@@ -40,6 +40,7 @@ def test_it_prints_its_address_and_ends_cleanly(
     assert err == ("bodycam: interrupted\n" if signal_number == signal.SIGINT else "")
 
 
+@pytest.mark.long
 def test_what_is_missing_is_named(sample: Path, sample_out: Path, body_file: Path, tmp_path: Path) -> None:
     nowhere = tmp_path / "nowhere"
     good = {"--map": sample / "map", "--body": body_file}
@@ -54,6 +55,7 @@ def test_what_is_missing_is_named(sample: Path, sample_out: Path, body_file: Pat
         assert result.stderr.startswith(f"bodycam: error: {nowhere}: does not exist")
 
 
+@pytest.mark.long
 def test_a_recording_that_does_not_fit_is_refused(
     sample: Path, sample_out: Path, body_file: Path, tiny_bag: Path
 ) -> None:
