@@ -1,16 +1,13 @@
 """Bodies through URDF and back; yourdfpy and Pinocchio read the same documents in test_urdf."""
 
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bodycam_ros.body.body_file import read_body, write_body
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint, default_sigmas
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError
@@ -58,72 +55,11 @@ def test_the_samples_body_comes_back(sample: Path) -> None:
     assert_same_body(body_from_urdf(urdf_text(body)), body)
 
 
-def test_it_moves_as_the_body_did(body: BodyModel, random: np.random.Generator) -> None:
-    again = body_from_urdf(urdf_text(body))
-    assert JointAngles(again).names == JointAngles(body).names
-    angles = random.uniform(-3.0, 3.0, size=(20, len(JointAngles(body).names)))
-    moved = [model.forward_kinematics(np.eye(4), JointAngles(model).poses(angles)) for model in (body, again)]
-    np.testing.assert_allclose(moved[1], moved[0], rtol=0.0, atol=1e-8)
-
-
-def test_what_urdf_cannot_carry_is_gone(body: BodyModel) -> None:
-    stiff = tuple(replace(joint, sigmas=(1.0,) * 6) for joint in body.joints)
-    again = body_from_urdf(urdf_text(replace(body, joints=stiff)))
-    assert again.report == {}
-    assert all(joint.sigmas == default_sigmas(joint.type) != (1.0,) * 6 for joint in again.tree_joints)
-
-
 def test_loops_come_along_with_all_that_they_have(body: BodyModel) -> None:
     soft = replace(body.loop_joints[0], name="über <&> weich", sigmas=(0.1, 0.2, 0.3, 1e-3, 2e-3, 3e-3))
     loose = replace(body, joints=(*body.tree_joints, soft))
     (again,) = body_from_urdf(urdf_text(loose)).loop_joints
     assert (again.name, again.sigmas) == (soft.name, soft.sigmas)
-
-
-def test_a_document_whose_loops_were_dropped_is_the_tree(body: BodyModel) -> None:
-    robot = ET.fromstring(urdf_text(body))
-    robot.remove(next(robot.iter("bodycam_loops")))
-    assert body.loop_joints and not body_from_urdf(ET.tostring(robot, encoding="unicode")).loop_joints
-
-
-def test_a_document_without_visuals_or_with_others_is_the_same_body(body: BodyModel) -> None:
-    robot = ET.fromstring(urdf_text(body))
-    for link in robot.iter("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-    assert_same_body(body_from_urdf(ET.tostring(robot, encoding="unicode")), body)
-    for link in robot.iter("link"):
-        ET.SubElement(link, "inertial")
-    assert_same_body(body_from_urdf(ET.tostring(robot, encoding="unicode")), body)
-
-
-def test_joints_may_come_in_any_order(body: BodyModel) -> None:
-    robot = ET.fromstring(urdf_text(body))
-    joints = robot.findall("joint")
-    for joint in joints:
-        robot.remove(joint)
-    robot.extend(reversed(joints))
-    again = body_from_urdf(ET.tostring(robot, encoding="unicode"))
-    assert {joint.name for joint in again.joints} == {joint.name for joint in body.joints}
-    assert again.mounts.keys() == body.mounts.keys()
-
-
-def test_a_segment_named_as_an_inner_link_stays_a_segment() -> None:
-    body = BodyModel("b", "base", ("base", "arm_link"), (Joint("arm", "base", "arm_link", "hinge", np.eye(4)),), {})
-    assert_same_body(body_from_urdf(urdf_text(body)), body)
-
-
-def test_files_are_told_apart_by_their_suffix(body: BodyModel, tmp_path: Path) -> None:
-    text = urdf_text(body)
-    for name in ("body.urdf", "BODY.URDF"):
-        (tmp_path / name).write_text(text)
-        assert_same_body(read_body(tmp_path / name), body)
-    (tmp_path / "body.yaml").write_text(text)
-    with pytest.raises(BodyError, match=r"body\.yaml: .*this body file is not YAML"):
-        read_body(tmp_path / "body.yaml")
-    with pytest.raises(BodyError, match=r"again\.urdf: a body is kept as YAML"):
-        write_body(body, tmp_path / "again.urdf")
-    assert not (tmp_path / "again.urdf").exists()
 
 
 @pytest.mark.parametrize(
@@ -197,8 +133,3 @@ def test_what_is_no_body_of_ours_is_named_with_its_file(
 def test_other_documents_are_refused(text: str, complaint: str) -> None:
     with pytest.raises(BodyError, match=complaint):
         body_from_urdf(text)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match=r"nobody\.urdf: cannot read"):
-        read_body(tmp_path / "nobody.urdf")

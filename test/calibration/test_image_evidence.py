@@ -47,15 +47,6 @@ def test_gradients_are_numeric_ones(motion: CameraMotion) -> None:
         assert gradients[3, 1, column] == pytest.approx(slope, rel=1e-4, abs=1e-2)
 
 
-def test_a_newton_step_leads_back(motion: CameraMotion) -> None:
-    for floor in (NO_FLOOR, EvidenceSettings()):
-        images = evidence_of(motion, floor)
-        away = motion.world_T_camera @ exp_se3(np.full(6, 0.001))
-        hessians, gradients = images.linearised(away)
-        back = away @ exp_se3(-np.linalg.solve(hessians, gradients[..., None])[..., 0])
-        np.testing.assert_allclose(back, motion.world_T_camera, atol=2e-5)
-
-
 def test_landmarks_that_the_map_has_wrong_are_put_right(motion: CameraMotion) -> None:
     images = evidence_of(motion, EvidenceSettings())
     random = np.random.default_rng(5)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey
 from bodycam_ros.camera.raw_picture import RawPicture
-from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 
 BLUE, GREEN, RED = 0, 1, 2
@@ -61,23 +60,6 @@ def test_colours_are_blue_green_red_and_grey_is_of_them(content: bytes | RawPict
     np.testing.assert_allclose(grey, pixels @ [0.114, 0.587, 0.299], atol=1.0 if off == 0 else 8.0)
 
 
-@pytest.mark.parametrize("make", [lambda grey: encoded(".png", grey), lambda grey: grey], ids=["png", "raw"])
-def test_a_grey_image_has_three_times_the_same(make: Callable[[NDArray[np.uint8]], bytes | NDArray[np.uint8]]) -> None:
-    grey = coloured()[..., RED].copy()
-    image = CameraImage("head", 5, make(grey))
-    pixels = decode_colour(image)
-    assert pixels.flags.c_contiguous and pixels.dtype == np.uint8
-    np.testing.assert_array_equal(pixels, np.dstack([grey] * 3))
-    np.testing.assert_array_equal(decode_grey(image), grey)
-
-
-def test_the_colours_of_a_raw_image_are_the_callers_own() -> None:
-    """Who draws into them must not draw into the message."""
-    picture = RawPicture("bgr8", coloured())
-    decode_colour(CameraImage("head", 5, picture))[:] = 0
-    np.testing.assert_array_equal(picture.values, coloured())
-
-
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])
 @pytest.mark.parametrize(
     "content", [b"", b"no picture", b"\xff\xd8\xff\xe0 a JPEG that ends early", b"P5 1000000 1000000 255\n"]
@@ -87,14 +69,6 @@ def test_undecodable_image_is_an_error_that_names_it(
 ) -> None:
     with pytest.raises(RecordingError, match="camera head: the image of stamp 5 ns"):
         decode(CameraImage("head", 5, content))
-
-
-@pytest.mark.parametrize("decode", [decode_grey, decode_colour])
-def test_a_packet_and_a_malformed_message_have_no_pixels(decode: Callable[[CameraImage], NDArray[np.uint8]]) -> None:
-    with pytest.raises(RecordingError, match="camera head: a video's packet is no picture"):
-        decode(CameraImage("head", 5, VideoPacket("h264", b"\0\0\1\x65")))
-    with pytest.raises(RecordingError, match="encoding 'bayer' is not supported"):
-        decode(CameraImage("head", 5, RecordingError("encoding 'bayer' is not supported")))
 
 
 def test_a_small_file_of_a_huge_image_takes_no_memory() -> None:

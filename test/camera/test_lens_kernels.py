@@ -93,7 +93,3 @@ def test_one_point_is_a_row_of_the_arrays(lens: CameraModel) -> None:
     assert unproject_pixel(parameters, 100.0, 50.0) == (*map(pytest.approx, bearing[0]), seen[0])
     for u, v in [(-0.5, 0.0), (-0.6, 0.0), (0.0, 479.5), (0.0, 479.6), (639.6, 0.0), (np.nan, 0.0)]:
         assert in_image(parameters, u, v) == lens.in_image([[u, v]])[0]
-
-
-def test_parameters_are_made_once(lens: CameraModel) -> None:
-    assert lens_parameters(lens) is lens_parameters(lens)

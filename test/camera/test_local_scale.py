@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.camera.local_scale import local_scales, scales_at
+from bodycam_ros.camera.local_scale import local_scales
 
 LENSES = {
     "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],
@@ -27,22 +27,3 @@ def test_it_is_how_far_apart_neighbouring_directions_are_shown(model: str, angle
     expected = np.sqrt(abs(np.linalg.det([pixels[0] - pixels[1], pixels[2] - pixels[3]]))) / (2.0 * step)
     nearest = scales[round((np.cos(angle) + 1.0) / 2.0 * (len(scales) - 1))]
     assert nearest == pytest.approx(expected, rel=0.03)
-
-
-@pytest.mark.parametrize("model", LENSES)
-def test_behind_the_rim_it_is_that_of_the_rim(model: str) -> None:
-    camera = camera_from_info("c", 640, 480, model, LENSES[model], [239.0, 0, 320.0, 0, 241.0, 240.0, 0, 0, 1])
-    scales = local_scales(camera)
-    cosines = np.linspace(-1.0, 1.0, len(scales))
-    behind = scales[cosines < np.cos(camera.max_angle)]
-    assert np.isfinite(scales).all() and (scales > 0.0).all()
-    assert np.ptp(behind) <= 1e-12 * behind.max(initial=1.0) if len(behind) else True
-
-
-@pytest.mark.parametrize("model", LENSES)
-def test_between_its_samples_it_is_interpolated(model: str) -> None:
-    camera = camera_from_info("c", 640, 480, model, LENSES[model], [239.0, 0, 320.0, 0, 241.0, 240.0, 0, 0, 1])
-    scales = local_scales(camera)
-    cosines = np.linspace(-1.0, 1.0, len(scales))
-    assert scales_at(camera, cosines) == pytest.approx(scales)
-    assert scales_at(camera, (cosines[1:] + cosines[:-1]) / 2.0) == pytest.approx((scales[1:] + scales[:-1]) / 2.0)

@@ -1,17 +1,13 @@
 """Room behind the landmarks of a map: unseen while it is empty, and nobody takes one landmark for the one before it."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from grown_room import CAMERA, keyframe, unlike
+from grown_room import CAMERA, unlike
 from rolling_camera import START_NS, landmarks_ahead, map_of, track_frames, wide_camera
 
-from bodycam_ros.geometry import rigid
 from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, GrownLandmarks, growing
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.map_growth import MapGrowth
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
@@ -58,47 +54,6 @@ def all_features(points: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.
     return pixels, looks, 0.1 * CAMERA.fx / distances
 
 
-def test_empty_slots_are_seen_by_nobody(reference_map: ReferenceMap) -> None:
-    """A camera that looks straight at where all of them are, in the origin."""
-    grown_map = growing(reference_map, CAPACITY)
-    camera = wide_camera()
-    pose = rigid(np.eye(3), np.array([0.0, 0.0, -0.5]))
-    one = keyframe("chest", 0, pose, np.zeros((1, 3)), np.zeros((1, 128), np.uint8), np.random.default_rng(0), 0.0)
-    pixels, _ = camera.project(one.bearings)
-    asked = (camera, pose, pixels, np.zeros((1, 128), np.uint8), np.ones(1), 50.0)
-    for radius_settings in (SETTINGS, replace(SETTINGS, min_visible_scale_px=0.0, max_size_ratio=10.0)):
-        assert len(match_near_prediction(grown_map, *asked, radius_settings)[0]) == 0
-    features, _ = match_by_looks(grown_map, np.zeros((3, 128), np.uint8), None, SETTINGS)
-    assert len(features) == 0
-    local = LocalLandmarks(grown_map.grid, camera.fx, 0.0)
-    assert local.around(np.zeros(3)).max() < grown_map.slots_from
-
-
-def test_what_is_found_in_the_map_is_what_was_found_before_it_had_room(reference_map: ReferenceMap) -> None:
-    grown_map = growing(reference_map, CAPACITY)
-    frames = list(track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 12))
-    settled, roomy = (Registrar(wide_camera(), of) for of in (reference_map, grown_map))
-    for frame in frames:
-        one, other = settled.register(frame), roomy.register(frame)
-        np.testing.assert_array_equal(one.landmark_ids, other.landmark_ids)
-        np.testing.assert_array_equal(one.world_T_camera, other.world_T_camera)
-        assert other.grown == 0
-    assert len(one.landmark_ids) > 50
-
-
-def test_the_given_map_stays_as_it_is(reference_map: ReferenceMap) -> None:
-    before = {name: np.copy(getattr(reference_map, name)) for name in ("landmark_ids", "points_world", "descriptors")}
-    sizes = reference_map.landmark_sizes.copy()
-    grown_map = growing(reference_map, CAPACITY)
-    points = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]])
-    grown_map.take(grown(grown_map, [0, 5], points, unlike(2, np.random.default_rng(1))))
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(reference_map, name), values)
-        np.testing.assert_array_equal(getattr(grown_map, name)[: len(values)], values)
-    np.testing.assert_array_equal(reference_map.landmark_sizes, sizes)
-    assert grown_map.first_grown == grown_map.slots_from == len(reference_map.landmark_ids)
-
-
 @pytest.mark.parametrize("asked_before", [False, True])
 def test_what_has_grown_is_found_like_any_landmark_and_not_when_it_has_gone(
     reference_map: ReferenceMap, asked_before: bool
@@ -140,21 +95,6 @@ def test_a_slot_that_is_taken_again_holds_another_landmark(reference_map: Refere
     assert (features.tolist(), landmarks.tolist()) == ([1], [grown_map.slots_from + 3])
 
 
-def test_who_carries_a_landmark_lets_go_of_it_when_its_slot_holds_another(reference_map: ReferenceMap) -> None:
-    grown_map = growing(reference_map, CAPACITY)
-    points, looks = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]]), unlike(2, np.random.default_rng(6))
-    grown_map.take(grown(grown_map, [0, 3], points, looks))
-    (frame,) = track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 1)
-    carried = CarriedLandmarks(grown_map)
-    rows = grown_map.slots_from + np.array([0, 3])
-    carried.add(frame, np.array([2, 7]), rows, strikes=0)
-    assert carried.into(frame).tolist() == [2, 7]
-    grown_map.take(grown(grown_map, [3], points[:1], looks[:1], turn=1))
-    assert carried.into(frame).tolist() == [2] and carried.rows.tolist() == rows[:1].tolist()
-    grown_map.take(gone(grown_map, [0]))
-    assert carried.into(frame).tolist() == []
-
-
 def test_a_landmark_that_is_refined_takes_its_carriers_along(reference_map: ReferenceMap) -> None:
     grown_map = growing(reference_map, CAPACITY)
     points, looks = np.array([[0.0, 0.5, 3.0]]), unlike(1, np.random.default_rng(6))
@@ -190,11 +130,3 @@ def test_a_registrar_goes_by_what_has_grown_alone(reference_map: ReferenceMap) -
         if number >= 5:
             assert set((rows - grown_map.slots_from) % 2) == {1}
     assert frames[0].stamp_ns == START_NS
-
-
-def test_there_is_no_room_for_a_map_without_growth(reference_map: ReferenceMap, tmp_path: Path) -> None:
-    none = growing(reference_map, 0)
-    rows, known = none.rows_of(np.array([5, NO_LANDMARK, 10_000], np.uint32))
-    assert known.tolist() == [True, False, False] and rows[0] == 5
-    growth = MapGrowth(growing(reference_map, 1), {"chest": CAMERA}, GrowthSettings())
-    assert growth.landmarks == 0 and growth.take_changes() is None

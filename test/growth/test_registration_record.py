@@ -11,7 +11,6 @@ from bodycam_ros.geometry import inverse, log_so3, transform_points
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.registration_record import RegistrationRecord
-from bodycam_ros.growth.worn_keyframe import worn_keyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.registration.rolling_shutter import steady_pixels
@@ -46,10 +45,6 @@ def matches(
     )
 
 
-def lost(stamp_ns: int, camera: str = "wide") -> LandmarkMatches:
-    return replace(matches(stamp_ns, camera, landmarks=0), world_T_camera=None)
-
-
 @pytest.mark.parametrize("given", [True, False])
 def test_a_camera_with_rolling_rows_that_is_registered_backwards(given: bool) -> None:
     """Its rows are read from the bottom up then; the record says how they are read in the recording's time."""
@@ -79,42 +74,6 @@ def test_a_camera_with_rolling_rows_that_is_registered_backwards(given: bool) ->
         rolled_px = np.median(np.linalg.norm(shown[near] - at_once[near], axis=1))
         left_px = np.median(np.linalg.norm(steady - at_once[near], axis=1))
         assert left_px < max(0.5 * rolled_px, 0.4)
-
-
-def test_a_readout_time_that_is_not_known_moves_no_rays() -> None:
-    random = np.random.default_rng(3)
-    around = map_of(landmarks_ahead(260, random), random)
-    frames = list(track_frames(CAMERA, around, np.random.default_rng(4), 0.0, 11))
-    registrar = Registrar(CAMERA, around)
-    said = [registrar.register(frame) for frame in frames]
-    now = replace(said[10], readout_time=0.004, readout_sigma=0.003)
-    keyframe = worn_keyframe(CAMERA, frames[10], now)
-    assert keyframe is not None
-    bearings, in_view = CAMERA.unproject(frames[10].pixels[frames[10].described.astype(int)])
-    np.testing.assert_array_equal(keyframe.bearings, bearings[in_view])
-    known = worn_keyframe(CAMERA, frames[10], replace(now, readout_sigma=0.0005))
-    assert known is not None and not np.allclose(known.bearings, bearings[in_view], atol=1e-4)
-
-
-def test_of_several_rounds_the_best_counts_and_nothing_is_forgotten() -> None:
-    record = record_of()
-    for stamp_ns in range(4):
-        record.add(matches(stamp_ns, place=1.0, sigma=0.01) if stamp_ns < 2 else lost(stamp_ns), stamp_ns, False)
-    assert record.share("wide") == record.share_of_all == 0.5
-    record.add(matches(0, place=2.0, sigma=0.02), 0, True)
-    record.add(matches(0, place=3.0, sigma=0.005), 1, True)
-    record.add(matches(0, place=4.0, landmarks=20, grown=15), 2, True)
-    record.add(lost(0), 3, True)
-    assert [pose.world_T_camera[0, 3] for pose in record.poses("wide")] == [1.0, 3.0, 4.0]
-    assert record.share_of_all == 0.75 and record.absolute_share == 0.5
-    assert record.places("wide").shape == (3, 3)
-
-
-def test_without_images_there_are_no_shares() -> None:
-    record = record_of(("left", "right"))
-    assert record.share("left") == record.share_of_all == record.absolute_share == 0.0
-    assert record.places("right").shape == (0, 3)
-    assert record.keyframes(ExtensionSettings()) == {"left": [], "right": []}
 
 
 def test_keyframes_are_apart_show_what_is_new_and_are_no_more_than_asked() -> None:

@@ -19,10 +19,3 @@ def test_it_never_goes_back_and_takes_no_leap() -> None:
     assert time.at("one", 0) == _S, "a bag is played again"
     assert time.at("one", _S) == 2 * _S
     assert time.at("one", 10**6 * _S) == 12 * _S, "a clock was set"
-
-
-def test_who_joins_late_joins_at_the_present() -> None:
-    time = SteadyTime()
-    time.at("one", 0)
-    time.at("one", 5 * _S)
-    assert time.at("two", 77 * _S) == 5 * _S

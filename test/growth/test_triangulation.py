@@ -48,19 +48,6 @@ def test_padding_counts_for_nothing() -> None:
     assert (padded.errors_px[:, 3:] == 0.0).all()
 
 
-def test_the_error_is_the_angle_in_pixels() -> None:
-    """Two rays pin the point, a third misses it by a known angle; it is light, so the point stays."""
-    point = np.array([0.0, 0.0, 4.0])
-    centres = np.array([[[-1.0, 0, 0], [1.0, 0, 0], [0.0, 0.0, 0.0]]])
-    directions = point - centres
-    directions[0, 2] = [0.0, 4.0 * np.tan(3.0 / FOCAL), 4.0]
-    light = rays(centres, directions)
-    weights = np.array([[1e3 * FOCAL, 1e3 * FOCAL, FOCAL]])
-    found = triangulate(Rays(light.centres, light.directions, weights, light.there))
-    np.testing.assert_allclose(found.points[0], point, atol=1e-4)
-    assert found.errors_px[0, 2] == pytest.approx(3.0, abs=0.01)
-
-
 def test_a_point_behind_a_camera_is_infinitely_wrong() -> None:
     """The lines meet, behind the second camera."""
     point = np.array([0.0, 0.0, 4.0])
@@ -70,16 +57,6 @@ def test_a_point_behind_a_camera_is_infinitely_wrong() -> None:
     found = triangulate(rays(centres, directions))
     np.testing.assert_allclose(found.points[0], point, atol=1e-6)
     assert np.isinf(found.errors_px[0, 1]) and found.errors_px[0, 0] < 1e-3
-
-
-def test_parallel_rays_and_one_ray_twice_give_no_angle() -> None:
-    """Nothing to divide by, and nothing that would pass for a point."""
-    centres = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]])
-    directions = np.tile([0.0, 0.0, 1.0], (2, 2, 1))
-    found = triangulate(rays(centres, directions))
-    assert np.isfinite(found.points).all() and np.isfinite(found.angles).all()
-    passes = (found.errors_px.max(axis=1) <= 1.0) & (found.angles >= np.radians(2.0))
-    assert not passes.any()
 
 
 def test_agrees_with_opencv_where_pixels_err() -> None:
@@ -101,10 +78,3 @@ def test_agrees_with_opencv_where_pixels_err() -> None:
     errors = [np.linalg.norm(ours - points, axis=1).mean() for ours in (found.points, independent)]
     np.testing.assert_allclose(found.points, independent, atol=0.01 * 0.05)
     assert errors[0] < 1.01 * errors[1]
-
-
-def test_far_from_the_origin_it_is_as_exact() -> None:
-    points, centres = scene(30, 3)
-    away = np.array([2000.0, -1000.0, 50.0])
-    found = triangulate(rays(centres + away, points[:, None] - centres))
-    np.testing.assert_allclose(found.points - away, points, atol=2e-3)

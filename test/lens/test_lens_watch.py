@@ -39,12 +39,3 @@ def test_a_lost_cameras_lens_is_compared_once(walking: tuple[Any, list[np.ndarra
     assert watch.match is not None and watch.match.is_known
     assert watch.match.scale == pytest.approx(1.0 / scale, rel=0.06)
     assert not watch.look(images[0]), "it is told once"
-
-
-def test_who_finds_itself_is_not_asked(walking: tuple[Any, list[np.ndarray]]) -> None:
-    model, images = walking
-    watch = LensWatch(model)
-    for number in range(2 * LOST):
-        watch.hear(number % 2 == 0)
-    assert not watch.is_doubted
-    assert not _judged(watch, images[:5]) and watch.match is None

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from turned_view import CAMERA, rolled_view, turned_view
+from turned_view import CAMERA, rolled_view
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
@@ -92,15 +92,3 @@ class TurningFrame:
 
     def file(self) -> tuple[str, bytes]:
         return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
-
-
-def test_frames_are_straightened_where_rows_are_read_out_one_by_one(tmp_path: Path) -> None:
-    keep_chosen_frames(Turning(), tmp_path / "kept", FrameChoiceSettings(), False, Unshown())
-    paths = find_photographs(tmp_path / "kept").paths
-    inner = np.s_[30:-30, 30:-30]
-    for path in paths:
-        number = int(path.stem.removeprefix("frame_"))
-        kept, wanted = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), turned_view(1.5 * number)
-        assert kept is not None
-        off = [np.abs(p[inner].astype(int) - wanted[inner]).mean() for p in (TurningFrame(number).grey(), kept)]
-        assert off[1] < 0.4 * off[0], off

@@ -18,14 +18,6 @@ def photographs(structure):
     return features
 
 
-def test_every_landmark_has_its_own_descriptors_in_order():
-    structure = small_structure()
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
-    assert np.array_equal(chosen.descriptors[:, 1], chosen.landmark)
-    assert np.all(np.diff(chosen.landmark.astype(int)) >= 0)
-    assert np.array_equal(np.bincount(chosen.landmark), structure.views_per_point())
-
-
 def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
     structure = small_structure()
     chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
@@ -54,11 +46,3 @@ def test_two_descriptors_are_the_nearest_and_the_one_across_from_it():
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         nearest = int(distances[:, landmark].argmin())
         assert views == [nearest, int((directions @ directions[nearest]).argmin())]
-
-
-def test_observations_without_a_feature_give_no_descriptor():
-    structure = small_structure()
-    structure.observation_features[structure.observation_views == 1] = -1
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
-    assert 1 not in chosen.descriptors[:, 0]
-    assert len(chosen.landmark) == np.sum(structure.observation_views != 1)

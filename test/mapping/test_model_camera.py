@@ -43,8 +43,3 @@ def test_a_lens_model_that_is_not_known_is_refused(tmp_path: Path) -> None:
     prism = camera("THIN_PRISM_FISHEYE", (500.0, 500.0, 320.0, 240.0, *[0.01] * 8))
     with pytest.raises(MapError, match=r"THIN_PRISM_FISHEYE is not known; known are .*OPENCV.* camera\.yaml"):
         camera_of_model(model(tmp_path / "model", prism))
-
-
-def test_a_model_without_photographs_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match="registers no photograph"):
-        camera_of_model(model(tmp_path / "model"))

@@ -32,17 +32,3 @@ def test_matches_are_those_of_all_distances():
     found = mutual_matches(first, second, 0.8)
     assert [tuple(pair) for pair in found.tolist()] == by_distances(first, second, 0.8)
     assert len(found) >= 40
-
-
-def test_what_is_there_twice_is_left_out():
-    rng = np.random.default_rng(4)
-    first = root_sifts(rng, 50)
-    once, again = (noisy(rng, first) for _ in range(2))
-    assert len(mutual_matches(first, once, 0.8)) == 50
-    assert len(mutual_matches(first, np.concatenate([once, again]), 0.8)) < 5
-
-
-def test_nothing_matches_what_is_empty():
-    some, nothing = np.ones((5, 128), np.float32), np.zeros((0, 128), np.float32)
-    for first, second in ((nothing, some), (some, nothing), (some, some[:1])):
-        assert mutual_matches(first, second, 0.8).shape == (0, 2)

@@ -26,21 +26,6 @@ def test_counts_are_of_features_in_common():
     assert np.array_equal(counts, np.tril(counts, -1))
 
 
-def test_only_the_largest_features_are_probed():
-    rng = np.random.default_rng(4)
-    common, settings = root_sifts(rng, 60), PairSettings(probe_features=50)
-    first = photograph("a", np.concatenate([common, root_sifts(rng, 100)]))
-    second = photograph("b", np.concatenate([root_sifts(rng, 100), common]))
-    assert np.array(list(probe_overlap([first, second], settings)))[1, 0] <= 1
-    assert np.array(list(probe_overlap([first, first], settings)))[1, 0] == 50
-
-
-def test_a_photograph_without_features_overlaps_nothing():
-    rng = np.random.default_rng(5)
-    features = [photograph("a", root_sifts(rng, 20)), photograph("b", np.zeros((0, 128), np.uint8))]
-    assert np.array(list(probe_overlap(features, PairSettings()))).sum() == 0
-
-
 def test_pairs_are_the_best_partners_of_either_photograph():
     counts = np.array([[0, 0, 0, 0], [50, 0, 0, 0], [40, 30, 0, 0], [3, 20, 0, 0]])
     settings = PairSettings(max_partners=2, min_probe_matches=8, spanning_trees=0)

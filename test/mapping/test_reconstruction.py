@@ -7,7 +7,6 @@ import pytest
 
 from bodycam_ros.geometry import umeyama
 from bodycam_ros.mapping import reconstruction
-from bodycam_ros.mapping.colmap_completion import complete
 from bodycam_ros.mapping.features import FeatureSettings, extract_all
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import find_photographs
@@ -38,24 +37,6 @@ def centres_agree(names, centres, sample):
     true = np.array([known.world_T_camera[known.image_names.index(name)][:3, 3] for name in names])
     scale, R, t = umeyama(centres, true, with_scale=True)
     return np.linalg.norm(scale * centres @ R.T + t - true, axis=1).max() < 0.005
-
-
-def test_a_photograph_that_the_largest_features_do_not_register_joins_by_all(photographed, sample, tmp_path):
-    features, camera_of_name, pairs = photographed
-    fewer = [pair for pair in pairs if pair[1] < len(features) - 1]
-    coarse = reconstruction._coarse_model(
-        features[:-1], camera_of_name, fewer, 1000, SETTINGS.pairs, tmp_path, 2, Silent()
-    )
-    assert coarse.num_reg_images() == len(features) - 1
-    database = reconstruction._matched_in_full(
-        features, camera_of_name, coarse, pairs, SETTINGS.epipolar, tmp_path, 2, Silent()
-    )
-    model = complete(database, coarse, 2.0, 2, lambda: None)
-    structure = reconstruction.colmap.structure_from(model, camera_of_name)
-    assert structure.names == [image.name for image in features]
-    assert centres_agree(structure.names, structure.world_T_camera[:, :3, 3], sample)
-    last = structure.observation_views == len(features) - 1
-    assert last.sum() > 100 and np.median(structure.reprojection_errors()[last]) < 0.5
 
 
 def test_where_the_largest_features_find_nothing_all_are_asked(photographed, sample, monkeypatch):

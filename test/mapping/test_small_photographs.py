@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from small_structure import small_structure
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.mapping.small_photographs import (
     SmallPhotographSettings,
@@ -102,19 +101,6 @@ def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> N
     np.testing.assert_allclose(np.linalg.norm(kept.normals, axis=1), 1.0, atol=1e-6)
 
 
-def test_small_pictures_are_not_made_larger(folder) -> None:
-    path, structure, _ = folder
-    kept = small_photographs(path, structure, SmallPhotographSettings(width=4000), 1, Unshown())
-    assert [(camera.width, camera.height) for camera in kept.cameras] == [(400, 300), (320, 240)]
-
-
-def test_a_photograph_that_is_gone_is_named(folder) -> None:
-    path, structure, _ = folder
-    (path / "b.png").write_bytes(b"")
-    with pytest.raises(MapError, match=r"b\.png"):
-        small_photographs(path, structure, SETTINGS, 1, Unshown())
-
-
 @pytest.mark.parametrize("noise_m", [0.0, 0.003])
 def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
     random = np.random.default_rng(5)
@@ -131,21 +117,3 @@ def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
     # Near the edges neighbours are of two walls.
     assert np.median(angles) < (1e-5 if noise_m == 0.0 else 3.0)
     assert (angles < 10.0).mean() > 0.95
-
-
-def test_a_bush_faces_those_who_saw_it() -> None:
-    random = np.random.default_rng(6)
-    points = random.normal(size=(500, 3))
-    centres = np.array([[20.0, 1.0, 0.0], [20.0, -1.0, 0.0]])
-    found = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=0.05))
-    towards = np.array([20.0, 0.0, 0.0]) - points
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosines = np.einsum("ni,ni->n", found, towards)
-    assert (cosines > 0.999).mean() > 0.95
-    always = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=1.0))
-    assert np.median(np.einsum("ni,ni->n", always, towards)) < 0.9
-
-
-def test_too_few_landmarks_face_those_who_saw_them() -> None:
-    found = surface_normals(structure_of(np.zeros((2, 3)), np.array([[0.0, 0.0, 3.0]])), SETTINGS)
-    np.testing.assert_allclose(found, [[0, 0, 1], [0, 0, 1]])

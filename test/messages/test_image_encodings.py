@@ -130,23 +130,6 @@ def test_each_encoding_shows_the_scene(encoding: str, padding: int) -> None:
     _assert_is_the_scene(image, encoding, off, border=1 if encoding.startswith("bayer") else 0)
 
 
-@pytest.mark.parametrize("encoding", [name for name in ENCODINGS if name.endswith("16")])
-def test_sixteen_bits_in_the_other_order(encoding: str) -> None:
-    image = raw_image(message(encoding, laid_out(encoding), padding=3, big=True), "head")
-    _assert_is_the_scene(image, encoding, 1.0, border=1)
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_the_smallest_image_has_pixels_too(encoding: str) -> None:
-    """OpenCV must not end in an error of its own."""
-    across, down = ENCODINGS[encoding].block
-    values = laid_out(encoding)[: int(down * ENCODINGS[encoding].rows), :across]
-    small = message(encoding, values)
-    small.height, small.width = down, across
-    image = raw_image(small, "head")
-    assert decode_grey(image).shape == (down, across) and decode_colour(image).shape == (down, across, 3)
-
-
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -196,14 +179,6 @@ def test_files_are_read_by_what_is_said_to_be_in_them(
     _assert_is_the_scene(image, seen_as, 1.5, border=1)
 
 
-@pytest.mark.parametrize(
-    "format_text",
-    ["jpeg", "rgb8; jpeg compressed bgr8", "bgr8;jpeg compressed bgr8", "bayer_rggb8; jpeg compressed bgr8"],
-)
-def test_jpegs_keep_their_colours(format_text: str) -> None:
-    _assert_is_the_scene(_compressed(format_text, _file(".jpg", scene())), "bgr8", 8.0)
-
-
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])
 @pytest.mark.parametrize(
     ("file", "complaint"),
@@ -215,9 +190,3 @@ def test_jpegs_keep_their_colours(format_text: str) -> None:
 def test_a_file_that_is_not_what_is_said(file: bytes, complaint: str, decode: Callable[[Any], Any]) -> None:
     with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):
         decode(_compressed("bayer_rggb8; png compressed ", file))
-
-
-def test_what_is_said_of_a_file_is_told_without_what_a_terminal_obeys() -> None:
-    with pytest.raises(RecordingError) as raised:
-        decode_grey(_compressed("bayer_\x1b[2J" + "x" * 500 + "; png compressed ", _file(".png", scene())))
-    assert "\x1b" not in str(raised.value) and len(str(raised.value)) < 300

@@ -47,29 +47,6 @@ def test_arrays_are_read_as_they_were_written(file: Path) -> None:
         assert arrays["names"].tolist() == NAMES.tolist()
 
 
-def test_what_is_stored_is_mapped_and_nobody_elses(tmp_path: Path) -> None:
-    path = tmp_path / "arrays.npz"
-    counts = np.arange(5000, dtype=np.uint8)
-    noise = np.random.default_rng(0).integers(0, 256, (100_000, 16)).astype(np.uint8)
-    write_arrays(path, {"names": NAMES, "places": PLACES, "noise": noise, "counts": counts})
-    with zipfile.ZipFile(path) as archive:
-        stored = {entry.filename for entry in archive.infolist() if entry.compress_type == zipfile.ZIP_STORED}
-        assert stored == {"places.npy", "noise.npy"} and archive.testzip() is None
-    dtypes = {**DTYPES, "noise": "u1", "counts": "u1"}
-    first, second = read_arrays(path, dtypes), read_arrays(path, dtypes)
-    for name, array in {"noise": noise, "places": PLACES, "counts": counts}.items():
-        np.testing.assert_array_equal(first[name], array)
-        assert first[name].flags.aligned and first[name].flags.writeable
-        assert f"{name}.npy" not in stored or first[name].ctypes.data % 64 == 0
-    mapped = [line for line in Path("/proc/self/maps").read_text().splitlines() if line.endswith(str(path))]
-    assert len(mapped) == 2 and all(" rw-p " in line for line in mapped)
-    first["noise"][:] = 0
-    np.testing.assert_array_equal(second["noise"], noise)
-    np.testing.assert_array_equal(read_arrays(path, dtypes)["noise"], noise)
-    with np.load(path) as loaded:
-        np.testing.assert_array_equal(loaded["places"], PLACES)
-
-
 def test_no_bit_can_flip_unnoticed(file: Path) -> None:
     content = file.read_bytes()
     wrong = 0

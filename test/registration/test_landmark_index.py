@@ -70,27 +70,3 @@ def test_looks_that_come_later_are_found_as_if_they_had_been_there(monkeypatch: 
     growing.add(np.arange(30, 33))
     rows, best, _ = growing.nearest(table[30:33], 8)
     assert rows.tolist() == [10, 10, 10] and best.max() == 0.0
-
-
-def test_nobody_is_found_where_nobody_is_wanted() -> None:
-    descriptors, landmark = some_looks(100)
-    index = LandmarkIndex(VisualWords.learn(descriptors), descriptors, landmark)
-    for _ in range(2):
-        rows, best, rival = index.nearest(descriptors[:5], EVERY, np.zeros(0, np.int64))
-        assert (rows == -1).all() and best.min() > 1e4 and rival.min() > 1e4
-        index.add(np.arange(300))
-    assert len(index.nearest(descriptors[:0], EVERY)[0]) == 0
-
-
-def test_looks_that_are_replaced_over_and_over_take_no_more_room() -> None:
-    """As of landmarks that are refined for an hour."""
-    descriptors, landmark = some_looks(2000)
-    index = LandmarkIndex(VisualWords.learn(descriptors), descriptors, landmark)
-    index.add(np.arange(len(descriptors)))
-    looks = np.arange(90, 390)
-    before = index.nearest(descriptors[::50], 8)
-    for _ in range(100):
-        index.add(looks)
-    for a, b in zip(before, index.nearest(descriptors[::50], 8), strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert sum(len(part.looks) for part in index._all()) == len(descriptors) + len(looks)

@@ -1,6 +1,5 @@
 """The photographs of a map: read as they were written, refused where damaged, decoded when they are needed."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.image_pyramid import pyramid_size, write_pyramid
 from bodycam_ros.registration.map_photographs import PHOTOGRAPHS_FILE, MapPhotographs
-from bodycam_ros.registration.reference_map import ReferenceMap
 
 LANDMARKS = 5
 POSES = exp_se3(np.random.default_rng(0).normal(size=(3, 6)))
@@ -120,22 +118,6 @@ def test_pictures_of_several_sizes_are_developed_each_at_its_own(of_several: Map
         wrong.develop(np.arange(3))
 
 
-def test_a_map_of_one_camera_is_written_as_before_there_were_several(
-    tmp_path: Path, photographs: MapPhotographs
-) -> None:
-    photographs.save(tmp_path)
-    with np.load(tmp_path / PHOTOGRAPHS_FILE) as file:
-        shapes = {name: file[name].shape for name in file.files}
-    assert shapes == {
-        "jpegs": shapes["jpegs"], "jpeg_ends": (3,), "observation_landmark": (6,), "observation_view": (6,),
-        "normals": (5, 3), "distortion_model": (), "size": (2,), "intrinsics": (4,), "distortion": (5,),
-    }  # fmt: skip
-
-
-def test_a_map_without_them_has_none(tmp_path: Path) -> None:
-    assert MapPhotographs.load(tmp_path, POSES, LANDMARKS) is None
-
-
 @pytest.mark.parametrize(
     "changed",
     [
@@ -193,41 +175,3 @@ def test_what_is_damaged_of_several_cameras_is_refused(
     rewrite(tmp_path, **changed)
     with pytest.raises(MapError, match=r"photographs\.npz"):
         MapPhotographs.load(tmp_path, POSES, LANDMARKS)
-
-
-@pytest.mark.parametrize(("poses", "landmarks"), [(POSES[:2], LANDMARKS), (POSES, LANDMARKS + 1)])
-def test_those_of_another_map_are_refused(
-    tmp_path: Path, photographs: MapPhotographs, poses: np.ndarray, landmarks: int
-) -> None:
-    photographs.save(tmp_path)
-    with pytest.raises(MapError, match=r"photographs\.npz.*another map.*bodycam map"):
-        MapPhotographs.load(tmp_path, poses, landmarks)
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\x00" * 500])
-def test_a_file_that_is_none_is_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / PHOTOGRAPHS_FILE).write_bytes(content)
-    with pytest.raises(MapError, match=r"photographs\.npz"):
-        MapPhotographs.load(tmp_path, POSES, LANDMARKS)
-
-
-def test_maps_carry_them_and_older_maps_load_without(sample: Path, tmp_path: Path) -> None:
-    whole = ReferenceMap.load(sample / "map")
-    assert whole.photographs is not None
-    assert len(whole.photographs.jpegs) == len(whole.image_names)
-    whole.save(tmp_path / "copy")
-    again = ReferenceMap.load(tmp_path / "copy")
-    assert again.photographs is not None and again.photographs.jpegs == whole.photographs.jpegs
-    older = tmp_path / "older"
-    shutil.copytree(tmp_path / "copy", older)
-    (older / PHOTOGRAPHS_FILE).unlink()
-    loaded = ReferenceMap.load(older)
-    assert loaded.photographs is None
-    np.testing.assert_array_equal(loaded.points_world, whole.points_world)
-    shutil.copy(tmp_path / "copy" / PHOTOGRAPHS_FILE, older / PHOTOGRAPHS_FILE)
-    rewrite(older, normals=whole.photographs.normals[:-1])
-    with pytest.raises(MapError, match=r"older.*photographs\.npz"):
-        ReferenceMap.load(older)
-    # An older map in place of a newer one leaves nothing of it behind.
-    loaded.save(tmp_path / "copy", force=True)
-    assert not (tmp_path / "copy" / PHOTOGRAPHS_FILE).exists()

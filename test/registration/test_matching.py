@@ -52,11 +52,3 @@ def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descript
     assert len(pairs - expected) < 0.06 * len(expected) + 1
     assert len(set(found[1].tolist())) == len(found[1])
     assert wanted[found[1]].all()
-
-
-def test_a_search_finds_the_same_again(reference_map, descriptors, sample: Path) -> None:
-    again = ReferenceMap.load(sample / "map")
-    for a, b in zip(
-        *(match_by_looks(m, descriptors, None, MatchingSettings()) for m in (reference_map, again)), strict=True
-    ):
-        np.testing.assert_array_equal(a, b)

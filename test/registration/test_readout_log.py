@@ -38,20 +38,9 @@ def test_the_latest_words_of_all_cameras_are_pooled() -> None:
     assert not log.doubts()
 
 
-def test_what_was_known_beforehand_is_not_counted_twice() -> None:
-    readouts = {camera: Readout(0.0122, 0.0002) for camera in CAMERAS}
-    assert logged(readouts, known=tuple(CAMERAS)).readouts() == readouts
-    assert logged(readouts).readouts()["left"].sigma < 0.0002
-
-
 def test_who_is_doubtful_is_named_with_what_it_may_cost() -> None:
     log = logged({"waist": Readout(0.004, 0.01)})
     assert list(log.doubts()) == ["waist"]
     # Ten milliseconds at 0.2 m/s and 0.5 rad/s; the lost image between costs no speed.
     assert "may leave 2.0 mm and 0.29 deg" in log.doubts()["waist"]
     assert "camera waist" in log.doubts()["waist"]
-
-
-def test_a_camera_that_says_nothing_is_left_out() -> None:
-    log = logged({"waist": Readout(0.004, float("nan"))})
-    assert log.readouts() == {} and log.doubts() == {}

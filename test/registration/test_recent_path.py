@@ -47,30 +47,6 @@ def test_a_constant_twist_is_told_at_any_spacing() -> None:
     np.testing.assert_allclose(motion.twist_at(START @ exp_se3(0.12 * TWIST)), TWIST, atol=1e-6)
 
 
-def test_with_one_image_the_step_from_it_is_the_twist_and_less_is_known() -> None:
-    motion = path_of([0.0]).motion(*stamped(frame(0.05, 0.0, inliers=30)), READOUT)
-    assert motion is not None
-    np.testing.assert_allclose(motion.twist_at(START @ exp_se3(0.05 * TWIST)), TWIST, atol=1e-9)
-    known = path_of([0.0, 0.05]).motion(*stamped(frame(0.1, 0.05)), READOUT)
-    assert known is not None and (motion.sigmas > 2.0 * known.sigmas).all()
-
-
-def test_without_an_image_the_tracks_tell_how_it_turns() -> None:
-    motion = RecentPath(SETTINGS).motion(*stamped(frame(0.05, 0.0, inliers=30)), READOUT)
-    assert motion is not None
-    np.testing.assert_allclose(motion.turning, TWIST[:3], atol=1e-9)
-    np.testing.assert_allclose(motion.twist_at(START), [*TWIST[:3], 0.0, 0.0, 0.0], atol=1e-9)
-    assert RecentPath(SETTINGS).motion(*stamped(frame(0.05, 0.0)), READOUT) is None
-
-
-def test_before_there_are_tracks_the_last_step_tells_how_it_turns() -> None:
-    path = path_of([0.0, 0.033])
-    motion = path.motion(round(1.066 * NS), round(1.033 * NS), None, READOUT)
-    assert motion is not None
-    np.testing.assert_allclose(motion.turning, TWIST[:3], atol=1e-6)
-    assert path_of([0.0]).motion(round(1.033 * NS), NS, None, READOUT) is None
-
-
 def test_a_missing_image_ends_the_path() -> None:
     path = path_of([0.0, 0.033, 0.066])
     assert path.motion(*stamped(frame(0.2, 0.1)), READOUT) is None
@@ -89,7 +65,3 @@ def test_the_image_between_is_told_from_both_sides(times: list[float]) -> None:
     np.testing.assert_allclose(motion.twist, true, atol=0.03)
     # What the two steps differ by may have come at once.
     assert motion.sigmas[1] > 3.0 * motion.sigmas[0]
-
-
-def test_two_images_have_none_between() -> None:
-    assert path_of([0.0, 0.033]).between(READOUT) is None

@@ -9,7 +9,7 @@ from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares, seen_later, steady_pixels
+from bodycam_ros.registration.rolling_shutter import ImageMotion, seen_later, steady_pixels
 
 READOUT_S = 0.012
 TWIST = np.array([1.5, -2.0, 1.0, 0.6, -0.4, 0.8])
@@ -41,10 +41,6 @@ def test_a_point_is_seen_where_the_camera_is_by_then() -> None:
     ])  # fmt: skip
     np.testing.assert_allclose(seen_later(points, TWIST, times_s), exact, atol=1e-5)
     assert np.abs(exact - points).max() > 0.05
-
-
-def test_rows_are_shares_of_the_readout() -> None:
-    np.testing.assert_allclose(row_shares(CAMERA, np.array([[3.0, 0.0], [9.0, 239.5], [1.0, 479.0]])), [-0.5, 0.0, 0.5])
 
 
 def test_pixels_of_a_turning_camera_are_steadied() -> None:
@@ -79,13 +75,6 @@ def test_a_known_twist_gives_the_readout_time(true_s: float) -> None:
     assert fit.readout_time == pytest.approx(true_s, abs=2e-5)
     assert np.abs(error(fit)).max() < 1e-4
     assert fit.readout_information**-0.5 < 0.003
-
-
-def test_a_still_camera_says_nothing_of_its_readout_time() -> None:
-    points, pixels = scene(300, np.zeros(6))
-    still = replace(motion(0.0, 0.015, np.zeros(6)), sigmas=1e-3 * SIGMAS)
-    fit = fit_pose(CAMERA, points, pixels, POSE, PoseFitSettings(), still)
-    assert fit.readout_information < 0.1**-2
 
 
 def test_jacobian_is_the_numeric_one() -> None:

@@ -36,14 +36,6 @@ def test_each_descriptor_is_listed_under_what_is_nearest(of_each: int) -> None:
     assert lists.max() < words.lists
 
 
-def test_one_kind_has_few_words_and_every_word_is_used() -> None:
-    descriptors = clusters(120, 100)
-    words = VisualWords.learn(descriptors)
-    counts = [len(set(words.words_of(kind).tolist())) for kind in np.split(descriptors, 120)]
-    assert np.mean(counts) < 1.3
-    assert len(set(words.words_of(descriptors).tolist())) == 64
-
-
 def test_the_lists_that_are_searched_hold_what_is_most_alike() -> None:
     descriptors = clusters(120, 400)
     words = VisualWords.learn(descriptors)
@@ -54,18 +46,3 @@ def test_the_lists_that_are_searched_hold_what_is_most_alike() -> None:
     shares = [np.isin(lists[400 * kind : 400 * (kind + 1)], probed[kind]).mean() for kind in range(120)]
     assert np.mean(shares) > 0.98
     assert all(len(set(row)) == 16 for row in probed.tolist())
-
-
-def test_from_the_same_descriptors_come_the_same_words() -> None:
-    descriptors = clusters(70, 100)
-    a, b = VisualWords.learn(descriptors), VisualWords.learn(descriptors.copy())
-    np.testing.assert_array_equal(a.centres, b.centres)
-    np.testing.assert_array_equal(a.fine, b.fine)
-
-
-@pytest.mark.parametrize("count", [1, 3, 63, 64, 65])
-def test_a_few_descriptors_are_enough(count: int) -> None:
-    descriptors = clusters(count, 1)
-    words = VisualWords.learn(descriptors)
-    lists = words.list_of(descriptors, words.words_of(descriptors))
-    assert all(np.isin(lists[row], words.lists_near(descriptors[row : row + 1], 64)) for row in range(count))

@@ -83,17 +83,6 @@ def test_descriptors_come_on_keyframes_and_with_new_tracks_only(camera: CameraMo
     assert keyframes == [0, 4, 8]
 
 
-def test_a_keyframe_comes_when_it_is_wanted(camera: CameraModel, panorama: np.ndarray) -> None:
-    tracker = FeatureTracker(camera)
-    image = look(panorama, camera, turn(0))
-    keyframes = []
-    for index in range(12):
-        if index == 5:
-            tracker.want_keyframe()
-        keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
-    assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == [0, 5]
-
-
 def test_a_lost_camera_is_described_again_soon_but_not_in_every_image(
     camera: CameraModel, panorama: np.ndarray
 ) -> None:
@@ -118,29 +107,6 @@ def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: Camera
     frames = [tracker.track(image, (3 + k) * STEP_NS) for k in range(4)]
     assert len(frames[-1].track_ids) > 50
     assert not set(frames[-1].track_ids.tolist()) & set(before.track_ids.tolist())
-
-
-def test_pruning_drops_what_was_offered_and_not_named(camera: CameraModel, panorama: np.ndarray) -> None:
-    tracker = FeatureTracker(camera, TrackerSettings(keyframe_interval=3))
-    image = look(panorama, camera, turn(0))
-    first = tracker.track(image, STEP_NS)
-    named = first.track_ids[::4]
-    tracker.prune(STEP_NS, named)
-    second = tracker.track(image, 2 * STEP_NS)
-    assert set(second.track_ids.tolist()) <= set(named.tolist())
-    assert not second.keyframe, "the tracks that were dropped count as lost"
-    later = [tracker.track(image, k * STEP_NS) for k in (3, 4)][-1]
-    newborn = later.track_ids[later.described]
-    tracker.prune(STEP_NS, named)
-    survivors = np.isin(newborn, tracker.track(image, 5 * STEP_NS).track_ids)
-    assert survivors.mean() > 0.95, "tracks born after the frame that is spoken of must stay"
-
-
-def test_a_camera_that_is_dark_from_the_start_does_not_pay_for_a_keyframe_on_every_frame(camera: CameraModel) -> None:
-    tracker = FeatureTracker(camera)
-    dark = np.zeros((camera.height, camera.width), np.uint8)
-    keyframes = [tracker.track(dark, k * STEP_NS).keyframe for k in range(9)]
-    assert keyframes == [True, False, False] * 3
 
 
 def test_wrong_size_and_stamps_that_do_not_advance_are_named(camera: CameraModel, panorama: np.ndarray) -> None:

@@ -1,14 +1,12 @@
 import socket
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video import video_decoder, video_file
 from bodycam_ros.video.camera_video import CameraVideo
 from bodycam_ros.video.upright_frames import h264_packets, jpegs
 from bodycam_ros.video.video_decoder import VideoDecoder
@@ -117,29 +115,6 @@ def test_what_is_no_video_is_named(tmp_path: Path, content: bytes | None, expect
         read_facts(path)
 
 
-def test_a_file_without_its_index_is_named_as_cut_off(tmp_path: Path) -> None:
-    path = make_video(tmp_path / "head.mp4")
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(RecordingError, match="cut-off MP4"):
-        read_facts(path)
-    path.write_bytes(whole[:-600])
-    with pytest.raises(RecordingError, match="is sound alone, or cut off or damaged"):
-        read_facts(path)
-
-
-def test_sound_alone_is_no_video(tmp_path: Path) -> None:
-    path = tmp_path / "head.mp4"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("aac", rate=48_000, layout="mono")
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
-        frame.sample_rate = 48_000
-        container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    with pytest.raises(RecordingError, match="has no video"):
-        read_facts(path)
-
-
 def test_damaged_bytes_never_raise_anything_else(tmp_path: Path) -> None:
     whole = make_video(tmp_path / "whole.mp4", fast_start=True, sound=lambda t: np.sin(3000.0 * t)).read_bytes()
     random = np.random.default_rng(3)
@@ -172,27 +147,6 @@ def test_chapters_are_one_recording(tmp_path: Path) -> None:
     other = make_video(tmp_path / "GH030001.MP4", frames=3, size=(64, 64))
     with pytest.raises(RecordingError, match=r"GH030001\.MP4 \(64 x 64, h264\) does not go on from"):
         CameraVideo.of_files("GH010001", [one, other])
-
-
-def test_chapters_that_overlap_are_named(tmp_path: Path) -> None:
-    options = {"frames": 300, "size": (64, 64), "preset": "ultrafast"}
-    one = make_video(tmp_path / "GH010001.MP4", created="2024-05-01T12:00:00Z", **options)
-    copy = tmp_path / "GH020001.MP4"
-    copy.write_bytes(one.read_bytes())
-    with pytest.raises(RecordingError, match=r"camera head: .*GH010001\.MP4 and .*GH020001\.MP4 overlap in time"):
-        CameraVideo.of_files("head", [one, copy])
-    for began, overlaps in (("12:00:05", True), ("12:00:10", False), ("12:00:00", False)):
-        other = make_video(tmp_path / "GH030001.MP4", first=7, created=f"2024-05-01T{began}Z", **options)
-        if overlaps:
-            with pytest.raises(RecordingError, match="overlap in time"):
-                CameraVideo.of_files("head", [one, other])
-        else:
-            assert CameraVideo.of_files("head", [one, other]).duration_s == pytest.approx(20.0, abs=1e-3)
-
-
-def test_ten_bits_become_grey(tmp_path: Path) -> None:
-    frame = av.VideoFrame.from_ndarray(picture(3), format="gray").reformat(format="yuv420p10le", dst_color_range=1)
-    assert np.abs(grey_pixels(frame).astype(int) - picture(3)).max() <= 2
 
 
 def test_sound_comes_in_blocks_with_their_times(tmp_path: Path) -> None:
@@ -231,20 +185,3 @@ def test_a_list_of_other_files_or_addresses_is_no_video(content: str, tmp_path: 
             read_facts(tmp_path / "head.mp4")
         with pytest.raises(BlockingIOError):  # nobody has come
             server.accept()
-
-
-def test_a_name_that_looks_like_a_protocol_is_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make_video(tmp_path / "concat:a|b.mp4", frames=5)
-    monkeypatch.chdir(tmp_path)
-    assert read_facts(Path("concat:a|b.mp4")).frames == 5
-
-
-def test_larger_pictures_than_any_camera_makes_are_not_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = make_video(tmp_path / "head.mp4", frames=5)
-    timed = list(packets(path))
-    for module in (video_file, video_decoder):
-        monkeypatch.setattr(module, "MOST_PIXELS", WIDTH * HEIGHT // 2)
-    with pytest.raises(RecordingError, match=f"is not decoded: {WIDTH} x {HEIGHT} pixels"):
-        read_facts(path)
-    with pytest.raises(RecordingError, match="damaged|no frame"):
-        decoded(timed)

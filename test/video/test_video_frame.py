@@ -36,12 +36,6 @@ def test_a_frame_has_its_colours(pixel_format: str, full_range: bool) -> None:
     assert np.abs(pixels @ [0.114, 0.587, 0.299] - decode_grey(image))[:, :28].max() <= 3
 
 
-def test_a_frame_without_colours_has_three_times_the_same() -> None:
-    grey = np.arange(64 * 32, dtype=np.uint8).reshape(32, 64)
-    image = CameraImage("head", 5, DecodedFrame(av.VideoFrame.from_ndarray(grey, format="gray")))
-    np.testing.assert_array_equal(decode_colour(image), np.dstack([grey] * 3))
-
-
 @pytest.mark.parametrize("full_range", [False, True])
 def test_a_video_is_as_bright_in_colours_as_in_grey(tmp_path: Path, full_range: bool) -> None:
     path = make_video(tmp_path / "head.mp4", frames=3, full_range=full_range)

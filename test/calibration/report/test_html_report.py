@@ -1,7 +1,6 @@
 import base64
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 from known_calibration import calibrated_body, worrying_diagnosis
@@ -9,9 +8,8 @@ from known_calibration import calibrated_body, worrying_diagnosis
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.body_picture import body_png
-from bodycam_ros.calibration.report.html_report import html_report, write_html_report
+from bodycam_ros.calibration.report.html_report import html_report
 from bodycam_ros.calibration.report.report_tables import report_tables
-from bodycam_ros.errors import OutputError
 
 VOID = {"meta", "img"}
 
@@ -86,12 +84,3 @@ def test_names_are_taken_as_text(body: BodyModel, diagnosis: CalibrationDiagnosi
     assert "script" not in page.tags
     assert nasty in [row[0] for row in page.rows]
     assert f"{nasty}: look" in page.text and f"Body {nasty}" in page.text
-
-
-def test_the_file_is_whole_or_none(body: BodyModel, diagnosis: CalibrationDiagnosis, tmp_path: Path) -> None:
-    path = tmp_path / "body.html"
-    write_html_report(body, diagnosis, path)
-    assert path.read_text(encoding="utf-8").endswith("</html>\n")
-    assert [file.name for file in tmp_path.iterdir()] == ["body.html"]
-    with pytest.raises(OutputError, match=r"missing.*cannot be written"):
-        write_html_report(body, diagnosis, tmp_path / "missing" / "body.html")

@@ -32,13 +32,6 @@ def test_a_hundred_columns_hold_all_figures_each_on_its_rows_line() -> None:
                 assert any(unit.group() in line for line in lines)
 
 
-def test_on_a_narrow_terminal_no_letter_is_lost() -> None:
-    diagnosis = worrying_diagnosis(calibrated_body())
-    text = printed(diagnosis, width=60, force_terminal=True, color_system=None)
-    assert max(map(len, text.splitlines())) <= 60
-    assert "…" not in text
-
-
 def test_warnings_come_last_all_of_them() -> None:
     diagnosis = worrying_diagnosis(calibrated_body())
     text = " ".join(printed(diagnosis).split())
@@ -47,10 +40,3 @@ def test_warnings_come_last_all_of_them() -> None:
     for warning in diagnosis.warnings:
         assert warning in tail
     assert printed(good_diagnosis(calibrated_body())).rstrip().endswith("no warnings")
-
-
-def test_only_rows_with_a_warning_are_coloured() -> None:
-    options = {"width": WIDTH, "force_terminal": True, "color_system": "standard"}
-    red = "\x1b[1;31m"
-    assert red in printed(worrying_diagnosis(calibrated_body()), **options)
-    assert red not in printed(good_diagnosis(calibrated_body()), **options)
