@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros import geometry
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.messages.body import (
-    joint_state_message,
-    odometry_message,
-    transforms_message,
-)
+from bodycam_ros.messages.body import joint_state_message, odometry_message, transforms_message
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import stamp_ns, time_message
@@ -24,12 +20,7 @@ from bodycam_ros.messages.images import camera_model, compressed_image
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
 from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
-from bodycam_ros.messages.tracks import (
-    landmark_matches,
-    landmarks_message,
-    track_frame,
-    tracks_message,
-)
+from bodycam_ros.messages.tracks import landmark_matches, landmarks_message, track_frame, tracks_message
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_covariance import BodyUncertainty

@@ -52,16 +52,3 @@ def test_jacobians_are_numeric_ones() -> None:
             unit = no_lasting.copy()
             unit[column] = step
             np.testing.assert_allclose(J_lasting[..., column], slope(no_moving, unit), atol=1e-7)
-
-
-def test_a_camera_whose_clock_is_ahead_shows_where_it_was_before() -> None:
-    motion = some_motion()
-    delays = np.zeros(len(motion.cameras))
-    delays[2] = 0.004
-    late = motion.moved(
-        np.zeros((len(motion.rotations), motion.moving_count)),
-        np.concatenate([np.zeros(motion.delay_columns.start), delays]),
-    )
-    steps = log_se3(inverse(motion.world_T_camera()) @ late.world_T_camera())
-    np.testing.assert_allclose(steps[:, 2], -0.004 * motion.twists[:, 2], atol=1e-12)
-    assert np.abs(np.delete(steps, 2, axis=1)).max() < 1e-12

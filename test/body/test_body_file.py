@@ -5,7 +5,7 @@ import pytest
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import BodyError, OutputError
+from bodycam_ros.errors import BodyError
 
 STOOL = """
 name: stool
@@ -93,13 +93,3 @@ def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new:
     assert old in STOOL
     with pytest.raises(BodyError, match=rf"stool\.yaml.*{complaint}"):
         read(tmp_path, STOOL.replace(old, new, 1))
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(body: BodyModel, tmp_path: Path) -> None:
-    occupied = tmp_path / "body.yaml"
-    (occupied / "inside").mkdir(parents=True)
-    with pytest.raises(OutputError, match=r"body\.yaml: cannot be written"):
-        write_body(body, occupied)
-    assert [file.name for file in tmp_path.iterdir()] == ["body.yaml"]
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_body(body, tmp_path / "no_such_folder" / "body.yaml")

@@ -7,15 +7,6 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 
 
-def test_tree_has_parents_first_and_loops_apart(body: BodyModel) -> None:
-    assert [joint.name for joint in body.tree_joints] == ["hip", "knee", "ankle", "strap", "axle", "cart", "wheel_axle"]
-    assert [joint.name for joint in body.loop_joints] == ["pedal"]
-    assert body.joint_to_parent("pelvis") is None
-    ankle = body.joint_to_parent("foot")
-    assert ankle is not None and ankle.name == "ankle"
-    assert body.cameras_on("foot") == ("foot",)
-
-
 def test_forward_kinematics_closes_every_joint_of_the_tree(body: BodyModel, random: np.random.Generator) -> None:
     world_T_root = exp_se3(random.normal(size=(7, 6)))
     rotations = exp_so3(random.normal(size=(7, len(body.tree_joints), 3)))

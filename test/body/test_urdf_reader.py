@@ -50,18 +50,6 @@ def test_a_body_with_everything_comes_back(body: BodyModel) -> None:
     assert urdf_text(again) == urdf_text(limited(body))
 
 
-def test_the_samples_body_comes_back(sample: Path) -> None:
-    body = read_body(sample / "body.yaml")
-    assert_same_body(body_from_urdf(urdf_text(body)), body)
-
-
-def test_loops_come_along_with_all_that_they_have(body: BodyModel) -> None:
-    soft = replace(body.loop_joints[0], name="über <&> weich", sigmas=(0.1, 0.2, 0.3, 1e-3, 2e-3, 3e-3))
-    loose = replace(body, joints=(*body.tree_joints, soft))
-    (again,) = body_from_urdf(urdf_text(loose)).loop_joints
-    assert (again.name, again.sigmas) == (soft.name, soft.sigmas)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [

@@ -41,8 +41,3 @@ def test_what_is_wrong_is_said_with_the_files_name(tmp_path: Path, text: str, co
     with pytest.raises(BodyError, match=complaint) as caught:
         Rig.from_yaml(path)
     assert str(path) in str(caught.value)
-
-
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match="cannot read this rig file"):
-        Rig.from_yaml(tmp_path / "none.yaml")

@@ -29,16 +29,3 @@ def test_noise_averages_and_wrong_poses_are_left_out() -> None:
     assert np.abs(errors[:, 3:]).max() < 0.02
     alone = log_se3(inverse(SEGMENT) @ noisy[:, 0])
     assert np.linalg.norm(errors[:, 3:], axis=1).mean() < np.linalg.norm(alone[:, 3:], axis=1).mean()
-
-
-def test_where_a_camera_is_lost_the_others_speak() -> None:
-    weights = np.ones((90, 3))
-    weights[20:40, 0] = 0.0
-    weights[50] = 0.0
-    virtual = fuse_cameras(
-        NAMES, np.where(weights[..., None, None] > 0, CAMERAS, np.eye(4)), weights, VirtualCameraSettings()
-    )
-    segment_T_virtual = inverse(SEGMENT[0]) @ virtual.world_T_virtual[0]
-    np.testing.assert_allclose(virtual.world_T_virtual[30], SEGMENT[30] @ segment_T_virtual, atol=1e-9)
-    assert not virtual.known[50]
-    np.testing.assert_allclose(virtual.filled()[50], virtual.world_T_virtual[49], atol=1e-12)

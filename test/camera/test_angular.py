@@ -40,21 +40,6 @@ def test_equidistant_is_opencvs_and_colmaps_to_the_edge_of_170_degrees(
     np.testing.assert_allclose(plane / scale, opencv.reshape(-1, 2) / scale, atol=1e-6 / f)
 
 
-def test_sees_behind_only_as_far_as_the_image_reaches(make: Make) -> None:
-    camera = make("equidistant", [0, 0, 0, 0], 150.0)
-    corners = np.array([[-0.5, -0.5], [639.5, -0.5], [-0.5, 479.5], [639.5, 479.5]])
-    corner = np.linalg.norm((corners - [camera.cx, camera.cy]) / [camera.fx, camera.fy], axis=1).max()
-    assert np.radians(120.0) < corner < np.radians(180.0)
-    assert camera.max_angle == pytest.approx(corner, abs=1e-9)
-    angles = np.radians([100.0, 120.0, 160.0])
-    pixels, valid = camera.project(np.column_stack([np.zeros(3), np.sin(angles), np.cos(angles)]))
-    np.testing.assert_array_equal(valid, [True, True, False])
-    np.testing.assert_allclose(pixels[:2, 1], camera.cy + camera.fy * angles[:2], atol=1e-9)
-
-    narrow = make("equidistant", [0, 0, 0, 0], 400.0)
-    assert narrow.max_angle == pytest.approx(np.pi / 2)
-
-
 @pytest.mark.parametrize("omega", [1e-2, 0.5, 0.95, 1.6])
 def test_fov_is_colmaps_to_the_edge_of_170_degrees(make: Make, cone: Cone, omega: float) -> None:
     camera = make("fov", [omega], 330.0)

@@ -8,7 +8,6 @@ from grown_room import CAMERA, unlike
 from rolling_camera import START_NS, landmarks_ahead, map_of, track_frames, wide_camera
 
 from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, GrownLandmarks, growing
-from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -77,34 +76,6 @@ def test_what_has_grown_is_found_like_any_landmark_and_not_when_it_has_gone(
     near = match_near_prediction(grown_map, CAMERA, np.eye(4), pixels, descriptors, scales, 2.0, SETTINGS)
     np.testing.assert_array_equal(near, [[0, 2], expected[[0, 2]]])
     np.testing.assert_array_equal(match_by_looks(grown_map, looks, None, SETTINGS), [[0, 2], expected[[0, 2]]])
-
-
-def test_a_slot_that_is_taken_again_holds_another_landmark(reference_map: ReferenceMap) -> None:
-    grown_map = growing(reference_map, CAPACITY)
-    random = np.random.default_rng(6)
-    points, looks = np.array([[0.0, 0.5, 3.0], [0.5, 0.0, 3.0]]), unlike(2, random)
-    match_by_looks(grown_map, looks, None, SETTINGS)
-    grown_map.take(grown(grown_map, [3], points[:1], looks[:1]))
-    first_id = grown_map.landmark_ids[grown_map.slots_from + 3]
-    grown_map.take(grown(grown_map, [3], points[1:], looks[1:], turn=1))
-    second_id = grown_map.landmark_ids[grown_map.slots_from + 3]
-    assert first_id != second_id
-    rows, known = grown_map.rows_of(np.array([first_id, second_id, NO_LANDMARK, 0], np.uint32))
-    assert known.tolist() == [False, True, False, True] and rows[1] == grown_map.slots_from + 3
-    features, landmarks = match_by_looks(grown_map, looks, None, SETTINGS)
-    assert (features.tolist(), landmarks.tolist()) == ([1], [grown_map.slots_from + 3])
-
-
-def test_a_landmark_that_is_refined_takes_its_carriers_along(reference_map: ReferenceMap) -> None:
-    grown_map = growing(reference_map, CAPACITY)
-    points, looks = np.array([[0.0, 0.5, 3.0]]), unlike(1, np.random.default_rng(6))
-    grown_map.take(grown(grown_map, [0], points, looks))
-    (frame,) = track_frames(wide_camera(), reference_map, np.random.default_rng(4), 0.0, 1)
-    carried = CarriedLandmarks(grown_map)
-    carried.add(frame, np.array([2]), np.array([grown_map.slots_from]), strikes=0)
-    grown_map.take(grown(grown_map, [0], points + 0.01, looks))
-    assert carried.into(frame).tolist() == [2]
-    np.testing.assert_array_equal(carried.points_world, points + 0.01)
 
 
 def test_a_registrar_goes_by_what_has_grown_alone(reference_map: ReferenceMap) -> None:

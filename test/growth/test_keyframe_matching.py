@@ -1,12 +1,8 @@
 """Which features of two keyframes are said to show one point; the kernel itself is tested with photographs."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from grown_room import keyframe, unlike, walked, walls
 
-from bodycam_ros.geometry import rigid
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.keyframe_matching import match_keyframes
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
@@ -31,29 +27,6 @@ def pair(
         one = keyframe("chest", number, walked(0, number), points, looks, random, noise_px)
         shown.append(one)
     return shown[0], shown[1], points, looks
-
-
-def single(place: tuple[float, float, float], ray: np.ndarray, look: np.ndarray) -> WornKeyframe:
-    """A keyframe with one feature, of a camera that is not turned."""
-    one = keyframe("chest", 0, np.eye(4), np.array([[0.0, 0.0, 2.0]]), look[None], np.random.default_rng(0))
-    pose = rigid(np.eye(3), np.array(place))
-    return replace(one, world_T_camera=pose, bearings=(ray / np.linalg.norm(ray))[None], descriptors=look[None])
-
-
-@pytest.mark.parametrize(
-    ("point", "meets"),
-    [
-        ((0.2, 0.1, 3.0), True),
-        ((0.2, 0.1, 1e4), True),
-        ((4.0, 0.1, 0.5), True),
-    ],
-)
-def test_a_true_pair_is_kept(point: tuple[float, float, float], meets: bool) -> None:
-    look = unlike(1, np.random.default_rng(1))[0]
-    first, second = single((0, 0, 0), np.array(point), look), single((0.5, 0, 0), np.array(point) - [0.5, 0, 0], look)
-    rows = np.zeros(1, np.int64)
-    assert len(match_keyframes(first, second, rows, rows, SETTINGS)[0]) == 1
-    assert len(match_keyframes(second, first, rows, rows, SETTINGS)[0]) == 1
 
 
 def test_matches_are_right_where_many_things_look_alike() -> None:

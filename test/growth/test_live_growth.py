@@ -67,26 +67,3 @@ def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     live.begin()
     assert live.see(unknown_tracks(7, first=7)).world_T_camera is None, "what is forgotten registers nobody"
     assert (live.growth.landmarks, live.growth.keyframes) == (0, 0)
-
-
-def test_a_camera_that_sees_unknown_things_is_asked_for_keyframes_once() -> None:
-    live = Live(covered=1.0)
-
-    def plain(number: int, late_ns: int = 0) -> TrackFrame:
-        frame = replace(all_tracks(number), keyframe=False)
-        return replace(frame, stamp_ns=frame.stamp_ns + late_ns)
-
-    live.see(plain(0))
-    assert live.asked == [CAMERA.name]
-    live.see(plain(0, late_ns=33_000_000))
-    assert live.asked == [CAMERA.name], "the tracker takes some images to answer"
-    live.see(plain(1))
-    assert live.asked == [CAMERA.name] * 2, "a request may get lost"
-    live.see(all_tracks(2))
-    live.see(plain(2, late_ns=33_000_000))
-    assert len(live.asked) == 2, "it has not moved since its keyframe"
-    live.see(plain(3))
-    assert len(live.asked) == 3
-    live.begin()
-    live.see(plain(3))
-    assert len(live.asked) == 4, "a tracker that begins anew was not asked yet"

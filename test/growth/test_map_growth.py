@@ -9,13 +9,11 @@ import pytest
 from grown_room import CAMERAS, FRAME_NS, cameras, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import inverse, rigid, transform_points
 from bodycam_ros.growth.growing_map import growing
 from bodycam_ros.growth.grown_point import GrownPoint
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.map_growth import MapGrowth
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 POINTS = 500
@@ -100,80 +98,6 @@ def test_wrong_matches_become_no_landmarks() -> None:
     growth = growth_by(walk(points, looks, 20, random))
     assert growth.landmarks > 0.3 * POINTS
     assert (distances(growth, points) < 0.1).mean() > 0.97
-
-
-def seen_by(
-    growth: MapGrowth, camera: str, stamp_ns: int, world_T_camera: NDArray[np.float64], off_px: float
-) -> LandmarkMatches:
-    """What a registrar says of the landmarks before a camera, all of them seen beside where they are."""
-    points = growth.grown_points()
-    model = cameras()[camera]
-    positions = np.array([point.position for point in points]).reshape(-1, 3)
-    pixels, valid = model.project(transform_points(inverse(world_T_camera), positions))
-    seen = np.flatnonzero(valid & model.in_image(np.nan_to_num(pixels, nan=-1.0)))
-    ids = np.array([point.landmark_id for point in points], np.uint32)[seen]
-    return LandmarkMatches(
-        camera=camera,
-        stamp_ns=stamp_ns,
-        previous_stamp_ns=0,
-        track_ids=np.arange(len(seen), dtype=np.uint32),
-        landmark_ids=ids,
-        pixels=(pixels[seen] + [off_px, 0.0]).astype(np.float32),
-        points_world=positions[seen].astype(np.float32),
-        world_T_camera=world_T_camera,
-        pose_covariance=np.eye(6),
-        current_R_previous=np.eye(3),
-        rotation_inliers=0,
-        grown=len(seen),
-    )
-
-
-def test_strikes_take_a_landmark_away_and_being_right_forgives_them() -> None:
-    points, looks, random = room(5)
-    growth = growth_by([])
-    for one in walk(points, looks, 8, random):
-        growth.add(one)
-    growth.take_changes()
-    pose = walked(0, 3)
-    asked = set(seen_by(growth, "chest", 0, pose, 0.0).landmark_ids.tolist())
-    others = growth.landmarks - len(asked)
-    assert len(asked) > 20 and others > 20
-    for number in range(SETTINGS.max_strikes - 1):
-        growth.hear(seen_by(growth, "chest", number, pose, 5.0))
-    growth.hear(seen_by(growth, "chest", 5, pose, 0.0))
-    growth.hear(seen_by(growth, "chest", 6, pose, 5.0))
-    assert asked <= {point.landmark_id for point in growth.grown_points()}
-    growth.hear(seen_by(growth, "chest", 7, pose, 5.0))
-    assert growth.landmarks == others
-    changes = growth.take_changes()
-    assert changes is not None and (changes.landmark_ids == NO_LANDMARK).sum() == len(asked)
-    rows, known = growth.map.rows_of(np.array(sorted(asked), np.uint32))
-    assert not known.any()
-
-
-def test_what_nobody_finds_goes_and_what_was_found_often_goes_later() -> None:
-    points, looks, random = room(5)
-    growth = growth_by(walk(points, looks, 8, random))
-    pose, nowhere = walked(0, 3), rigid(np.eye(3), np.array([0.0, 0.0, 1000.0]))
-    latest_ns = 8 * FRAME_NS
-
-    def left_after(seconds: float) -> set[int]:
-        """Landmarks that are there when the camera has looked elsewhere until then."""
-        growth.hear(seen_by(growth, "chest", latest_ns + round(1e9 * seconds), nowhere, 0.0))
-        growth.forget_unseen()
-        return {point.landmark_id for point in growth.grown_points()}
-
-    found = set(seen_by(growth, "chest", 0, pose, 0.0).landmark_ids.tolist())
-    for _ in range(5):
-        growth.hear(seen_by(growth, "chest", latest_ns, pose, 0.0))
-    for seconds in (5.0, 10.0, SETTINGS.forget_after - 6.0):
-        assert found < left_after(seconds)
-    often = {point.landmark_id for point in growth.grown_points() if point.right > 4}
-    assert found <= often and growth.landmarks > len(often)
-    assert left_after(SETTINGS.forget_after + 4.0) == often
-    for seconds in (5.0, 15.0, 25.0):
-        left_after(SETTINGS.forget_after + seconds)
-    assert growth.landmarks == 0
 
 
 @pytest.mark.parametrize("capacity", [1, 7, 60])

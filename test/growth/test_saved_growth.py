@@ -64,21 +64,6 @@ def test_grows_is_saved_and_is_there_again(tmp_path: Path) -> None:
     assert len(ReferenceMap.load(tmp_path / "twice").landmark_ids) == len(saved.landmark_ids), "they do not pile up"
 
 
-def test_forgotten_landmarks_are_gone_and_their_ids_are_not_used_again() -> None:
-    growth = grown(small_map(), keyframes(CAMERA, unknown_points(30)))
-    ids = set(growth.map.landmark_ids.tolist())
-    growth.forget()
-    growth.take_changes()
-    assert (growth.landmarks, growth.keyframes) == (0, 0)
-    assert set(growth.map.landmark_ids[growth.map.slots_from :].tolist()) == {int(NO_LANDMARK)}
-    assert len(growth.map.settled().landmark_ids) == LANDMARKS
-    for keyframe in keyframes(CAMERA, unknown_points(30)):
-        growth.add(keyframe)
-    growth.take_changes()
-    new = set(growth.map.landmark_ids[growth.map.slots_from :].tolist()) - {int(NO_LANDMARK)}
-    assert len(new) > 25 and not new & ids
-
-
 def test_a_map_that_has_grown_from_another_is_refused(tmp_path: Path) -> None:
     grown(small_map(), keyframes(CAMERA, unknown_points())).map.settled().save(tmp_path / "grown")
     moved = small_map()

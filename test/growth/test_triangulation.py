@@ -35,19 +35,6 @@ def test_exact_rays_give_the_point(views: int) -> None:
     np.testing.assert_allclose(found.angles, widest, atol=1e-5)
 
 
-def test_padding_counts_for_nothing() -> None:
-    points, centres = scene(20, 5)
-    whole = triangulate(rays(centres[:, :3], points[:, None] - centres[:, :3]))
-    there = np.zeros((20, 5), bool)
-    there[:, :3] = True
-    padded_centres, padded_directions = centres.copy(), points[:, None] - centres
-    padded_centres[:, 3:], padded_directions[:, 3:] = 0.0, [0.0, 0.0, 1.0]
-    padded = triangulate(rays(padded_centres, padded_directions, there))
-    np.testing.assert_allclose(padded.points, whole.points, atol=1e-9)
-    np.testing.assert_allclose(padded.angles, whole.angles, atol=1e-9)
-    assert (padded.errors_px[:, 3:] == 0.0).all()
-
-
 def test_a_point_behind_a_camera_is_infinitely_wrong() -> None:
     """The lines meet, behind the second camera."""
     point = np.array([0.0, 0.0, 4.0])

@@ -119,14 +119,6 @@ def test_the_first_run_says_that_it_compiles_and_the_next_loads(first_run: tuple
     assert run(installation) == ("8.0 loaded", "")
 
 
-def test_a_kernel_that_another_calls_is_no_longer_as_it_was(compiled: Path) -> None:
-    before = kept(compiled)
-    (compiled / "inner.py").write_text(INNER.replace("1.0", "2.0"))
-    out, said = run(compiled)
-    assert before and out.startswith("10.0") and "compiling" in said
-    assert not any(file.exists() for file in before)
-
-
 @pytest.mark.parametrize("harm", ["cut", "scribbled"])
 def test_what_is_damaged_is_compiled_again(compiled: Path, harm: str) -> None:
     file = kept(compiled)[0]

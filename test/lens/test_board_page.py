@@ -87,10 +87,7 @@ def test_opencv_knows_the_charuco_board(printed):
     path, drawn = printed("charuco")
     layout, tags, dictionary = read_layout(path)
     board = cv2.aruco.CharucoBoard(
-        (layout.columns, layout.rows),
-        layout.pitch_m[0],
-        layout.tag_m[0],
-        cv2.aruco.getPredefinedDictionary(dictionary),
+        (layout.columns, layout.rows), layout.pitch_m[0], layout.tag_m[0], cv2.aruco.getPredefinedDictionary(dictionary)
     )
     corners, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(drawn.picture)
     assert numbers.ravel().tolist() == list(range(len(layout.inner_corners)))

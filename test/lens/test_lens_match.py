@@ -1,16 +1,10 @@
-from itertools import islice
-
 import numpy as np
 import pytest
 from known_lenses import LENSES
 
-from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.lens.followed_points import followed_pairs
 from bodycam_ros.lens.lens_fit import lens_of, with_lens
 from bodycam_ros.lens.lens_match import lens_match
-from bodycam_ros.video.camera_video import CameraVideo
-from bodycam_ros.video.video_frame import grey_pixels
 
 
 def _scaled(camera, scale):
@@ -64,14 +58,3 @@ def test_the_mode_of_another_lens_is_named(model, scale, mode):
     assert match.scale == pytest.approx(scale, rel=0.06)
     assert match.best_px < 0.75 * match.error_px
     assert mode in match.text
-
-
-@pytest.mark.parametrize("camera", ["shin_left", "head"])
-def test_real_motion_tells_a_wrong_lens_from_the_right_one(shared, camera):
-    path = shared / "dev_gopro_rom" / "mp4" / f"{camera}.mp4"
-    lens = camera_from_yaml(path.with_suffix(".yaml"), camera)
-    frames = CameraVideo.of_files(camera, [path]).frames()
-    pairs = list(followed_pairs((grey_pixels(frame) for _, frame in islice(frames, 300)), 8))
-    assert lens_match(lens, pairs).matches
-    assert lens_match(_scaled(lens, 0.75), pairs).scale == pytest.approx(1.0 / 0.75, rel=0.06)
-    assert lens_match(_scaled(lens, 1.33), pairs).scale == pytest.approx(1.0 / 1.33, rel=0.06)

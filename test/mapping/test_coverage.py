@@ -49,14 +49,6 @@ def apart_deg(first: float, second: float) -> float:
     return abs((first - second + 180.0) % 360.0 - 180.0)
 
 
-def test_a_hall_that_is_known_all_around_has_no_gap() -> None:
-    reference_map = hall(0.0, 360.0)
-    coverage = measured(reference_map)
-    assert coverage.share == 1.0
-    assert find_gaps(coverage, reference_map) == []
-    assert len(coverage_lines(coverage, reference_map)) == 1
-
-
 @pytest.mark.parametrize("middle_deg", [105.0, -40.0, 180.0])
 def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
     """Wherever it is, on the seam of azimuths as well."""

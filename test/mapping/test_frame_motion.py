@@ -75,10 +75,3 @@ def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one()
     # A frame that is damaged makes those beside it no faster.
     torn = np.degrees(measured([*pictures[:3], None, *pictures[4:]], readout_s=(0.0, 0.01)).angular_velocity)
     assert np.delete(torn, 3, axis=0) == pytest.approx(np.delete(found, 3, axis=0), abs=2.0)
-
-
-@pytest.mark.parametrize("shape", [(1, 9), (9, 1)])
-def test_blur_by_motion_in_any_direction_shows(shape: tuple[int, int]) -> None:
-    blurred = np.asarray(cv2.blur(view(0.0), shape), np.uint8)
-    sharp, less = measured([view(0.0), blurred]).sharpness
-    assert less < 0.5 * sharp

@@ -61,11 +61,6 @@ def test_distances_that_contradict_each_other_are_refused() -> None:
         measure_scale(*worn(), [KnownDistance("left", "right", TRUE), wrong], SETTINGS)
 
 
-def test_a_distance_that_changes_is_refused() -> None:
-    with pytest.raises(MapError, match="left and right: changes by .* same segment"):
-        measure_scale(*worn(0.06), [KnownDistance("left", "right", TRUE)], SETTINGS)
-
-
 @pytest.mark.parametrize(
     ("second", "metres"), [("left", 0.3), ("right", 0.0), ("right", -1.0), ("right", float("nan"))]
 )

@@ -12,14 +12,8 @@ from board_picture import wide_camera
 from numpy.typing import NDArray
 from small_structure import small_structure
 
-from bodycam_ros.camera import camera_from_info
 from bodycam_ros.mapping.progress import Advance
-from bodycam_ros.mapping.small_photographs import (
-    SmallPhotographSettings,
-    _smaller,
-    small_photographs,
-    surface_normals,
-)
+from bodycam_ros.mapping.small_photographs import SmallPhotographSettings, small_photographs, surface_normals
 from bodycam_ros.mapping.structure import Structure
 
 SETTINGS = SmallPhotographSettings(width=160, quality=95)
@@ -50,21 +44,6 @@ def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> S
         observation_pixels=np.zeros((count, 2)),
         observation_features=np.zeros(count, np.int64),
     )
-
-
-@pytest.mark.parametrize(("width", "height", "scale"), [(1600, 1200, 0.25), (1001, 667, 0.3), (640, 480, 1.0)])
-def test_the_smaller_camera_sees_where_the_smaller_picture_shows(width: int, height: int, scale: float) -> None:
-    k = [1.1 * width, 0, 0.52 * width, 0, 1.12 * width, 0.47 * height, 0, 0, 1]
-    camera = camera_from_info("c", width, height, "plumb_bob", [-0.1, 0.02, 1e-3, -5e-4, 0.0], k)
-    small = _smaller(camera, scale)
-    rows, columns = np.mgrid[:height, :width].astype(np.float32)
-    for bearing in ([0.1, -0.05, 1.0], [-0.3, 0.2, 1.0], [0.25, -0.2, 1.0]):
-        u, v = camera.project(np.array([bearing]))[0][0]
-        spot = 255.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2 * (4 / scale) ** 2))
-        shown = cv2.resize(spot, (small.width, small.height), interpolation=cv2.INTER_AREA)
-        down, across = np.mgrid[: small.height, : small.width]
-        centre = np.array([(across * shown).sum(), (down * shown).sum()]) / shown.sum()
-        np.testing.assert_allclose(small.project(np.array([bearing]))[0][0], centre, atol=0.01)
 
 
 @pytest.fixture

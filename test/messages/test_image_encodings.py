@@ -157,28 +157,6 @@ def _compressed(format_text: str, file: bytes) -> Any:
     return compressed_image(SimpleNamespace(header=_HEADER, format=format_text, data=file), "head")
 
 
-@pytest.mark.parametrize(
-    ("format_text", "encoding", "suffix", "seen_as"),
-    [
-        ("png", "bgr8", ".png", "bgr8"),
-        ("rgb8; png compressed bgr8", "bgr8", ".png", "bgr8"),
-        ("rgb8; png compressed rgb8", "rgb8", ".png", "rgb8"),
-        ("mono8; png compressed ", "mono8", ".png", "mono8"),
-        ("mono16; png compressed ", "mono16", ".png", "mono16"),
-        ("bgr16; png compressed bgr16", "bgr16", ".png", "bgr16"),
-        ("bayer_grbg8; png compressed ", "bayer_grbg8", ".png", "bayer_grbg8"),
-        ("bayer_rggb16; png compressed ", "bayer_rggb16", ".png", "bayer_rggb16"),
-        # A sensor of sixteen bits in a file of eight.
-        ("bayer_bggr16; png compressed ", "bayer_bggr8", ".png", "bayer_bggr8"),
-    ],
-)
-def test_files_are_read_by_what_is_said_to_be_in_them(
-    format_text: str, encoding: str, suffix: str, seen_as: str
-) -> None:
-    image = _compressed(format_text, _file(suffix, laid_out(encoding)))
-    _assert_is_the_scene(image, seen_as, 1.5, border=1)
-
-
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])
 @pytest.mark.parametrize(
     ("file", "complaint"),

@@ -9,12 +9,7 @@ import pytest
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.segment_poses import (
-    SEGMENT_POSES,
-    SEGMENT_POSES_TYPE,
-    segment_poses,
-    segment_poses_message,
-)
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses, segment_poses_message
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages

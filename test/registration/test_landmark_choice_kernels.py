@@ -37,12 +37,6 @@ def landmarks(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[n
     return points, normals.astype(np.float32), random.uniform(0.002, 0.08, count).astype(np.float32)
 
 
-def facing(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Normals towards the camera."""
-    towards = CENTRE - points
-    return (towards / np.linalg.norm(towards, axis=1, keepdims=True)).astype(np.float32)
-
-
 @pytest.mark.parametrize(("twist", "readout_time"), [(STILL, 0.0), (TWIST, 0.012), (TWIST, -0.02)])
 def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
     points, normals, sizes = landmarks(3000)
@@ -84,30 +78,3 @@ def test_the_view_is_that_of_numpy(camera: CameraModel) -> None:
         views, best_views_in_numpy(camera, POSE, points, rows, photographers, poses, observers)
     )
     assert (views == -1).any() and len(set(views.tolist())) > 8
-
-
-POINT = CENTRE + np.array([[0.0, 0.0, 2.0]])
-
-
-def looking(centre: NDArray[np.float64], away_deg: float = 0.0) -> NDArray[np.float64]:
-    """A pose that looks at the point, or so far beside it."""
-    ahead = (POINT[0] - centre) / np.linalg.norm(POINT[0] - centre)
-    beside = np.cross(ahead, [0.3, 0.9, 0.1])
-    beside /= np.linalg.norm(beside)
-    pose = np.eye(4)
-    angle = np.radians(away_deg)
-    pose[:3, 2] = np.cos(angle) * ahead + np.sin(angle) * beside
-    pose[:3, 0] = np.cos(angle) * beside - np.sin(angle) * ahead
-    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
-    pose[:3, 3] = centre
-    return pose
-
-
-def chosen(*photographs: tuple[int, NDArray[np.float64]]) -> int:
-    """By the camera of the last kind, of photographs (camera, pose)."""
-    first, views = np.array([0, len(photographs)]), np.arange(len(photographs), dtype=np.uint16)
-    scales = np.stack([local_scales(photographer) for photographer in PHOTOGRAPHERS])
-    of_view = np.array([camera for camera, _ in photographs], np.uint16)
-    poses = np.stack([pose for _, pose in photographs])
-    asked = (POINT, np.zeros(1, np.int64), scales, of_view, poses, first, views)
-    return int(best_views(scales[2], looking(CENTRE), *asked)[0])

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
@@ -129,62 +128,6 @@ def test_without_photographs_features_are_tracked_as_before(reference_map, seen,
     said = run(reference_map, camera, images[:8], settings)
     assert all(frame.landmark_ids is None for frame, _ in said)
     assert all(matches.world_T_camera is not None for _, matches in said)
-
-
-def test_a_registrar_that_does_not_believe_landmarks_gets_descriptors(
-    reference_map: ReferenceMap, seen: tuple[CameraModel, Images]
-) -> None:
-    camera, images = seen
-    tracker = landmark_tracker(camera, reference_map, PipelineSettings())
-    registering = registrar(camera, reference_map, PipelineSettings())
-    frames = []
-    for number, (image, stamp_ns) in enumerate(images):
-        frames.append(tracker.track(image, stamp_ns))
-        matches = registering.register(frames[-1])
-        tracker.hear(replace(matches, world_T_camera=None) if number == 10 else matches)
-    assert is_direct(frames[10]), "landmarks alone until then"
-    assert frames[11].keyframe and len(frames[11].described), "named anew"
-    assert is_direct(frames[13]), "and on"
-
-
-def test_wrong_names_are_not_believed(reference_map, seen) -> None:
-    camera, images = seen
-
-    def shuffled(matches: LandmarkMatches) -> LandmarkMatches:
-        rolled = np.roll(matches.landmark_ids, len(matches.landmark_ids) // 2)
-        return replace(matches, landmark_ids=rolled, world_T_camera=matches.world_T_camera)
-
-    said = run(reference_map, camera, images[:8], told=shuffled)
-    assert not any(is_direct(frame) for frame, _ in said)
-
-
-def test_an_image_of_another_size_is_refused(reference_map, seen) -> None:
-    camera, images = seen
-    tracker = landmark_tracker(camera, reference_map, PipelineSettings())
-    tracker.track(*images[0])
-    with pytest.raises(RecordingError, match="640x480"):
-        tracker.track(np.zeros((240, 320), np.uint8), images[1][1])
-    with pytest.raises(RecordingError, match="not later"):
-        tracker.track(images[1][0], images[0][1])
-    tracker.track(*images[1])
-
-
-def test_who_asks_for_a_keyframe_gets_it(reference_map, seen) -> None:
-    camera, images = seen
-    settings = PipelineSettings()
-    tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
-    for image, stamp_ns in images[:8]:
-        frame = tracker.track(image, stamp_ns)
-        tracker.hear(registering.register(frame))
-    assert is_direct(frame)
-    tracker.want_keyframe()
-    frame = tracker.track(*images[8])
-    assert frame.keyframe and len(frame.described) > 50
-    # A registrar that knows nothing of what was before.
-    fresh = registrar(camera, reference_map, settings).register(frame)
-    assert fresh.world_T_camera is not None
-    tracker.hear(fresh)
-    assert is_direct(tracker.track(*images[9]))
 
 
 @pytest.fixture

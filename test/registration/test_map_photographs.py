@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.image_pyramid import pyramid_size, write_pyramid
@@ -105,19 +104,6 @@ def test_pictures_are_developed_when_they_are_asked_for(photographs: MapPhotogra
         small.develop(np.array([0]))
 
 
-def test_pictures_of_several_sizes_are_developed_each_at_its_own(of_several: MapPhotographs) -> None:
-    of_several.develop(np.arange(3))
-    assert of_several.lenses.shape == (3, PROJECTION) and len(set(of_several.local_scales[:, -1])) == 3
-    for view, camera in enumerate((2, 1, 0)):
-        start, height, width = of_several.levels[camera, 1]
-        picture = cv2.imdecode(np.frombuffer(of_several.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
-        half = of_several.pyramids[view, start : start + height * width].reshape(height, width)
-        np.testing.assert_array_equal(half, cv2.pyrDown(picture))
-    wrong = replace(of_several, camera_of_view=np.array([2, 0, 0], np.uint16))
-    with pytest.raises(MapError, match="photograph 1 of the map is damaged"):
-        wrong.develop(np.arange(3))
-
-
 @pytest.mark.parametrize(
     "changed",
     [
@@ -144,34 +130,6 @@ def test_pictures_of_several_sizes_are_developed_each_at_its_own(of_several: Map
 )
 def test_what_is_damaged_is_refused(tmp_path: Path, photographs: MapPhotographs, changed: dict[str, object]) -> None:
     photographs.save(tmp_path)
-    rewrite(tmp_path, **changed)
-    with pytest.raises(MapError, match=r"photographs\.npz"):
-        MapPhotographs.load(tmp_path, POSES, LANDMARKS)
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"camera_of_view": None},
-        {"camera_of_view": np.array([2, 1, 3], np.uint16)},
-        {"camera_of_view": np.array([2, 1], np.uint16)},
-        {"distortion_ends": None},
-        {"distortion_ends": np.array([4, 5, 9])},
-        {"distortion_ends": np.array([5, 4, 10])},
-        {"distortion_ends": np.array([4, 10])},
-        {"size": np.array([96, 64])},
-        {"intrinsics": np.zeros((3, 4))},
-        {"intrinsics": np.ones((2, 4))},
-        {"distortion_model": np.array(["fov", "equidistant"])},
-        {"distortion_model": np.array(["fov", "equidistant", "plumb_bob"])},
-        {"distortion_model": np.zeros(0, "U3")},
-    ],
-    ids=lambda changed: "-".join(changed),
-)
-def test_what_is_damaged_of_several_cameras_is_refused(
-    tmp_path: Path, of_several: MapPhotographs, changed: dict[str, object]
-) -> None:
-    of_several.save(tmp_path)
     rewrite(tmp_path, **changed)
     with pytest.raises(MapError, match=r"photographs\.npz"):
         MapPhotographs.load(tmp_path, POSES, LANDMARKS)

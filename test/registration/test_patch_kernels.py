@@ -230,16 +230,6 @@ def test_light_and_exposure_make_no_difference(fisheye: Scene, light: Array, exp
     assert np.median(off) < 0.08
 
 
-def test_what_is_hidden_or_without_texture_is_not_found(fisheye: Scene, light: Array) -> None:
-    image = exposed(light)
-    truth = fisheye.true_pixels()
-    left = truth[:, 0] < 150.0
-    image[:, :158] = 90
-    _, likeness = fisheye.find(image, fisheye.world_T_camera @ NEAR)
-    assert not np.isfinite(likeness[left]).any()
-    assert np.isfinite(likeness[truth[:, 0] > 175.0]).mean() > 0.7
-
-
 @pytest.mark.parametrize("readout_time", [0.025, -0.025])
 def test_rows_that_are_read_out_one_by_one(fisheye: Scene, readout_time: float) -> None:
     image = exposed(fisheye.wall.light(fisheye.camera, fisheye.world_T_camera, TWIST, readout_time))

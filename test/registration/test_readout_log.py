@@ -32,12 +32,6 @@ def logged(readouts: dict[str, Readout], known: tuple[str, ...] = ()) -> Readout
     return log
 
 
-def test_the_latest_words_of_all_cameras_are_pooled() -> None:
-    log = logged({"left": Readout(0.012, 0.0003), "right": Readout(0.0121, 0.0003), "waist": Readout(0.014, 0.0014)})
-    assert abs(log.readouts()["waist"].seconds - 0.012) < 2e-4
-    assert not log.doubts()
-
-
 def test_who_is_doubtful_is_named_with_what_it_may_cost() -> None:
     log = logged({"waist": Readout(0.004, 0.01)})
     assert list(log.doubts()) == ["waist"]

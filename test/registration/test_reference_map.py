@@ -1,12 +1,10 @@
 """A map in a folder: whole or refused; and what it must know before a body is made or solved in it."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from two_cameras import write_map
 
 from bodycam_ros.errors import MapError, OutputError
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -77,13 +75,6 @@ def test_a_failure_half_way_leaves_the_old_map_and_nothing_else(tmp_path, small_
     assert [p.name for p in tmp_path.iterdir()] == ["map"]
 
 
-def test_no_map_is_an_error_that_says_how_to_make_one(tmp_path):
-    with pytest.raises(MapError, match="bodycam map"):
-        ReferenceMap.load(tmp_path / "nowhere")
-    with pytest.raises(MapError, match="not a map"):
-        ReferenceMap.load(tmp_path)
-
-
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\x00" * 500])
 def test_a_damaged_file_is_an_error(tmp_path, small_map, content):
     small_map.save(tmp_path / "map")
@@ -121,11 +112,6 @@ def test_arrays_that_do_not_fit_are_an_error(tmp_path, small_map, change, messag
     dataclasses.replace(small_map, **change).save(tmp_path / "map")
     with pytest.raises(MapError, match=message):
         ReferenceMap.load(tmp_path / "map")
-
-
-@pytest.fixture
-def whole(tmp_path: Path) -> ReferenceMap:
-    return ReferenceMap.load(write_map(tmp_path / "map"))
 
 
 def test_landmarks_are_found_by_their_ids_in_any_order(small_map):

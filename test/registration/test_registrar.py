@@ -10,8 +10,6 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.doubted_place import DoubtSettings
-from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
@@ -61,38 +59,6 @@ def test_registers_from_nothing_and_tracks_carry_their_landmarks(reference_map, 
     assert np.sqrt(np.diag(matches.pose_covariance)[3:]).max() < 0.01
 
 
-def test_a_frame_of_names_alone_goes_on_from_any_frame_before(reference_map, seen) -> None:
-    """Tracks of which none was there before, as when landmarks found directly take over."""
-    camera, frames = seen
-    by_flow, direct = Registrar(camera, reference_map), Registrar(camera, reference_map)
-    direct.register(frames[0])
-    matches = [by_flow.register(frame) for frame in frames[:4]]
-    now = matches[3]
-    others = dataclasses.replace(
-        without_names(frames[3]),
-        track_ids=(now.track_ids + 100_000).astype(np.uint32),
-        pixels=now.pixels,
-        previous_stamp_ns=frames[0].stamp_ns,
-        landmark_ids=now.landmark_ids,
-    )
-    alone = direct.register(others)
-    step = log_se3(inverse(alone.world_T_camera) @ now.world_T_camera)
-    assert np.linalg.norm(step) < 0.01
-    assert set(alone.track_ids.tolist()) <= set(others.track_ids.tolist())
-
-
-def test_agrees_with_a_registrar_that_searches_every_keyframe_anew(reference_map, seen) -> None:
-    camera, frames = seen
-    running = Registrar(camera, reference_map)
-    for frame in frames:
-        matches = running.register(frame)
-        if frame.keyframe:
-            afresh = Registrar(camera, reference_map).register(frame)
-            step = log_se3(inverse(matches.world_T_camera) @ afresh.world_T_camera)
-            assert np.degrees(np.linalg.norm(step[:3])) < 0.3
-            assert np.linalg.norm(step[3:]) < 0.02
-
-
 def test_a_lost_camera_comes_back_at_the_next_keyframe(reference_map, seen) -> None:
     camera, frames = seen
     registrar = Registrar(camera, reference_map)
@@ -114,26 +80,6 @@ def test_a_map_of_noise_registers_nothing(reference_map, seen) -> None:
     )
     registrar = Registrar(camera, noise)
     assert [registrar.register(frame).world_T_camera for frame in frames] == [None] * len(frames)
-
-
-def test_guided_matching_finds_the_landmarks_that_an_exhaustive_search_confirms(reference_map, seen) -> None:
-    camera, frames = seen
-    frame = frames[0]
-    matches = Registrar(camera, reference_map).register(frame)
-    pixels = frame.pixels[frame.described.astype(int)]
-    features, landmarks = match_near_prediction(
-        reference_map, camera, matches.world_T_camera, pixels, frame.descriptors, frame.scales, 4.0, MatchingSettings()
-    )
-    projected, _ = camera.project(
-        (reference_map.points_world[landmarks] - matches.world_T_camera[:3, 3]) @ matches.world_T_camera[:3, :3]
-    )
-    assert np.linalg.norm(projected - pixels[features], axis=1).max() <= 4.0
-    assert len(set(landmarks.tolist())) == len(landmarks)
-    assert len(set(features.tolist())) == len(features)
-    for feature, landmark in list(zip(features, landmarks, strict=True))[:40]:
-        looks = reference_map.descriptors[reference_map.descriptor_landmark == landmark].astype(float)
-        distance = np.linalg.norm(looks - frame.descriptors[feature].astype(float), axis=1).min()
-        assert distance < MatchingSettings().max_distance
 
 
 def uncertain(turn: float, shift: float) -> np.ndarray:
@@ -179,21 +125,6 @@ def test_a_lost_camera_is_looked_for_where_it_is_expected(reference_map, seen, o
     assert found is not None
     step = log_se3(inverse(true) @ found)
     assert np.linalg.norm(step[:3]) < 0.01 and np.linalg.norm(step[3:]) < 0.03
-
-
-def test_a_doubted_camera_searches_anew_and_stays_away_for_a_while(reference_map, seen) -> None:
-    """The same images lead to the same place: refused as long as the doubt lasts, and believed again after that."""
-    camera, frames = seen
-    lasting_s = 1e-9 * (frames[14].stamp_ns - frames[9].stamp_ns)
-    registrar = Registrar(camera, reference_map, doubt=DoubtSettings(lasting=lasting_s - 0.01))
-    before = [registrar.register(frame) for frame in frames[:10]]
-    assert before[-1].world_T_camera is not None
-    registrar.doubt(frames[9].stamp_ns)
-    # Every image brings descriptors, as of a keyframe, by which the whole map is searched.
-    doubted = [registrar.register(described(frame, frames[0])) for frame in frames[10:14]]
-    assert all(matches.world_T_camera is None and len(matches.track_ids) == 0 for matches in doubted)
-    back = [registrar.register(described(frame, frames[0])) for frame in frames[14:20]]
-    assert all(matches.world_T_camera is not None for matches in back)
 
 
 def test_a_pose_that_its_landmarks_leave_open_is_none(reference_map, seen) -> None:

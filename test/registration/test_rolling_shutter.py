@@ -9,7 +9,7 @@ from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.rolling_shutter import ImageMotion, seen_later, steady_pixels
+from bodycam_ros.registration.rolling_shutter import ImageMotion, seen_later
 
 READOUT_S = 0.012
 TWIST = np.array([1.5, -2.0, 1.0, 0.6, -0.4, 0.8])
@@ -41,16 +41,6 @@ def test_a_point_is_seen_where_the_camera_is_by_then() -> None:
     ])  # fmt: skip
     np.testing.assert_allclose(seen_later(points, TWIST, times_s), exact, atol=1e-5)
     assert np.abs(exact - points).max() > 0.05
-
-
-def test_pixels_of_a_turning_camera_are_steadied() -> None:
-    twist = np.concatenate([TWIST[:3], np.zeros(3)])
-    points, pixels = scene(300, twist)
-    still, _ = CAMERA.project(transform_points(inverse(POSE), points))
-    assert np.linalg.norm(pixels - still, axis=1).max() > 2.0
-    steady = steady_pixels(CAMERA, pixels, TWIST[:3], READOUT_S)
-    assert np.linalg.norm(steady - still, axis=1).max() < 0.01
-    assert np.array_equal(steady_pixels(CAMERA, pixels, TWIST[:3], 0.0), pixels)
 
 
 def test_a_known_motion_gives_the_exact_pose() -> None:

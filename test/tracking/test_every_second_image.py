@@ -27,21 +27,6 @@ def test_every_second_one_is_left_out_once_they_wait_for_longer() -> None:
     assert not any(one and following for one, following in zip(left_out, left_out[1:], strict=False))
 
 
-def test_it_ends_only_after_nothing_has_waited_for_a_while() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
-    _offer(thinning, 0, 20, 2.0 * _LONGEST_S)
-    calm = round(_RECOVERY_S * _HZ)
-    _offer(thinning, 20, calm - 5, 0.0)
-    assert thinning.active
-    # Waiting a little is not empty: the while begins again.
-    _offer(thinning, 15 + calm, 1, 0.5 * _LONGEST_S)
-    _offer(thinning, 16 + calm, calm - 5, 0.0)
-    assert thinning.active
-    _offer(thinning, 11 + 2 * calm, 10, 0.0)
-    assert not thinning.active
-    assert not any(_offer(thinning, 30 + 2 * calm, 50, 0.0))
-
-
 def test_cameras_that_trigger_together_leave_out_the_same_images() -> None:
     one, other = EverySecondImage(_LONGEST_S, _RECOVERY_S), EverySecondImage(_LONGEST_S, _RECOVERY_S)
     # One has been at it for longer, and began with an odd number of images.

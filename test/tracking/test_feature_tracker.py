@@ -8,7 +8,6 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
-from bodycam_ros.tracking.tracker_settings import TrackerSettings
 
 STEP_NS = 33_000_000
 
@@ -65,35 +64,6 @@ def test_tracks_and_rotation_follow_the_world(camera: CameraModel, panorama: np.
                 errors_px.append(np.linalg.norm(expected[0] - pixel))
     assert np.median(errors_px) < 0.3
     assert np.percentile(errors_px, 99) < 1.5
-
-
-def test_descriptors_come_on_keyframes_and_with_new_tracks_only(camera: CameraModel, panorama: np.ndarray) -> None:
-    tracker = FeatureTracker(camera, TrackerSettings(keyframe_interval=4))
-    seen: set[int] = set()
-    keyframes = []
-    for index in range(9):
-        frame = tracker.track(look(panorama, camera, turn(0)), (index + 1) * STEP_NS)
-        new = set(frame.track_ids.tolist()) - seen
-        assert new == set(frame.track_ids[frame.described].tolist())
-        assert frame.descriptors.shape == (len(new), 128)
-        assert np.all(np.diff(frame.track_ids.astype(int)) > 0)
-        seen |= new
-        if frame.keyframe:
-            keyframes.append(index)
-    assert keyframes == [0, 4, 8]
-
-
-def test_a_lost_camera_is_described_again_soon_but_not_in_every_image(
-    camera: CameraModel, panorama: np.ndarray
-) -> None:
-    tracker = FeatureTracker(camera, TrackerSettings(lost_keyframe_gap=0.18))
-    image = look(panorama, camera, turn(0))
-    keyframes = []
-    for index in range(20):
-        keyframes.append(tracker.track(image, (index + 1) * STEP_NS).keyframe)
-        tracker.lost()
-    gap = 7  # the seventh image after it, for the sixth is 0.2 s after it
-    assert [index for index, is_keyframe in enumerate(keyframes) if is_keyframe] == list(range(0, 20, gap))
 
 
 def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: CameraModel, panorama: np.ndarray) -> None:

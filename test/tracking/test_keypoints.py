@@ -3,19 +3,7 @@
 import cv2
 import numpy as np
 
-from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings, thin_out
-
-
-def test_thinned_points_keep_their_distance_and_nothing_could_be_added() -> None:
-    rng = np.random.default_rng(0)
-    points = (rng.random((2000, 2)) * [640, 480]).astype(np.float32)
-    kept = thin_out(points, rng.random(2000).astype(np.float32), 8.0)
-    gaps = np.linalg.norm(points[:, None] - points[kept][None], axis=2)
-    among_kept = gaps[kept]
-    among_kept[np.arange(len(kept)), np.arange(len(kept))] = np.inf
-    assert among_kept.min() > 8.0
-    left_out = np.setdiff1d(np.arange(2000), kept)
-    assert gaps[left_out].min(axis=1).max() <= 8.0
+from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
 
 def test_bright_clothes_over_half_of_the_picture_leave_the_room_its_keypoints() -> None:

@@ -7,7 +7,7 @@ from made_video import make_video, number_in
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.video_decoder import VideoDecoder, decode_last
+from bodycam_ros.video.video_decoder import VideoDecoder
 from bodycam_ros.video.video_file import packets
 
 
@@ -72,11 +72,3 @@ def test_random_bytes_are_refused(images: list[CameraImage]) -> None:
     assert numbers(fed(noise)) == [None] * 40
     flipped = [with_data(image, lambda d: bytes(b ^ (random.random() < 0.01) for b in d)) for image in images]
     assert len(fed(flipped)) == 40
-
-
-def test_one_frame_is_decoded_from_its_keyframe_on(images: list[CameraImage]) -> None:
-    for row in (0, 5, 10, 19, 39):
-        image = decode_last(images[row // 10 * 10 : row + 1])
-        assert (image.stamp_ns - 100, number_in(decode_grey(image))) == (row, row)
-    with pytest.raises(RecordingError, match="without those before it"):
-        decode_grey(images[3])

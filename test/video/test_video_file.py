@@ -13,7 +13,6 @@ from bodycam_ros.video.video_decoder import VideoDecoder
 from bodycam_ros.video.video_file import TimedPacket, frames, packets, read_facts
 from bodycam_ros.video.video_frame import grey_pixels
 
-SOUND_BLOCK = 26_000  # samples: half a second and one of the codec's frames
 NTSC = 60_000 / 1001
 
 
@@ -38,15 +37,6 @@ def test_packets_decode_to_the_frames_of_the_file(tmp_path: Path, codec: str) ->
         np.testing.assert_array_equal(grey, grey_pixels(frame))
         assert number_in(grey) == number
         assert np.abs(grey.astype(int) - picture(number)).mean() < 5.0
-
-
-@pytest.mark.parametrize("full_range", [False, True])
-def test_black_and_white_are_the_same_whatever_range_the_video_uses(tmp_path: Path, full_range: bool) -> None:
-    path = make_video(tmp_path / "head.mp4", frames=3, full_range=full_range)
-    for _, frame in frames(path):
-        np.testing.assert_array_equal(grey_pixels(frame), frame.to_ndarray(format="gray"))
-        bright = grey_pixels(frame)[20:]
-        assert abs(float(bright.mean()) - float(picture(0)[20:].mean())) < 2.0
 
 
 def test_the_frames_own_times_count(tmp_path: Path) -> None:
@@ -147,23 +137,6 @@ def test_chapters_are_one_recording(tmp_path: Path) -> None:
     other = make_video(tmp_path / "GH030001.MP4", frames=3, size=(64, 64))
     with pytest.raises(RecordingError, match=r"GH030001\.MP4 \(64 x 64, h264\) does not go on from"):
         CameraVideo.of_files("GH010001", [one, other])
-
-
-def test_sound_comes_in_blocks_with_their_times(tmp_path: Path) -> None:
-    click_s = 1.2345
-    path = make_video(
-        tmp_path / "head.mp4", frames=60, sound=lambda t: 0.9 * np.exp(-0.5 * ((t - click_s) / 2e-4) ** 2)
-    )
-    blocks = list(CameraVideo.of_files("head", [path]).sound())
-    assert len(blocks) >= 4
-    assert all(len(block.samples) < SOUND_BLOCK and block.samples.dtype == np.float32 for block in blocks)
-    ends = [block.start_s + len(block.samples) / block.rate_hz for block in blocks]
-    np.testing.assert_allclose(ends[:-1], [block.start_s for block in blocks[1:]], atol=1e-4)
-    loudest = max(blocks, key=lambda block: float(np.abs(block.samples).max()))
-    at_s = loudest.start_s + int(np.abs(loudest.samples).argmax()) / loudest.rate_hz
-    assert at_s == pytest.approx(click_s, abs=1e-4)
-    silent = make_video(tmp_path / "silent.mp4", frames=3)
-    assert not read_facts(silent).has_sound and not list(CameraVideo.of_files("silent", [silent]).sound())
 
 
 @pytest.mark.parametrize(
