@@ -23,11 +23,8 @@ def chain(links: int, backwards: bool = False) -> str:
     [
         (f'<!DOCTYPE robot [<!ENTITY l0 "ha">{LAUGHS}]><robot name="&l11;"/>', "no <!DOCTYPE>"),
         ('<!DOCTYPE robot [<!ENTITY f SYSTEM "/etc/hostname">]><robot><link name="&f;"/></robot>', "no <!DOCTYPE>"),
-        ('<!DOCTYPE robot SYSTEM "robot.dtd"><robot/>', "no <!DOCTYPE>"),
-        ('<robot name="&f;"/>', "not XML: undefined entity"),
         ("<robot>" + "<link>" * 100_000, "nested deeper than 50"),
         ("<robot>" + " " * MOST_LETTERS + "</robot>", "letters is not read"),
-        ("<robot name='\x00'/>", "not XML"),
         ("<robot name='\ud800'/>", "not XML"),
         ("<robot/><robot/>", "not XML: junk after"),
     ],

@@ -24,30 +24,19 @@ def k_with(**entries: float) -> list[float]:
     ("change", "words"),
     [
         ({"distortion_model": "thin_prism"}, "'thin_prism' is unknown; known are equidistant, fov, plumb_bob, "),
-        ({"distortion_model": ""}, "'' is unknown"),
         ({"d": [0.1] * 3}, r"needs 0 or 4 or 5 coefficients d \(k1, k2, p1, p2, k3\), not 3"),
-        ({"distortion_model": "equidistant", "d": []}, "needs 4 coefficients"),
         ({"distortion_model": "fov", "d": [0.9, 0.0]}, r"needs 1 coefficients d \(omega\), not 2"),
-        ({"distortion_model": "fov", "d": [3.2]}, "omega"),
         ({"distortion_model": "fov", "d": [-0.1]}, "omega"),
-        ({"distortion_model": "rational_polynomial", "d": [0.1] * 5}, "needs 8 or 12 or 14"),
         ({"distortion_model": "rational_polynomial", "d": [0.1] * 12}, r"d\[8:\] must be zero"),
         ({"d": [np.nan, 0, 0, 0, 0]}, "d must be finite"),
         ({"d": [0, -1e300, 0, 0, 0]}, r"d has -1e\+300, which no lens has"),
-        ({"k": k_with(fx=1e9)}, "k has 1000000000.0, which no lens has"),
         ({"width": 10**6, "height": 10**6}, "1000000 x 1000000 pixels is more than any camera has"),
         ({"d": ["a", 0, 0, 0, 0]}, "d must be a list of numbers"),
         ({"k": k_with(fx=np.nan)}, "k must be finite"),
-        ({"k": k_with(cx=np.inf)}, "k must be finite"),
         ({"k": k_with(fx=-300.0)}, "focal lengths must be positive, not fx = -300"),
-        ({"k": k_with(fy=0.0)}, "focal lengths must be positive"),
         ({"k": k_with(skew=0.5)}, "skew 0.5"),
-        ({"k": k_with(one=2.0)}, "must have the form"),
-        ({"k": K[:8]}, "9 entries .* not 8"),
         ({"k": [0.0] * 9}, "not calibrated"),
-        ({"k": None}, "k must be a list of numbers"),
         ({"width": 0}, "must be positive, not 0 x 480"),
-        ({"height": -1}, "must be positive, not 640 x -1"),
     ],
 )
 def test_what_is_wrong_is_said(change: dict[str, Any], words: str) -> None:
@@ -82,10 +71,8 @@ def test_yaml_of_ros_is_read(tmp_path: Path) -> None:
     ("change", "words"),
     [
         ({"image_width": "wide"}, "'image_width' must be a whole number of pixels, not 'wide'"),
-        ({"image_width": True}, "'image_width' must be a whole number"),
         ({"camera_matrix": K}, "'camera_matrix' must have rows, cols and data"),
         ({"distortion_coefficients": {"data": None}}, "camera 'head': d must be a list of numbers"),
-        ({"distortion_model": "scaramuzza"}, "camera 'head': distortion model 'scaramuzza' is unknown"),
     ],
 )
 def test_wrong_field_names_the_file(tmp_path: Path, change: dict[str, Any], words: str) -> None:

@@ -119,15 +119,11 @@ def test_the_first_run_says_that_it_compiles_and_the_next_loads(first_run: tuple
     assert run(installation) == ("8.0 loaded", "")
 
 
-@pytest.mark.parametrize("harm", ["cut", "scribbled"])
-def test_what_is_damaged_is_compiled_again(compiled: Path, harm: str) -> None:
+def test_what_is_damaged_is_compiled_again(compiled: Path) -> None:
     file = kept(compiled)[0]
-    content = file.read_bytes()
-    file.write_bytes(content[:100] if harm == "cut" else bytes(len(content)))
+    file.write_bytes(file.read_bytes()[:100])
     out, said = run(compiled)
-    assert out.startswith("8.0")
-    assert ("compiling" in said) == (harm == "cut")  # the size alone is looked at beforehand
-    run(compiled)
+    assert out.startswith("8.0") and "compiling" in said
     assert run(compiled) == ("8.0 loaded", "")
 
 

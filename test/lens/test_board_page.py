@@ -111,11 +111,8 @@ def test_the_checkerboard_is_one(printed):
     ("words", "said"),
     [
         (["--tag-size", "200"], "larger than what the page has room for"),
-        (["--kind", "checkerboard", "--columns", "8", "--rows", "6"], "does not tell how it is turned"),
-        (["--kind", "checkerboard", "--tag-size", "30"], "--square-size"),
         (["--kind", "charuco", "--square-size", "20", "--tag-size", "30"], "do not fit into squares"),
         (["--family", "5X5_50", "--columns", "10", "--rows", "6"], "ends with 49"),
-        (["--family", "47h9"], "36h11"),
         (["--ruler-mm", "120", "150"], "250 mm across"),
     ],
 )

@@ -49,19 +49,15 @@ def test_exact_corners_give_the_similarity_back(scene):
     assert alignment.residual.views_of_tag == {tag: len(PLACES) for tag in range(4)}
 
 
-@pytest.mark.parametrize("gamma", [1.0, 2.2])
-def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene, gamma):
+def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene):
     camera, board, poses = scene
     views = [
-        detect_tags(board_picture(camera, pose, board, 1.2, gamma), camera, "36h11", TagSettings())
+        detect_tags(board_picture(camera, pose, board, 1.2, gamma=2.2), camera, "36h11", TagSettings())
         for pose in poses[:3]
     ]
     alignment = align_to_board(moved(poses[:3]), views, [camera] * 3, board, AlignmentSettings())
     assert_similarity(alignment, 1e-3)
-    if gamma > 1.0:
-        assert alignment.residual.inset_px > 0.1
-    else:
-        assert abs(alignment.residual.inset_px) < 0.05
+    assert alignment.residual.inset_px > 0.1
 
 
 def test_the_upward_axis_of_a_standing_board_becomes_z(scene):

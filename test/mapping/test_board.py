@@ -15,14 +15,7 @@ def write(path, **changes):
 
 
 @pytest.mark.parametrize(
-    ("placement", "up"),
-    [
-        ("lying: board z is up", [0, 0, 1]),
-        ("standing: board y is up", [0, 1, 0]),
-        ("hanging: board -y is up", [0, -1, 0]),
-        ("on its side, board x is up", [1, 0, 0]),
-        ("ceiling: board -z is up", [0, 0, -1]),
-    ],
+    ("placement", "up"), [("lying: board z is up", [0, 0, 1]), ("standing: board y is up", [0, 1, 0])]
 )
 def test_the_upward_axis_turns_to_z(tmp_path, placement, up):
     R = read_board(write(tmp_path / "b.yaml", placement=placement)).map_R_board
@@ -35,14 +28,10 @@ def test_the_upward_axis_turns_to_z(tmp_path, placement, up):
     [
         ({"family": None}, "family"),
         ({"family": "49h3"}, "49h3"),
-        ({"corners_in_board": None}, "corners_in_board"),
         ({"corners_in_board": {0: [[0, 0, 0]]}}, "four corners"),
         ({"corners_in_board": {0: [[float("nan"), 0, 0]] * 4}}, "finite"),
-        ({"corners_in_board": {}}, "four corners"),
-        ({"corners_in_board": {0: [[True, 0.1, 0], *CORNERS[0][1:]]}}, "tag 0 make no square"),
         ({"corners_in_board": {0: [[1e300, 0.1, 0], *CORNERS[0][1:]]}}, "tag 0 make no square"),
         ({"corners_in_board": {0: [[0.1, 0.1, 0], [-0.1, 0.1, 0], *CORNERS[0][2:]]}}, "in order around"),
-        ({"corners_in_board": {0: [[0.1, 0.1, 0]] * 4}}, "tag 0 make no square"),
         ({"corners_in_board": {"left": CORNERS[0]}}, "b.yaml"),
     ],
 )

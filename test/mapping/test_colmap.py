@@ -60,6 +60,7 @@ def test_what_is_no_model_is_an_error(tmp_path):
         colmap.read_model(tmp_path)
 
 
+@pytest.mark.long
 def test_a_model_that_colmap_never_ends_reading_is_an_error(model, monkeypatch):
     monkeypatch.setattr(colmap, "_LONGEST_TRIAL_S", 3.0)
     _, folder = model

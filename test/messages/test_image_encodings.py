@@ -134,12 +134,9 @@ def test_each_encoding_shows_the_scene(encoding: str, padding: int) -> None:
     ("change", "complaint"),
     [
         ({"encoding": "32FC1"}, "encoding '32FC1' is not supported; known are .*bayer_rggb8.*nv21"),
-        ({"encoding": "16UC1"}, "encoding '16UC1' is not supported"),
         ({"encoding": "\x1b[31mred"}, r"encoding '\\x1b\[31mred' is not"),
-        ({"encoding": "yuv422", "width": 63}, "63x48 yuv422 cannot be: its width must be a multiple of 2"),
         ({"encoding": "nv12"}, "64x48 nv12 with rows of 64 bytes cannot have 3072 bytes"),
         ({"encoding": "mono16"}, "64x48 mono16 with rows of 64 bytes cannot have"),
-        ({"height": 0}, "64x0 mono8"),
     ],
 )
 def test_what_cannot_be_is_named(change: dict[str, Any], complaint: str) -> None:

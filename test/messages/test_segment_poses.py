@@ -76,17 +76,11 @@ def changed(row: int, column: int, value: float) -> Callable[[Message], Any]:
         ("station", lambda m: "", "does not say which station"),
         ("segments", lambda m: m.segments[:2], "poses has 3 values; expected 2"),
         ("segments", lambda m: ["pelvis", "pelvis", "head"], "'pelvis' is listed twice"),
-        ("looked_for", lambda m: ["head"] * 5, "'head' is listed twice"),
-        ("poses", lambda m: m.poses[:1], "poses has 1 values; expected 3"),
         ("poses", lambda m: [*m.poses[:2], with_nan_position(recorded_messages())], "pose of 'foot_right' is not fin"),
-        ("covariances", lambda m: m.covariances[:-1], "covariances has 107 values; expected 108"),
         ("covariances", changed(0, 0, np.nan), "covariance of 'thigh_left' is not finite, symmetric and positive"),
         ("covariances", changed(2, 2, 0.0), "covariance of 'thigh_left' is not"),
-        ("covariances", changed(2, 5, 0.5), "covariance of 'thigh_left' is not"),
-        ("covariances", changed(4, 4, 1e-9), "covariance of 'thigh_left' is not"),
         ("confidence", lambda m: m.confidence[:4], "confidence has 4 values; expected 5"),
         ("confidence", lambda m: np.array([1.0, 0.5, np.nan, 0.0, 0.0]), "confidence of 'foot_right' is nan"),
-        ("confidence", lambda m: np.array([1.0, 1.1, 0.0, 0.0, 0.0]), "confidence of 'thigh_left' is 1.1; expected 0"),
     ],
 )
 def test_what_contradicts_itself_is_refused(field: str, change: Callable[[Message], Any], told: str) -> None:
