@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from bodycam_ros import geometry
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.messages.body import joint_state_message, odometry_message, transforms_message
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import stamp_ns, time_message
-from bodycam_ros.messages.images import camera_model, compressed_image
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
+from bodycam_ros.messages.pose import body_covariance, ros_covariance
 from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import landmark_matches, landmarks_message, track_frame, tracks_message
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
@@ -150,7 +148,7 @@ def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send]
 @pytest.mark.parametrize("readout", [Readout(0.5, 0.0), Readout(math.inf, 0.0), Readout(0.01, -1.0)])
 def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
     make = recorded_messages()
-    with pytest.raises(ValueError, match="a read-out time of .* expected at most 0.1 s"):
+    with pytest.raises(ValueError, match="0.1 s"):
         camera_timing(timing_message(make, "head", SaidTiming(STAMP_NS, "given", readout)))
 
 
@@ -175,74 +173,12 @@ def test_covariance_is_that_of_positions_and_fixed_axis_rotations(rng: np.random
     np.testing.assert_allclose(back, covariance, rtol=1e-12, atol=1e-20)
 
 
-def test_compressed_image_keeps_its_bytes(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    content = np.arange(256, dtype=np.uint8)
-    message = make(
-        "sensor_msgs/msg/CompressedImage",
-        header=make("std_msgs/msg/Header", stamp=time_message(make, STAMP_NS)),
-        format="jpeg",
-        data=make.sequence(content),
-    )
-    image = compressed_image(send(message), "head")
-    assert (image.camera, image.stamp_ns, image.content) == ("head", STAMP_NS, content.tobytes())
-
-
-def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    message = make(
-        "sensor_msgs/msg/CameraInfo",
-        width=640,
-        height=480,
-        distortion_model="plumb_bob",
-        d=make.sequence(np.array([0.1, -0.2, 0.001, 0.002, 0.03])),
-        k=np.array([500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0]),
-    )
-    model = camera_model(send(message), "head")
-    assert (model.name, model.fx, model.fy, model.cx, model.cy) == ("head", 500.0, 501.0, 320.0, 240.0)
-    np.testing.assert_allclose(model.distortion[:5], [0.1, -0.2, 0.001, 0.002, 0.03])
-
-
 @pytest.fixture
 def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
     segments = np.stack([random_covariance(rng) for _ in range(3)])
     known = BodyUncertainty(segments[0], random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2), segments)
     return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
-
-
-def test_joint_states(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    message = send(joint_state_message(make, STAMP_NS, ["knee", "hip"], np.array([0.5, 9.0]), np.array([1.0, -2.0])))
-    assert stamp_ns(message.header.stamp) == STAMP_NS
-    assert message.name == ["knee", "hip"]
-    assert (list(message.position), list(message.velocity), list(message.effort)) == ([0.5, 9.0], [1.0, -2.0], [])
-
-
-def test_odometry(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    message = send(odometry_message(make, body, "pelvis", np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
-    assert (message.header.frame_id, message.child_frame_id) == ("map", "pelvis")
-    np.testing.assert_allclose(
-        np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.uncertainty.root)
-    )
-    assert (message.twist.twist.angular.z, message.twist.twist.linear.x) == (3.0, 4.0)
-
-
-def assert_transform(message: Message, expected: NDArray[np.float64]) -> None:
-    np.testing.assert_allclose(rotation_from_message(message.rotation), expected[:3, :3], atol=1e-14)
-    translation = message.translation
-    np.testing.assert_allclose([translation.x, translation.y, translation.z], expected[:3, 3])
-
-
-def test_transforms(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    if make is not recorded_messages():
-        pytest.importorskip("tf2_msgs", reason="tf2_msgs has no wheel on PyPI")
-    message = send(transforms_message(make, STAMP_NS, [("map", "pelvis", body.world_T_segment[0])]))
-    (stamped,) = message.transforms
-    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "pelvis")
-    assert_transform(stamped.transform, body.world_T_segment[0])
 
 
 def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory, Send]) -> None:

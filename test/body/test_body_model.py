@@ -32,11 +32,11 @@ def stool(**changes: object) -> BodyModel:
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"segments": ("foot", "seat", "seat")}, "segment seat is listed twice"),
-        ({"joints": (Joint("post", "foot", "seat", "ball", np.eye(4)),) * 2}, "joint post is listed twice"),
-        ({"segments": ("foot", "seat", "back")}, "segments back do not hang on root foot"),
-        ({"mounts": {"cam": CameraMount("head", np.eye(4))}}, "camera cam: segment head is not among"),
-        ({"mounts": {"cam": CameraMount("seat", np.full((4, 4), np.nan))}}, "camera cam.*not finite"),
+        ({"segments": ("foot", "seat", "seat")}, "seat"),
+        ({"joints": (Joint("post", "foot", "seat", "ball", np.eye(4)),) * 2}, "post"),
+        ({"segments": ("foot", "seat", "back")}, "back.*foot"),
+        ({"mounts": {"cam": CameraMount("head", np.eye(4))}}, "cam.*head"),
+        ({"mounts": {"cam": CameraMount("seat", np.full((4, 4), np.nan))}}, "cam"),
     ],
 )
 def test_what_is_no_body_is_refused_by_name(changes: dict[str, object], complaint: str) -> None:

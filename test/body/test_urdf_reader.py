@@ -51,59 +51,54 @@ def test_a_body_with_everything_comes_back(body: BodyModel) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("old", "new", "named"),
     [
-        ("</robot>", "", "not XML"),
-        ('<robot name="rider">', "<robot>", "the robot has no name"),
-        ('type="continuous"', 'type="prismatic"', "between segments thigh and shin there are joints knee sliding"),
-        ('type="continuous"', "", "joint knee is of no type"),
-        ('<joint name="knee" ', "<joint ", "a joint has no name"),
-        ('<link name="crank">', '<link name="pelvis">', "link pelvis is listed twice"),
-        ('<link name="hip_y_link" />', "", "joint hip_y: link hip_y_link is missing"),
-        ('<parent link="thigh" />', "", "joint knee lacks its parent or child link"),
-        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 0.6 0.8" />', "joint hip_z: an angle of a ball turns"),
-        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 0.0 0.0" />', "joint hip_z: its axis has no direction"),
-        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 up nan" />', "joint hip_z: .*is not three numbers"),
-        ("parent: crank, child: foot", "parent: crank, child: leg", "joint pedal: child leg is not among"),
-        ("pedal: {", "pedal: [{", "<bodycam_loops>: .*not YAML"),
-        ('<joint name="waist_mount" type="fixed">', '<joint name="waist_mount" type="continuous">', "camera is fixed"),
+        ("</robot>", "", ""),
+        ('<robot name="rider">', "<robot>", "name"),
+        ('type="continuous"', 'type="prismatic"', "thigh.*shin.*knee"),
+        ('type="continuous"', "", "knee.*type"),
+        ('<joint name="knee" ', "<joint ", "joint.*name"),
+        ('<link name="crank">', '<link name="pelvis">', "pelvis"),
+        ('<link name="hip_y_link" />', "", "hip_y_link"),
+        ('<parent link="thigh" />', "", "knee"),
+        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 0.6 0.8" />', "hip_z"),
+        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 0.0 0.0" />', "hip_z"),
+        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0.0 up nan" />', "hip_z"),
+        ("parent: crank, child: foot", "parent: crank, child: leg", "pedal.*leg"),
+        ("pedal: {", "pedal: [{", "<bodycam_loops>"),
+        ('<joint name="waist_mount" type="fixed">', '<joint name="waist_mount" type="continuous">', ""),
     ],
 )  # fmt: skip
 def test_what_is_no_body_of_ours_is_named_with_its_file(
-    body: BodyModel, tmp_path: Path, old: str, new: str, complaint: str
+    body: BodyModel, tmp_path: Path, old: str, new: str, named: str
 ) -> None:
     text = urdf_text(body)
     assert old in text
     path = tmp_path / "rider.urdf"
     path.write_text(text.replace(old, new, 1))
-    with pytest.raises(BodyError, match=rf"rider\.urdf: .*{complaint}"):
+    with pytest.raises(BodyError, match=rf"(?s)rider\.urdf: .*{named}"):
         read_body(path)
 
 
+def tree(links: str, *joints: str) -> str:
+    """A document of links named by letters, and of joints "name type parent child"."""
+    listed = "".join(f'<link name="{link}"/>' for link in links)
+    for name, kind, parent, child in (joint.split() for joint in joints):
+        listed += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+    return f'<robot name="r">{listed}</robot>'
+
+
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "named"),
     [
-        ("", "not XML"),
-        ("<sdf/>", "begins with <robot>, not <sdf>"),
-        ('<robot name="r"/>', "one root link, this has none"),
-        (
-            '<robot name="r"><link name="a"/><link name="b"/><joint name="i" type="fixed"><parent link="a"/>'
-            '<child link="b"/></joint><joint name="j" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
-            "one root link, this has none",
-        ),
-        (
-            '<robot name="r"><link name="a"/><link name="b"/><joint name="i" type="fixed"><parent link="a"/>'
-            '<child link="b"/></joint><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint></robot>',
-            "link b hangs on two joints",
-        ),
-        (
-            '<robot name="r"><link name="a"/><link name="i_link"/><link name="b"/>'
-            '<joint name="i" type="continuous"><parent link="a"/><child link="i_link"/></joint>'
-            '<joint name="j" type="continuous"><parent link="i_link"/><child link="b"/></joint></robot>',
-            "between segments a and b there are joints i turning, j turning",
-        ),
+        ("", ""),
+        ("<sdf/>", "<sdf>"),
+        (tree(""), "root"),
+        (tree("ab", "i fixed a b", "j fixed b a"), "root"),
+        (tree("ab", "i fixed a b", "j fixed a b"), "link b"),
+        (tree("alb", "i continuous a l", "j continuous l b"), "i.*j"),
     ],
 )
-def test_other_documents_are_refused(text: str, complaint: str) -> None:
-    with pytest.raises(BodyError, match=complaint):
+def test_other_documents_are_refused(text: str, named: str) -> None:
+    with pytest.raises(BodyError, match=named):
         body_from_urdf(text)

@@ -53,9 +53,9 @@ def test_a_fifth_of_wrong_registrations_hardly_moves_the_joint() -> None:
 @pytest.mark.parametrize(
     ("child", "turns", "complaint"),
     [
-        ("shin_left", np.zeros((100, 3)), "joint knee_left was held still"),
-        ("head", np.zeros((100, 3)), "joint neck was held still"),
-        ("head", np.linspace(0, 1, 100)[:, None] * [0.0, 0.0, 1.0], "joint neck was turned about one axis only"),
+        ("shin_left", np.zeros((100, 3)), "knee_left"),
+        ("head", np.zeros((100, 3)), "neck"),
+        ("head", np.linspace(0, 1, 100)[:, None] * [0.0, 0.0, 1.0], "neck"),
     ],
 )
 def test_a_joint_that_was_not_exercised_is_named(child: str, turns: np.ndarray, complaint: str) -> None:

@@ -1,17 +1,13 @@
 """What became of the images of a recording: the best of all rounds, in the recording's own time."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from rolling_camera import START_NS, landmarks_ahead, map_of, rolling_pixels, swinging, track_frames, wide_camera
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_so3, transform_points
-from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.registration_record import RegistrationRecord
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.registration.rolling_shutter import steady_pixels
 
@@ -22,27 +18,6 @@ LEAST = 12
 
 def record_of(cameras: tuple[str, ...] = ("wide",)) -> RegistrationRecord:
     return RegistrationRecord(dict.fromkeys(cameras, CAMERA), GrowthSettings(), LEAST)
-
-
-def matches(
-    stamp_ns: int, camera: str = "wide", place: float = 0.0, sigma: float = 0.005, landmarks: int = 20, grown: int = 0
-) -> LandmarkMatches:
-    pose = np.eye(4)
-    pose[0, 3] = place
-    return LandmarkMatches(
-        camera=camera,
-        stamp_ns=stamp_ns,
-        previous_stamp_ns=0,
-        track_ids=np.arange(landmarks, dtype=np.uint32),
-        landmark_ids=np.arange(landmarks, dtype=np.uint32),
-        pixels=np.full((landmarks, 2), 300.0, np.float32),
-        points_world=np.zeros((landmarks, 3), np.float32),
-        world_T_camera=pose,
-        pose_covariance=np.eye(6) * sigma**2,
-        current_R_previous=np.eye(3),
-        rotation_inliers=0,
-        grown=grown,
-    )
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -74,19 +49,3 @@ def test_a_camera_with_rolling_rows_that_is_registered_backwards(given: bool) ->
         rolled_px = np.median(np.linalg.norm(shown[near] - at_once[near], axis=1))
         left_px = np.median(np.linalg.norm(steady - at_once[near], axis=1))
         assert left_px < max(0.5 * rolled_px, 0.4)
-
-
-def test_keyframes_are_apart_show_what_is_new_and_are_no_more_than_asked() -> None:
-    record, settings = record_of(("left", "right")), ExtensionSettings(keyframes=10)
-    for number in range(300):
-        record.add(matches(number, "left", place=0.05 * number), number, False)
-        record.add(matches(number, "right", place=0.0), number, False)
-    chosen = record.keyframes(replace(settings, keyframes=1000))
-    assert len(chosen["right"]) == 1
-    steps = np.diff([pose.world_T_camera[0, 3] for pose in chosen["left"]])
-    assert len(steps) > 80 and steps.min() > GrowthSettings().keyframe_step
-    few = record.keyframes(settings)
-    assert sum(map(len, few.values())) <= 10 and len(few["left"]) >= 9
-    unsure = record_of()
-    unsure.add(matches(0, sigma=0.1), 0, False)
-    assert unsure.keyframes(settings) == {"wide": []}

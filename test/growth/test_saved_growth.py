@@ -71,7 +71,7 @@ def test_a_map_that_has_grown_from_another_is_refused(tmp_path: Path) -> None:
     more = small_map()
     more.landmark_ids[-1] = 1000
     for other in (moved, more, growing(small_map(), 500)):
-        with pytest.raises(MapError, match=r"grown: this map has grown from another one than .*base; give the map"):
+        with pytest.raises(MapError, match="grown.*base"):
             load_growth(tmp_path / "grown", other, tmp_path / "base")
-    with pytest.raises(MapError, match="no map folder"):
+    with pytest.raises(MapError, match="nowhere"):
         load_growth(tmp_path / "nowhere", small_map(), tmp_path / "base")

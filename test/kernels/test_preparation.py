@@ -1,6 +1,5 @@
 """Kernels are compiled once, wherever that can be kept: real processes on an installation with two small kernels."""
 
-import ast
 import os
 import re
 import shutil
@@ -154,11 +153,3 @@ def test_a_full_disk_costs_time_and_nothing_else(installation: Path) -> None:
 def test_every_file_with_kernels_is_known() -> None:
     holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
     assert holding == set(KERNEL_FILES)
-
-
-def test_everything_that_is_compiled_into_kernels_is_known() -> None:
-    for file in KERNEL_FILES:
-        for node in ast.parse((PACKAGE / file).read_text()).body:  # not what is imported for types alone
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("bodycam_ros."):
-                source = str(node.module).removeprefix("bodycam_ros.").replace(".", "/") + ".py"
-                assert source in (*KERNEL_FILES, *CONSTANT_FILES), f"{file} imports {source}"

@@ -66,5 +66,5 @@ def test_a_model_that_colmap_never_ends_reading_is_an_error(model, monkeypatch):
     _, folder = model
     points = folder / "points3D.bin"
     points.write_bytes(b"\xff" * 8 + points.read_bytes()[8:])
-    with pytest.raises(MapError, match=r"sparse: not a readable COLMAP model .*\): COLMAP "):
+    with pytest.raises(MapError, match="sparse: "):
         colmap.read_model(folder)

@@ -30,11 +30,6 @@ def test_blobs_are_found_where_they_are_and_as_large_as_they_are(photograph):
         assert features.sigmas[nearest] == pytest.approx(sigma, rel=0.25)
 
 
-def test_descriptors_have_the_length_of_root_sift(photograph):
-    lengths = np.linalg.norm(extract_features(photograph, CAMERA, FeatureSettings()).descriptors.astype(float), axis=1)
-    assert lengths == pytest.approx(np.full(len(lengths), 512.0), rel=0.03)
-
-
 def test_what_cannot_be_used_comes_as_its_error_and_in_order(tmp_path, photograph):
     broken = tmp_path / "broken.jpg"
     broken.write_bytes(b"\xff\xd8\xff\xe0 not a whole picture")

@@ -58,15 +58,6 @@ def measured(pictures: Sequence[NDArray[np.uint8] | None], readout_s: tuple[floa
     return motion
 
 
-def test_the_path_is_by_how_much_the_camera_turned() -> None:
-    """There and back again is twice the way."""
-    pans = np.concatenate([np.arange(0.0, 30.0, 1.5), np.arange(30.0, 0.0, -1.5)])
-    motion = measured([view(pan) for pan in pans])
-    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pans)))])
-    assert motion.path_deg == pytest.approx(walked, abs=3.0)
-    assert np.all(np.diff(motion.path_deg) >= 0.0)
-
-
 def test_how_fast_the_camera_turns_is_known_where_rows_are_read_out_one_by_one() -> None:
     pictures = [view(1.5 * number, -0.5 * number) for number in range(6)]
     assert not measured(pictures).angular_velocity.any()

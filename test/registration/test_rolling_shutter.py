@@ -82,18 +82,3 @@ def test_jacobian_is_the_numeric_one() -> None:
         behind = problem.linearise(at.moved(-step), 100.0).residuals
         numeric = (ahead - behind) / 2e-5
         assert np.linalg.norm(jacobian[:, column] - numeric) < 0.05 * np.linalg.norm(numeric), column
-
-
-def test_information_predicts_the_scatter_with_a_twist_that_is_known_by_halves() -> None:
-    points, _ = scene(150)
-    random = np.random.default_rng(5)
-    settings = PoseFitSettings(pixel_sigma=0.5, inlier_px=20.0, iterations=15)
-    told, square = motion(READOUT_S, 0.0), []
-    for _ in range(100):
-        twist = TWIST + SIGMAS * random.standard_normal(6)
-        pixels, visible = rolling_pixels(CAMERA, points, constant_twist(POSE, twist), 0.0, READOUT_S)
-        noisy = pixels[visible] + 0.5 * random.standard_normal((int(visible.sum()), 2))
-        fit = fit_pose(CAMERA, points[visible], noisy, POSE, settings, told)
-        square.append(error(fit) @ fit.information @ error(fit))
-    # Chi-square with 6 degrees of freedom.
-    assert np.mean(square) == pytest.approx(6.0, rel=0.25)
