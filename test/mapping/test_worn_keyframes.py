@@ -1,25 +1,15 @@
 """Keyframes are chosen by how far each camera has moved, sharp, and of the same instant where that is asked for."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import pytest
+from unshown_progress import Unshown
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, keep_worn_keyframes
 
 BAG = Path(__file__).parents[2] / "bags/sample/bag"
-
-
-class Unshown:
-    """Progress that nobody sees."""
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        yield lambda units=1: None
 
 
 def test_pictures_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:

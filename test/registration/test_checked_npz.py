@@ -37,15 +37,6 @@ def write(file: Path, places: bytes) -> None:
         archive.writestr("names.npy", npy(NAMES))
 
 
-def test_arrays_are_read_as_they_were_written(file: Path) -> None:
-    for places in (PLACES, np.asfortranarray(PLACES), PLACES.astype(">f8")):
-        write(file, npy(places))
-        arrays = read_arrays(file, DTYPES)
-        np.testing.assert_array_equal(arrays["places"], PLACES)
-        assert arrays["places"].dtype == np.float64
-        assert arrays["names"].tolist() == NAMES.tolist()
-
-
 def test_no_bit_can_flip_unnoticed(file: Path) -> None:
     content = file.read_bytes()
     wrong = 0

@@ -47,31 +47,7 @@ def rewrite(folder: Path, **changed: object) -> None:
     )
 
 
-@pytest.fixture
-def of_several(photographs: MapPhotographs) -> MapPhotographs:
-    """By three cameras of three kinds and sizes."""
-    k = [50.0, 0, 30.2, 0, 51.0, 21.7, 0, 0, 1]
-    picture = cv2.blur(np.random.default_rng(2).integers(0, 256, (44, 60)).astype(np.uint8), (5, 5))
-    return replace(
-        photographs,
-        jpegs=(*photographs.jpegs[:2], jpeg_of(picture)),
-        cameras=(
-            camera_from_info("worn", 60, 44, "equidistant", [0.01, 0.0, 0.0, 0.0], k),
-            camera_from_info("worn", 96, 64, "fov", [0.9], k),
-            *photographs.cameras,
-        ),
-        camera_of_view=np.array([2, 1, 0], np.uint16),
-    )
-
-
-@pytest.fixture(params=["photographs", "of_several"])
-def any_photographs(request: pytest.FixtureRequest) -> MapPhotographs:
-    loaded: MapPhotographs = request.getfixturevalue(request.param)
-    return loaded
-
-
-def test_what_is_saved_is_loaded(tmp_path: Path, any_photographs: MapPhotographs) -> None:
-    photographs = any_photographs
+def test_what_is_saved_is_loaded(tmp_path: Path, photographs: MapPhotographs) -> None:
     photographs.save(tmp_path)
     loaded = MapPhotographs.load(tmp_path, POSES, LANDMARKS)
     assert loaded is not None and loaded.jpegs == photographs.jpegs

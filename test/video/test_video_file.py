@@ -13,8 +13,6 @@ from bodycam_ros.video.video_decoder import VideoDecoder
 from bodycam_ros.video.video_file import TimedPacket, frames, packets, read_facts
 from bodycam_ros.video.video_frame import grey_pixels
 
-NTSC = 60_000 / 1001
-
 
 def decoded(source: list[TimedPacket]) -> list[tuple[float, np.ndarray]]:
     """Media time and picture of packets, as whoever reads a bag decodes them."""
@@ -37,15 +35,6 @@ def test_packets_decode_to_the_frames_of_the_file(tmp_path: Path, codec: str) ->
         np.testing.assert_array_equal(grey, grey_pixels(frame))
         assert number_in(grey) == number
         assert np.abs(grey.astype(int) - picture(number)).mean() < 5.0
-
-
-def test_the_frames_own_times_count(tmp_path: Path) -> None:
-    uneven = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.09, 40))
-    uneven -= uneven[0]
-    path = make_video(tmp_path / "head.mp4", times_s=uneven)
-    np.testing.assert_allclose([p.media_s for p in packets(path)], uneven, atol=2e-5)
-    fast = make_video(tmp_path / "fast.mp4", frames=120, rate_hz=NTSC)
-    np.testing.assert_allclose([p.media_s for p in packets(fast)], np.arange(120) / NTSC, atol=2e-5)
 
 
 @pytest.mark.parametrize("codec", ["libx264", "libx265"])

@@ -2,8 +2,9 @@ import base64
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
-from known_calibration import calibrated_body, worrying_diagnosis
+from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosis
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
@@ -74,3 +75,11 @@ def test_names_are_taken_as_text(body: BodyModel, diagnosis: CalibrationDiagnosi
     assert "script" not in page.tags
     assert nasty in [row[0] for row in page.rows]
     assert f"{nasty}: look" in page.text and f"Body {nasty}" in page.text
+
+
+def test_unknown_figures_and_a_body_without_cameras_are_drawn(body: BodyModel) -> None:
+    unknown = np.full(3, np.nan)
+    joint = good_diagnosis(body).joints[0]
+    joint = replace(joint, refined_residual_m=np.nan, sigma_m=unknown, singular_values=unknown)
+    strange = CalibrationDiagnosis((joint,), (), (), None, (0.0, 1.0), 0.0, 10.0, None)
+    assert joint.name in [row[0] for row in Page(html_report(replace(body, mounts={}), strange)).rows]
