@@ -92,7 +92,7 @@ def tree(links: Iterable[str], *joints: str) -> str:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", ""),
+        ("", "XML"),
         ("<sdf/>", "<sdf>"),
         (tree(""), "root"),
         (tree("ab", "i fixed a b", "j fixed b a"), "root"),

@@ -21,12 +21,12 @@ def test_a_rig_is_read_and_what_carries_no_camera_is_left_out(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("cameras: {}\nsegments: {pelvis: null}", ""),
+        ("cameras: {}\nsegments: {pelvis: null}", "camera"),
         ("cameras: {a: arm}\nsegments: {pelvis: null}", "arm"),
         ("cameras: {a: x}\nsegments: {r: null, x: y, y: x}", "x|y"),
         ("cameras: {a: pelvis, b: head}\nsegments: {pelvis: null, torso: pelvis, head: torso}", "torso"),
         ("cameras: {a: pelvis}", "segments"),
-        ("cameras: {a: pelvis", ""),
+        ("cameras: {a: pelvis", "YAML"),
     ],
 )
 def test_what_is_wrong_is_said_with_the_files_name(tmp_path: Path, text: str, complaint: str) -> None:

@@ -28,8 +28,8 @@ def test_the_upward_axis_turns_to_z(tmp_path, placement, up):
     [
         ({"family": None}, "family"),
         ({"family": "49h3"}, "49h3"),
-        ({"corners_in_board": {0: [[0, 0, 0]]}}, ""),
-        ({"corners_in_board": {0: [[float("nan"), 0, 0]] * 4}}, ""),
+        ({"corners_in_board": {0: [[0, 0, 0]]}}, "b.yaml"),
+        ({"corners_in_board": {0: [[float("nan"), 0, 0]] * 4}}, "b.yaml"),
         ({"corners_in_board": {0: [[1e300, 0.1, 0], *CORNERS[0][1:]]}}, "tag 0"),
         ({"corners_in_board": {0: [[0.1, 0.1, 0], [-0.1, 0.1, 0], *CORNERS[0][2:]]}}, "tag 0"),
         ({"corners_in_board": {"left": CORNERS[0]}}, "b.yaml"),

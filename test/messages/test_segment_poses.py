@@ -73,7 +73,7 @@ def changed(row: int, column: int, value: float) -> Callable[[Message], Any]:
 @pytest.mark.parametrize(
     ("field", "change", "named"),
     [
-        ("station", lambda m: "", ""),
+        ("station", lambda m: "", "station"),
         ("segments", lambda m: m.segments[:2], "poses"),
         ("segments", lambda m: ["pelvis", "pelvis", "head"], "pelvis"),
         ("poses", lambda m: [*m.poses[:2], with_nan_position(recorded_messages())], "foot_right"),

@@ -28,6 +28,14 @@ def test_the_filter_is_the_weighted_mean_of_what_images_say() -> None:
     assert abs(filtered.seconds - 0.012) < 3.0 * filtered.sigma
 
 
+def test_a_camera_that_hardly_moved_takes_the_others_readout_time() -> None:
+    sure = {"a": Readout(0.01195, 0.0002), "b": Readout(0.0121, 0.0003), "c": Readout(0.0120, 0.0002)}
+    found = pool(**sure, waist=Readout(0.0140, 0.0014), still=Readout(0.0, 0.015))
+    for camera in ("waist", "still"):
+        assert found[camera].seconds == pytest.approx(0.012, abs=2e-4)
+        assert 1e-4 < found[camera].sigma < 3e-4
+
+
 def test_one_of_another_make_keeps_its_own() -> None:
     other = Readout(0.0, 0.0003)
     found = pool(a=Readout(0.012, 0.0002), b=Readout(0.0121, 0.0003), c=Readout(0.0118, 0.0002), other=other)
