@@ -1,3 +1,5 @@
+import io
+
 import numpy as np
 import pytest
 from known_calibration import (
@@ -8,9 +10,11 @@ from known_calibration import (
     good_diagnosis,
     worrying_diagnosis,
 )
+from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables
+from bodycam_ros.calibration.report.terminal_report import print_report
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +61,11 @@ def test_rows_that_a_warning_speaks_of_are_flagged_and_no_others(diagnosis: Cali
     (index,) = found["bones"].flagged
     assert diagnosis.bones[index].segment == SHORT_THIGH
     assert not any(table.flagged for table in report_tables(good_diagnosis(calibrated_body())))
+
+
+def test_the_terminal_shows_every_joint_camera_and_warning(diagnosis: CalibrationDiagnosis) -> None:
+    console = Console(file=io.StringIO(), width=200)
+    print_report(diagnosis, console)
+    text = " ".join(console.file.getvalue().split())
+    names = [joint.name for joint in diagnosis.joints] + [camera.camera for camera in diagnosis.cameras]
+    assert all(shown in text for shown in (*names, *diagnosis.warnings))
