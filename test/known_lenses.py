@@ -11,7 +11,6 @@ from bodycam_ros.lens.board_sight import BoardSight
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11
 
 CHARUCO = BoardLayout("charuco", 8, 5, (0.033, 0.033), (0.02475, 0.02475), _TAGS)
-CHECKERBOARD = BoardLayout("checkerboard", 10, 7, (0.025, 0.025))
 
 LENSES = {
     "fov": camera_from_info("f", 640, 480, "fov", [0.95], [300, 0, 324, 0, 300, 236, 0, 0, 1]),

@@ -2,45 +2,28 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from held_ride import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
-from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.messages.body import (
-    joint_rotations_message,
-    joint_state_message,
-    odometry_message,
-    skeleton_message,
-    transforms_message,
-)
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import stamp_ns, time_message
-from bodycam_ros.messages.images import camera_model, compressed_image, raw_image
+from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.pose import body_covariance, ros_covariance, rotation_from_message
-from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message, text_message
+from bodycam_ros.messages.pose import body_covariance, ros_covariance
 from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
-from bodycam_ros.messages.tracks import (
-    camera_pose_message,
-    landmark_matches,
-    landmarks_message,
-    track_frame,
-    tracks_message,
-)
+from bodycam_ros.messages.tracks import landmark_matches, landmarks_message, track_frame, tracks_message
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_state import BodyState
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 STAMP_NS = 1_700_000_000_123_456_789
 
@@ -142,20 +125,6 @@ def test_tracks_survive_the_wire(
     assert_same(track_frame(message, "head"), sent)
 
 
-def test_tracks_keep_the_landmarks_that_they_were_found_by(
-    library: tuple[MessageFactory, Send], rng: np.random.Generator
-) -> None:
-    make, send = library
-    landmark_ids = rng.integers(0, 2**31, 40, dtype=np.uint32)
-    landmark_ids[7:11] = NO_LANDMARK
-    sent = replace(random_tracks(rng, 40, 5), landmark_ids=landmark_ids)
-    message = send(tracks_message(make, sent))
-    assert_same(track_frame(message, "head"), sent)
-    message.landmark_ids = message.landmark_ids[:-1]
-    with pytest.raises(ValueError):
-        track_frame(message, "head")
-
-
 @pytest.mark.parametrize(("count", "registered"), [(120, True), (5, False), (0, False)])
 def test_landmarks_survive_the_wire(
     library: tuple[MessageFactory, Send], rng: np.random.Generator, count: int, registered: bool
@@ -179,15 +148,8 @@ def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send]
 @pytest.mark.parametrize("readout", [Readout(0.5, 0.0), Readout(math.inf, 0.0), Readout(0.01, -1.0)])
 def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
     make = recorded_messages()
-    with pytest.raises(ValueError, match="a read-out time of .* expected at most 0.1 s"):
+    with pytest.raises(ValueError, match="0.1 s"):
         camera_timing(timing_message(make, "head", SaidTiming(STAMP_NS, "given", readout)))
-
-
-def test_arrays_that_are_no_contiguous_rows_are_written_row_by_row(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    tracks = random_tracks(np.random.default_rng(0), 6, 0)
-    column_major = TrackFrame(**(vars(tracks) | {"pixels": np.asfortranarray(tracks.pixels)}))
-    assert_same(track_frame(send(tracks_message(make, column_major)), "head"), tracks)
 
 
 def test_lengths_that_disagree_are_refused(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
@@ -196,17 +158,6 @@ def test_lengths_that_disagree_are_refused(library: tuple[MessageFactory, Send],
     message.pixels = message.pixels[:-1]
     with pytest.raises(ValueError):
         track_frame(message, "head")
-
-
-def test_stamp_to_the_nanosecond(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    assert stamp_ns(send(time_message(make, STAMP_NS))) == STAMP_NS
-
-
-def test_unset_rotation_is_the_identity() -> None:
-    np.testing.assert_array_equal(rotation_from_message(recorded_messages()("geometry_msgs/msg/Quaternion")), np.eye(3))
-    zero = recorded_messages()("geometry_msgs/msg/Quaternion", w=0.0)
-    np.testing.assert_array_equal(rotation_from_message(zero), np.eye(3))
 
 
 def test_covariance_is_that_of_positions_and_fixed_axis_rotations(rng: np.random.Generator) -> None:
@@ -222,116 +173,12 @@ def test_covariance_is_that_of_positions_and_fixed_axis_rotations(rng: np.random
     np.testing.assert_allclose(back, covariance, rtol=1e-12, atol=1e-20)
 
 
-def test_camera_pose_carries_ros_covariance(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
-    make, send = library
-    matches = random_matches(rng, 4, registered=True)
-    assert matches.world_T_camera is not None
-    message = send(camera_pose_message(make, matches))
-    assert message.header.frame_id == "map"
-    position = message.pose.pose.position
-    np.testing.assert_allclose([position.x, position.y, position.z], matches.world_T_camera[:3, 3])
-    sent = np.reshape(message.pose.covariance, (6, 6))
-    np.testing.assert_allclose(sent, ros_covariance(matches.world_T_camera, matches.pose_covariance))
-    assert camera_pose_message(make, random_matches(rng, 4, registered=False)) is None
-
-
-def test_compressed_image_keeps_its_bytes(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    content = np.arange(256, dtype=np.uint8)
-    message = make(
-        "sensor_msgs/msg/CompressedImage",
-        header=make("std_msgs/msg/Header", stamp=time_message(make, STAMP_NS)),
-        format="jpeg",
-        data=make.sequence(content),
-    )
-    image = compressed_image(send(message), "head")
-    assert (image.camera, image.stamp_ns, image.content) == ("head", STAMP_NS, content.tobytes())
-
-
-def test_raw_image_keeps_its_colours(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:
-    make, send = library
-    bgr = rng.integers(0, 256, (12, 20, 3), dtype=np.uint8)
-    grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
-    for encoding, pixels in (("mono8", grey), ("bgr8", bgr), ("rgb8", bgr[..., ::-1])):
-        data = make.sequence(np.ascontiguousarray(pixels).reshape(-1))
-        step = pixels.nbytes // 12
-        image = make("sensor_msgs/msg/Image", height=12, width=20, encoding=encoding, step=step, data=data)
-        received = raw_image(send(image), "head")
-        np.testing.assert_array_equal(decode_grey(received), grey)
-        np.testing.assert_array_equal(decode_colour(received), np.dstack([grey] * 3) if encoding == "mono8" else bgr)
-
-
-def test_camera_info_becomes_a_model(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    message = make(
-        "sensor_msgs/msg/CameraInfo",
-        width=640,
-        height=480,
-        distortion_model="plumb_bob",
-        d=make.sequence(np.array([0.1, -0.2, 0.001, 0.002, 0.03])),
-        k=np.array([500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0]),
-    )
-    model = camera_model(send(message), "head")
-    assert (model.name, model.fx, model.fy, model.cx, model.cy) == ("head", 500.0, 501.0, 320.0, 240.0)
-    np.testing.assert_allclose(model.distortion[:5], [0.1, -0.2, 0.001, 0.002, 0.03])
-
-
 @pytest.fixture
 def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
     segments = np.stack([random_covariance(rng) for _ in range(3)])
     known = BodyUncertainty(segments[0], random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2), segments)
     return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
-
-
-def test_joint_states(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    message = send(joint_state_message(make, STAMP_NS, ["knee", "hip"], np.array([0.5, 9.0]), np.array([1.0, -2.0])))
-    assert stamp_ns(message.header.stamp) == STAMP_NS
-    assert message.name == ["knee", "hip"]
-    assert (list(message.position), list(message.velocity), list(message.effort)) == ([0.5, 9.0], [1.0, -2.0], [])
-
-
-def test_odometry(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    message = send(odometry_message(make, body, "pelvis", np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])))
-    assert (message.header.frame_id, message.child_frame_id) == ("map", "pelvis")
-    np.testing.assert_allclose(
-        np.reshape(message.pose.covariance, (6, 6)), ros_covariance(body.world_T_segment[0], body.uncertainty.root)
-    )
-    assert (message.twist.twist.angular.z, message.twist.twist.linear.x) == (3.0, 4.0)
-
-
-def assert_transform(message: Message, expected: NDArray[np.float64]) -> None:
-    np.testing.assert_allclose(rotation_from_message(message.rotation), expected[:3, :3], atol=1e-14)
-    translation = message.translation
-    np.testing.assert_allclose([translation.x, translation.y, translation.z], expected[:3, 3])
-
-
-def test_joint_rotations(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    message = send(joint_rotations_message(make, STAMP_NS, ["waist", "neck"], body.world_T_segment[1:]))
-    assert message.joint_names == ["waist", "neck"]
-    assert_transform(message.transforms[1], body.world_T_segment[2])
-
-
-def test_transforms(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    if make is not recorded_messages():
-        pytest.importorskip("tf2_msgs", reason="tf2_msgs has no wheel on PyPI")
-    message = send(transforms_message(make, STAMP_NS, [("map", "pelvis", body.world_T_segment[0])]))
-    (stamped,) = message.transforms
-    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "pelvis")
-    assert_transform(stamped.transform, body.world_T_segment[0])
-
-
-def test_skeleton_draws_each_bone_and_joint(library: tuple[MessageFactory, Send], body: BodyState) -> None:
-    make, send = library
-    bones, balls = send(skeleton_message(make, body, [(0, 1), (1, 2)])).markers
-    assert (len(bones.points), len(balls.points)) == (4, 3)
-    assert (bones.id, balls.id) == (0, 1)
-    np.testing.assert_allclose([bones.points[3].x, bones.points[3].z], body.world_T_segment[2, [0, 2], 3])
-    assert (balls.pose.orientation.w, balls.color.a) == (1.0, 1.0)
 
 
 def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory, Send]) -> None:
@@ -346,19 +193,6 @@ def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory,
     assert (message.width, message.height, message.row_step) == (2, 1, 32)
 
 
-def test_diagnostics_and_text(library: tuple[MessageFactory, Send]) -> None:
-    make, send = library
-    parts = [
-        Health("tracker: head", HealthLevel.WARN, "few tracks", {"tracks": 7}),
-        Health("solver", HealthLevel.OK, ""),
-    ]
-    warned, well = send(diagnostics_message(make, STAMP_NS, parts)).status
-    assert [int.from_bytes(s.level) if isinstance(s.level, bytes) else s.level for s in (warned, well)] == [1, 0]
-    assert (warned.name, warned.message) == ("tracker: head", "few tracks")
-    assert (warned.values[0].key, warned.values[0].value) == ("tracks", "7")
-    assert send(text_message(make, "<robot/>")).data == "<robot/>"
-
-
 def test_equipment_survives_the_wire(library: tuple[MessageFactory, Send]) -> None:
     make, send = library
     for said in (report(0), report(30)):
@@ -369,8 +203,3 @@ def test_equipment_survives_the_wire(library: tuple[MessageFactory, Send]) -> No
             np.testing.assert_array_equal(getattr(heard, field.name), getattr(said, field.name))
     with pytest.raises(ValueError):
         equipment_report(make("bodycam_msgs/msg/EquipmentState", attachments=["pedal"]))
-
-
-def test_unknown_fields_are_refused() -> None:
-    with pytest.raises(TypeError):
-        recorded_messages()("std_msgs/msg/String", text="data is its name")

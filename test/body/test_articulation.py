@@ -4,7 +4,7 @@ import numpy as np
 from range_of_motion import known_body, range_of_motion
 
 from bodycam_ros.body.articulation import ArticulatedMotion, articulated
-from bodycam_ros.geometry import exp_so3, inverse, log_se3, rigid
+from bodycam_ros.geometry import inverse, log_se3
 
 
 def some_motion() -> ArticulatedMotion:
@@ -52,32 +52,3 @@ def test_jacobians_are_numeric_ones() -> None:
             unit = no_lasting.copy()
             unit[column] = step
             np.testing.assert_allclose(J_lasting[..., column], slope(no_moving, unit), atol=1e-7)
-
-
-def test_other_axes_and_another_origin_leave_the_cameras_where_they_are() -> None:
-    motion = some_motion()
-    random = np.random.default_rng(1)
-    turned = motion.with_segment_axes(exp_so3(random.normal(size=(len(motion.body.segments), 3))))
-    np.testing.assert_allclose(turned.world_T_camera(), motion.world_T_camera(), atol=1e-12)
-
-
-def test_the_zero_is_the_average_of_the_rest() -> None:
-    motion = some_motion()
-    resting = np.arange(len(motion.rotations)) < 3
-    world_R_rest = exp_so3(np.array([0.0, 0.0, 0.7]))
-    zeroed = motion.with_zero_at(resting, world_R_rest)
-    np.testing.assert_allclose(zeroed.rotations[0], np.broadcast_to(world_R_rest, zeroed.rotations[0].shape), atol=1e-9)
-    np.testing.assert_allclose(rigid(np.eye(3), zeroed.offsets), rigid(np.eye(3), motion.offsets), atol=1e-9)
-
-
-def test_a_camera_whose_clock_is_ahead_shows_where_it_was_before() -> None:
-    motion = some_motion()
-    delays = np.zeros(len(motion.cameras))
-    delays[2] = 0.004
-    late = motion.moved(
-        np.zeros((len(motion.rotations), motion.moving_count)),
-        np.concatenate([np.zeros(motion.delay_columns.start), delays]),
-    )
-    steps = log_se3(inverse(motion.world_T_camera()) @ late.world_T_camera())
-    np.testing.assert_allclose(steps[:, 2], -0.004 * motion.twists[:, 2], atol=1e-12)
-    assert np.abs(np.delete(steps, 2, axis=1)).max() < 1e-12

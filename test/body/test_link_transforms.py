@@ -1,9 +1,6 @@
 """The frames of a URDF's links: Pinocchio finds them in the same places."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from stock_consumer import StockConsumer
 
 from bodycam_ros.body.body_model import BodyModel
@@ -37,15 +34,3 @@ def test_links_are_where_pinocchio_has_them(body: BodyModel) -> None:
     assert root_T_link.keys() == expected.keys()
     for link, pose in expected.items():
         np.testing.assert_allclose(root_T_link[link], pose, atol=1e-9)
-
-
-def test_a_joint_without_an_angle_is_refused(body: BodyModel) -> None:
-    names = JointAngles(body).names
-    with pytest.raises(KeyError, match=names[-1]):
-        LinkTransforms(urdf_text(body)).moving(names[:-1], np.zeros(len(names) - 1))
-
-
-def test_what_stands_alone_has_no_links(body: BodyModel) -> None:
-    alone = replace(body, segments=(body.root,), joints=(), mounts={})
-    links = LinkTransforms(urdf_text(alone))
-    assert links.fixed == () and links.moving([], np.zeros(0)) == []

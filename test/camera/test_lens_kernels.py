@@ -7,13 +7,9 @@ import pytest
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import (
-    in_image,
     lens_parameters,
-    project_point,
-    project_point_with_jacobian,
     project_points,
     project_points_with_jacobian,
-    unproject_pixel,
     unproject_pixels,
 )
 
@@ -78,22 +74,3 @@ def test_arrays_are_those_of_the_model(lens: CameraModel, cone: Cone) -> None:
 
 def test_odd_lenses_are_those_of_the_model(odd_lens: CameraModel, cone: Cone) -> None:
     compare(odd_lens, cone)
-
-
-def test_one_point_is_a_row_of_the_arrays(lens: CameraModel) -> None:
-    parameters = lens_parameters(lens)
-    for point in np.array([[0.3, -0.2, 1.1], [0.0, 0.0, -1.0]]):
-        pixels, jacobian, valid = lens.project_with_jacobian_in_numpy(point)
-        u, v, seen = project_point(parameters, *point)
-        assert ([u, v], seen) == (pytest.approx(pixels[0], nan_ok=True), valid[0])
-        u, v, seen, *derivatives = project_point_with_jacobian(parameters, *point)
-        assert ([u, v], seen) == (pytest.approx(pixels[0], nan_ok=True), valid[0])
-        assert derivatives == pytest.approx(jacobian[0].ravel(), nan_ok=True)
-    bearing, seen = lens.unproject_in_numpy([[100.0, 50.0]])
-    assert unproject_pixel(parameters, 100.0, 50.0) == (*map(pytest.approx, bearing[0]), seen[0])
-    for u, v in [(-0.5, 0.0), (-0.6, 0.0), (0.0, 479.5), (0.0, 479.6), (639.6, 0.0), (np.nan, 0.0)]:
-        assert in_image(parameters, u, v) == lens.in_image([[u, v]])[0]
-
-
-def test_parameters_are_made_once(lens: CameraModel) -> None:
-    assert lens_parameters(lens) is lens_parameters(lens)

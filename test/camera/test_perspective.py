@@ -45,37 +45,6 @@ def test_unproject_is_opencvs_and_colmaps(make: Make, model: str, d: list[float]
     np.testing.assert_allclose(plane, _colmap(camera).cam_from_img(pixels + 0.5), atol=1e-6 / f)
 
 
-@pytest.mark.parametrize(
-    ("model", "d", "largest_radius"),
-    [
-        ("plumb_bob", [-0.3, 0, 0, 0, 0], np.sqrt(1 / 0.9)),  # 1 - 3 * 0.3 r^2 = 0
-        ("plumb_bob", [0, 0, 0, 0, -0.01], (1 / 0.07) ** (1 / 6)),  # 1 - 7 * 0.01 r^6 = 0
-        ("plumb_bob", [0, 0, 0.01, 0, 0], 1 / 0.06),  # 1 - 6 * 0.01 r = 0 straight up
-        ("rational_polynomial", [0, 0, 0, 0, 0, -0.5, 0, 0], np.sqrt(2)),  # the pole of 1 / (1 - 0.5 r^2)
-        ("rational_polynomial", [0, 0, 0, 0, 0, 0.5, 0, 0], np.sqrt(2)),  # the maximum of r / (1 + 0.5 r^2)
-    ],
-)
-def test_cone_ends_where_the_distortion_folds(make: Make, model: str, d: list[float], largest_radius: float) -> None:
-    camera = make(model, d, 400.0)
-    assert np.tan(camera.max_angle) == pytest.approx(largest_radius, rel=1e-7)
-    _, valid = camera.project(np.array([[0, -0.9999 * largest_radius, 1], [0, -1.001 * largest_radius, 1]]))
-    np.testing.assert_array_equal(valid, [True, False])
-
-
-def test_without_distortion_all_in_front_is_valid(make: Make) -> None:
-    assert make("plumb_bob", [], 400.0).max_angle == pytest.approx(np.pi / 2, abs=2e-6)
-
-
-def test_pixels_that_no_point_has_are_invalid(make: Make) -> None:
-    camera = make("plumb_bob", [-0.3, 0, 0, 0, 0], 300.0)  # the widest ray is 0.7027 focal lengths from the centre
-    edge = np.sqrt(1 / 0.9) * 2 / 3
-    offsets = np.array([0.0, 0.5 * edge, (1 - 1e-9) * edge, (1 + 1e-6) * edge, 2 * edge])
-    bearings, valid = camera.unproject([camera.cx, camera.cy] + np.outer(offsets, [camera.fx, 0]))
-    np.testing.assert_array_equal(valid, [True, True, True, False, False])
-    assert bearings[2, 0] / bearings[2, 2] == pytest.approx(np.sqrt(1 / 0.9), rel=1e-4)
-    assert np.isnan(bearings[3:]).all()
-
-
 def _matrix(camera: CameraModel) -> np.ndarray:
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
 

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from known_keyframes import LANDMARKS, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -68,56 +67,3 @@ def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     live.begin()
     assert live.see(unknown_tracks(7, first=7)).world_T_camera is None, "what is forgotten registers nobody"
     assert (live.growth.landmarks, live.growth.keyframes) == (0, 0)
-
-
-def test_keyframes_wait_for_their_turn_and_the_newest_of_a_camera_counts() -> None:
-    live = Live()
-    for number in range(3):
-        live.see(all_tracks(number))
-    assert live.growth.keyframes == 0, "nothing grows before who waits has been registered"
-    assert live.growth.left_out == 2
-    live.work()
-    assert live.growth.keyframes == 1
-    live.see(all_tracks(3))
-    live.growth.forget()
-    live.work()
-    assert live.growth.keyframes == 0, "what waited was of the time before"
-
-
-def test_a_camera_that_sees_unknown_things_is_asked_for_keyframes_once() -> None:
-    live = Live(covered=1.0)
-
-    def plain(number: int, late_ns: int = 0) -> TrackFrame:
-        frame = replace(all_tracks(number), keyframe=False)
-        return replace(frame, stamp_ns=frame.stamp_ns + late_ns)
-
-    live.see(plain(0))
-    assert live.asked == [CAMERA.name]
-    live.see(plain(0, late_ns=33_000_000))
-    assert live.asked == [CAMERA.name], "the tracker takes some images to answer"
-    live.see(plain(1))
-    assert live.asked == [CAMERA.name] * 2, "a request may get lost"
-    live.see(all_tracks(2))
-    live.see(plain(2, late_ns=33_000_000))
-    assert len(live.asked) == 2, "it has not moved since its keyframe"
-    live.see(plain(3))
-    assert len(live.asked) == 3
-    live.begin()
-    live.see(plain(3))
-    assert len(live.asked) == 4, "a tracker that begins anew was not asked yet"
-
-
-@pytest.mark.parametrize("starts_on", [True, False])
-def test_growth_that_is_off_asks_nothing_and_changes_nothing(starts_on: bool) -> None:
-    live = Live(enabled=starts_on)
-    live.growth.is_on = False
-    for number in range(4):
-        live.see(all_tracks(number))
-        live.work()
-    assert (live.growth.landmarks, live.growth.changes, live.asked, live.tasks) == (0, 0, [], [])
-    live.growth.is_on = True
-    for number in range(4, 8):
-        live.see(all_tracks(number))
-        live.work()
-    assert live.growth.landmarks > 50 and live.growth.changes > 0
-    assert len(live.growth.map.settled().landmark_ids) == LANDMARKS + live.growth.landmarks

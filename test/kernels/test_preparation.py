@@ -1,10 +1,8 @@
 """Kernels are compiled once, wherever that can be kept: real processes on an installation with two small kernels."""
 
-import ast
 import os
 import re
 import shutil
-import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -35,8 +33,6 @@ prepare_kernels()
 from bodycam_ros.outer import outer
 print(outer(3.0), "compiled" if outer.stats.cache_misses or not outer.stats.cache_hits else "loaded")
 """
-WITHOUT_PRIVILEGES = ["setpriv", "--inh-caps=-all", "--bounding-set=-all"]
-"""Runs a program as a root that file permissions hold for."""
 
 
 @pytest.fixture
@@ -122,23 +118,11 @@ def test_the_first_run_says_that_it_compiles_and_the_next_loads(first_run: tuple
     assert run(installation) == ("8.0 loaded", "")
 
 
-def test_a_kernel_that_another_calls_is_no_longer_as_it_was(compiled: Path) -> None:
-    before = kept(compiled)
-    (compiled / "inner.py").write_text(INNER.replace("1.0", "2.0"))
-    out, said = run(compiled)
-    assert before and out.startswith("10.0") and "compiling" in said
-    assert not any(file.exists() for file in before)
-
-
-@pytest.mark.parametrize("harm", ["cut", "scribbled"])
-def test_what_is_damaged_is_compiled_again(compiled: Path, harm: str) -> None:
+def test_what_is_damaged_is_compiled_again(compiled: Path) -> None:
     file = kept(compiled)[0]
-    content = file.read_bytes()
-    file.write_bytes(content[:100] if harm == "cut" else bytes(len(content)))
+    file.write_bytes(file.read_bytes()[:100])
     out, said = run(compiled)
-    assert out.startswith("8.0")
-    assert ("compiling" in said) == (harm == "cut")  # the size alone is looked at beforehand
-    run(compiled)
+    assert out.startswith("8.0") and "compiling" in said
     assert run(compiled) == ("8.0 loaded", "")
 
 
@@ -157,24 +141,6 @@ def test_a_read_only_installation_keeps_them_with_the_user(installation: Path) -
     assert run(installation) == ("8.0 loaded", "")
 
 
-def test_without_a_home_they_are_kept_among_the_users_temporary_files(installation: Path) -> None:
-    forbid(installation / "__pycache__")
-    assert "compiling" in run(installation, HOME="/dev/null")[1]
-    assert run(installation, HOME="/dev/null") == ("8.0 loaded", "")
-    (folder,) = (installation.parent.parent / "tmp").iterdir()
-    assert kept(folder) and stat.S_IMODE(folder.stat().st_mode) == 0o700
-
-
-def test_without_any_place_they_are_compiled_in_memory_and_that_is_said(installation: Path) -> None:
-    forbid(installation / "__pycache__")
-    others = installation.parent.parent / "tmp" / f"bodycam_ros-{os.getuid()}"
-    others.mkdir(parents=True)
-    others.chmod(0o777)  # anybody could put code here
-    out, said = run(installation, HOME="/dev/null")
-    assert out == "8.0 compiled"
-    assert "there is no folder to keep them in; set NUMBA_CACHE_DIR" in said and said.count("\n") == 1
-
-
 def test_a_full_disk_costs_time_and_nothing_else(installation: Path) -> None:
     if shutil.which("prlimit") is None:
         pytest.skip("there is no prlimit here")
@@ -184,36 +150,6 @@ def test_a_full_disk_costs_time_and_nothing_else(installation: Path) -> None:
     assert run(installation) == ("8.0 loaded", "")
 
 
-def test_numbas_own_folder_comes_first(installation: Path, tmp_path: Path) -> None:
-    out, _ = run(installation, NUMBA_CACHE_DIR=str(tmp_path / "numba"))
-    assert out == "8.0 compiled" and kept(tmp_path / "numba") and not (installation / "__pycache__").exists()
-
-
-def test_a_read_only_installation_that_came_with_them_is_enough(compiled: Path) -> None:
-    prefix = WITHOUT_PRIVILEGES if os.getuid() == 0 else []
-    if prefix and (shutil.which(prefix[0]) is None or subprocess.run([*prefix, "true"]).returncode):
-        pytest.skip("root may write everywhere here")
-    there = sorted(compiled.rglob("*"))
-    for path in [compiled, *there]:
-        path.chmod(0o555)
-    try:
-        with pytest.raises(AssertionError, match="Permission denied"):
-            run(compiled, *prefix, sys.executable, "-c", f"open({str(compiled / 'x')!r}, 'w')")
-        assert run(compiled, *prefix, HOME="/dev/null") == ("8.0 loaded", "")
-    finally:
-        for path in [compiled, *there]:
-            path.chmod(0o755)
-    assert sorted(compiled.rglob("*")) == there
-
-
 def test_every_file_with_kernels_is_known() -> None:
     holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
     assert holding == set(KERNEL_FILES)
-
-
-def test_everything_that_is_compiled_into_kernels_is_known() -> None:
-    for file in KERNEL_FILES:
-        for node in ast.parse((PACKAGE / file).read_text()).body:  # not what is imported for types alone
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("bodycam_ros."):
-                source = str(node.module).removeprefix("bodycam_ros.").replace(".", "/") + ".py"
-                assert source in (*KERNEL_FILES, *CONSTANT_FILES), f"{file} imports {source}"

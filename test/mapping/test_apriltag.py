@@ -23,27 +23,6 @@ def test_corners_lie_where_the_edges_meet_whatever_the_blur(place, blur_px):
     assert abs(np.sum(errors * inward, axis=1).mean()) < 0.03
 
 
-def test_breadths_are_width_then_height():
-    camera, board = wide_camera(), two_by_two_board()
-    board_T_camera = looking_at_origin(0.0, -0.7, 0.25, roll=0.0)
-    truth = true_corners(camera, board_T_camera, board)
-    for view in detect_tags(board_picture(camera, board_T_camera, board), camera, "36h11", TagSettings()):
-        upper_left, upper_right, lower_right, _ = truth[view.tag]
-        assert view.breadths[0] == pytest.approx(np.linalg.norm(upper_right - upper_left), rel=0.2)
-        assert view.breadths[1] < 0.6 * view.breadths[0]
-
-
-def test_narrow_tags_are_left_out():
-    camera, board, board_T_camera = wide_camera(), two_by_two_board(), looking_at_origin(0.1, -0.5, 0.6)
-    image = board_picture(camera, board_T_camera, board)
-    assert detect_tags(image, camera, "36h11", TagSettings(min_breadth=500.0)) == []
-
-
-def test_a_picture_without_tags_gives_none():
-    grey = np.full((300, 400, 3), 120, dtype=np.uint8)
-    assert detect_tags(grey, wide_camera(), "36h11", TagSettings()) == []
-
-
 def test_an_unknown_family_is_named():
     with pytest.raises(MapError, match="49h3.*36h11"):
         detect_tags(np.zeros((300, 400, 3), np.uint8), wide_camera(), "49h3", TagSettings())

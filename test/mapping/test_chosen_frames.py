@@ -1,15 +1,10 @@
 """The sharp frames of a bag's camera as a reference folder."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from turned_view import CAMERA, rolled_view, turned_view
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
@@ -67,40 +62,3 @@ def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_p
     assert (folder / "frame_000099.jpg").exists()
     keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), True, Unshown())
     assert sorted(path.name for path in folder.iterdir()) == ["camera.yaml", *(f"frame_{n:06d}.png" for n in SHARP)]
-
-
-class Turning:
-    """A camera that turns to the right by 45 deg/s, and reads out its rows meanwhile."""
-
-    name, camera, count, readout_s = "turning.mp4", CAMERA, 12, (0.0, 0.03)
-
-    @contextmanager
-    def frames(self) -> Iterator[Iterator["TurningFrame"]]:
-        yield (TurningFrame(number) for number in range(self.count))
-
-
-@dataclass(frozen=True)
-class TurningFrame:
-    number: int
-
-    @property
-    def seconds(self) -> float:
-        return self.number / 30.0
-
-    def grey(self) -> NDArray[np.uint8]:
-        return rolled_view(1.5 * self.number, 0.0, (45.0, 0.0), Turning.readout_s, lines=24)
-
-    def file(self) -> tuple[str, bytes]:
-        return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
-
-
-def test_frames_are_straightened_where_rows_are_read_out_one_by_one(tmp_path: Path) -> None:
-    keep_chosen_frames(Turning(), tmp_path / "kept", FrameChoiceSettings(), False, Unshown())
-    paths = find_photographs(tmp_path / "kept").paths
-    inner = np.s_[30:-30, 30:-30]
-    for path in paths:
-        number = int(path.stem.removeprefix("frame_"))
-        kept, wanted = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), turned_view(1.5 * number)
-        assert kept is not None
-        off = [np.abs(p[inner].astype(int) - wanted[inner]).mean() for p in (TurningFrame(number).grey(), kept)]
-        assert off[1] < 0.4 * off[0], off

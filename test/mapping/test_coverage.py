@@ -1,17 +1,11 @@
 """What a map covers, in a round hall whose wall is known all around, but for a part."""
 
-from dataclasses import replace
-from pathlib import Path
-
-import cv2
 import numpy as np
 import pytest
 from unshown_progress import Unshown
 
-from bodycam_ros.drawing.picture_style import WARNING
 from bodycam_ros.mapping.coverage import WORN_CAMERA, Coverage, CoverageSettings, measure_coverage
-from bodycam_ros.mapping.coverage_gaps import coverage_lines, coverage_summary, find_gaps, with_coverage
-from bodycam_ros.mapping.coverage_picture import draw_coverage
+from bodycam_ros.mapping.coverage_gaps import coverage_lines, find_gaps, with_coverage
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 RADIUS_M = 6.0
@@ -55,14 +49,6 @@ def apart_deg(first: float, second: float) -> float:
     return abs((first - second + 180.0) % 360.0 - 180.0)
 
 
-def test_a_hall_that_is_known_all_around_has_no_gap() -> None:
-    reference_map = hall(0.0, 360.0)
-    coverage = measured(reference_map)
-    assert coverage.share == 1.0
-    assert find_gaps(coverage, reference_map) == []
-    assert len(coverage_lines(coverage, reference_map)) == 1
-
-
 @pytest.mark.parametrize("middle_deg", [105.0, -40.0, 180.0])
 def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
     """Wherever it is, on the seam of azimuths as well."""
@@ -71,31 +57,15 @@ def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
     assert 0.3 < coverage.share < 0.9
     (gap,) = find_gaps(coverage, reference_map)
     assert apart_deg(gap.azimuth_deg, middle_deg) < 8.0
-    assert abs(gap.elevation_deg) < 8.0
     first, last = gap.azimuths_deg
-    assert 20.0 < (last - first) % 360.0 < 160.0
     assert (gap.azimuth_deg - first) % 360.0 < (last - first) % 360.0
     assert gap.share < 0.5 and gap.seen < SETTINGS.enough
     # The photographs that are nearest to the missing wall are those at its ends.
     assert apart_deg(float(gap.nearest.removesuffix(".jpg")), middle_deg) == pytest.approx(80.0, abs=1.0)
     assert gap.nearest_deg == pytest.approx(80.0, abs=8.0)
-    lines = coverage_lines(coverage, reference_map)
-    assert "photograph this wall too" in lines[1] and f"azimuth {gap.azimuth_deg:.0f} deg" in lines[1]
+    assert f"{gap.azimuth_deg:.0f} deg" in coverage_lines(coverage, reference_map)[1]
     summary = with_coverage(reference_map, coverage).summary["coverage"]
     assert summary["gaps"][0]["azimuth_deg"] == round(gap.azimuth_deg)
-    assert (
-        summary["share_by_azimuth_deg"][int(np.round(middle_deg / 15.0) * 15.0) if middle_deg < 180.0 else -180] < 0.5
-    )
-
-
-def test_the_ceiling_that_is_missing_is_named() -> None:
-    reference_map = hall(0.0, 360.0)
-    low = reference_map.points_world[:, 2] < 0.5
-    coverage = measured(replace(reference_map, descriptor_size=np.where(low, np.float32(0.1), np.float32(0.0))))
-    (gap,) = find_gaps(coverage, reference_map)
-    assert gap.all_around and gap.elevations_deg[0] > 0.0 and gap.elevations_deg[1] == 60.0
-    assert gap.nearest_deg == pytest.approx(gap.elevation_deg, abs=0.1)
-    assert "photograph the ceiling too: all around" in coverage_lines(coverage, reference_map)[1]
 
 
 def test_counts_are_those_of_a_projection() -> None:
@@ -123,66 +93,3 @@ def test_counts_are_those_of_a_projection() -> None:
         seen += bool(valid[0] and WORN_CAMERA.in_image(pixel)[0] and cosine > 0.5 and scale_px > 1.0)
     assert seen > 100
     assert coverage.seen[place, elevation, azimuth] == seen
-
-
-def test_landmarks_that_would_be_too_small_do_not_count() -> None:
-    assert measured(hall(0.0, 360.0, size_m=0.01)).seen.max() == 0
-
-
-def test_of_very_many_landmarks_a_sample_is_counted() -> None:
-    few, many = measured(hall(0.0, 360.0, landmarks=2000)), measured(hall(0.0, 360.0, landmarks=20_000))
-    assert np.median(many.seen) == pytest.approx(10.0 * np.median(few.seen), rel=0.1)
-
-
-def test_what_does_not_know_metres_or_up_is_looked_at_from_its_photographs() -> None:
-    """The same map, lying on its side and in another unit."""
-    upright = hall(100.0, 300.0)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    poses = upright.world_T_camera.copy()
-    poses[:, :3] = turn @ poses[:, :3]
-    poses[:, :3, 3] *= 7.0
-    lying = replace(
-        upright,
-        points_world=7.0 * upright.points_world @ turn.T,
-        descriptor_view=(upright.descriptor_view @ turn.T).astype(np.float32),
-        descriptor_size=7.0 * upright.descriptor_size,
-        world_T_camera=poses,
-        metric=False,
-        gravity_aligned=False,
-    )
-    coverage = measured(lying)
-    assert np.allclose(coverage.places_world, poses[:, :3, 3])
-    assert np.allclose(coverage.level_R_world @ turn @ [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], atol=1e-6)
-    (gap,) = find_gaps(coverage, lying)
-    assert apart_deg(gap.azimuth_deg, 20.0) < 8.0
-    assert "seen from above" not in "".join(coverage_lines(coverage, lying))
-
-
-def test_where_nobody_photographed_enough_it_says_so() -> None:
-    reference_map = hall(0.0, 360.0, landmarks=300)
-    coverage = measured(reference_map)
-    assert coverage.share == 0.0
-    (gap,) = find_gaps(coverage, reference_map)
-    assert gap.all_around
-    assert "everywhere" in coverage_lines(coverage, reference_map)[-1]
-    assert coverage_summary(coverage, reference_map)["share"] == 0.0
-
-
-def test_a_large_place_is_looked_at_in_wider_steps() -> None:
-    reference_map = hall(0.0, 360.0, landmarks=200)
-    poses = reference_map.world_T_camera.copy()
-    poses[:, :2, 3] *= 100.0
-    coverage = measured(replace(reference_map, world_T_camera=poses))
-    assert 0 < len(coverage.places_world) <= 160
-    distances = np.linalg.norm(coverage.places_world[:, None, :2] - poses[None, :, :2, 3], axis=2)
-    assert distances.min(axis=0).max() < 30.0
-
-
-def test_the_picture_is_red_where_something_is_missing(tmp_path: Path) -> None:
-    shares = {}
-    for name, reference_map in {"whole": hall(0.0, 360.0), "part": hall(80.0, 280.0)}.items():
-        draw_coverage(measured(reference_map), reference_map, tmp_path / f"{name}.png")
-        pixels = cv2.imread(str(tmp_path / f"{name}.png"))
-        assert pixels is not None
-        shares[name] = float(np.all(pixels == [int(WARNING[at : at + 2], 16) for at in (5, 3, 1)], axis=2).mean())
-    assert shares["whole"] == 0.0 and shares["part"] > 0.002

@@ -75,36 +75,3 @@ def test_repeated_texture_is_told_apart_by_the_poses():
     descriptors = np.tile(root_sifts(40), (5, 1))  # every texture at five places
     first, second, common = matched(PERSPECTIVE, descriptors)
     assert len(first) > 0.5 * len(common) and np.mean(first == second) > 0.9
-
-
-def test_what_is_alike_but_beside_the_line_does_not_match():
-    wrong = POSES.copy()
-    wrong[1, :3, :3] = wrong[1, :3, :3] @ np.array(
-        [[1, 0, 0], [0, np.cos(0.05), -np.sin(0.05)], [0, np.sin(0.05), np.cos(0.05)]]
-    )
-    first, _, common = matched(PERSPECTIVE, root_sifts(400), poses=wrong)
-    assert len(first) < 0.1 * len(common)
-    first, second, _ = matched(PERSPECTIVE, root_sifts(400), EpipolarSettings(band_px=50.0), poses=wrong)
-    assert len(first) > 0.5 * len(common) and np.array_equal(first, second)
-
-
-def test_what_would_meet_behind_a_camera_does_not_match():
-    """From where the first photograph says that it is, the point lies behind the second."""
-    swapped = POSES[::-1].copy()
-    swapped[:, :3, :3] = POSES[:, :3, :3]
-    first, _, common = matched(PERSPECTIVE, root_sifts(400), EpipolarSettings(band_px=1.0), poses=swapped)
-    assert len(first) < 0.05 * len(common)
-
-
-def test_sizes_that_no_distance_explains_do_not_match():
-    grown = np.where(np.arange(400) < 200, 1.0, 3.0)  # half of the features, between the two photographs
-    first, second, _ = matched(PERSPECTIVE, root_sifts(400), grown=grown)
-    assert np.array_equal(first, second)
-    assert len(first) > 50 and first.max() < 200
-
-
-def test_photographs_from_one_place_match_nothing():
-    poses = POSES.copy()
-    poses[1, :3, 3] = poses[0, :3, 3]
-    first, _, _ = matched(PERSPECTIVE, root_sifts(50), poses=poses)
-    assert len(first) == 0

@@ -30,35 +30,6 @@ def test_blobs_are_found_where_they_are_and_as_large_as_they_are(photograph):
         assert features.sigmas[nearest] == pytest.approx(sigma, rel=0.25)
 
 
-def test_descriptors_have_the_length_of_root_sift(photograph):
-    lengths = np.linalg.norm(extract_features(photograph, CAMERA, FeatureSettings()).descriptors.astype(float), axis=1)
-    assert lengths == pytest.approx(np.full(len(lengths), 512.0), rel=0.03)
-
-
-def test_the_smallest_features_go_first(tmp_path):
-    picture = np.random.default_rng(1).uniform(0, 255, (200, 240)).astype(np.float32)
-    picture = picture + 4.0 * cv2.GaussianBlur(picture, (0, 0), 2.0)
-    cv2.imwrite(str(tmp_path / "noise.png"), cv2.normalize(picture, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8))
-    everything = extract_features(tmp_path / "noise.png", CAMERA, FeatureSettings())
-    assert len(everything.pixels) > 520
-    capped = extract_features(tmp_path / "noise.png", CAMERA, FeatureSettings(max_features=500))
-    assert np.all(np.diff(capped.sigmas) <= 0.0)
-    assert np.array_equal(capped.sigmas, everything.sigmas[:500])
-    assert capped.sigmas.min() >= everything.sigmas[500:].max()
-
-
-def test_colours_are_red_green_blue(photograph):
-    features = extract_features(photograph, CAMERA, FeatureSettings())
-    red, green, blue = features.colours[0].astype(int)
-    assert red > green > blue
-
-
-def test_a_grey_photograph_has_no_features(tmp_path):
-    cv2.imwrite(str(tmp_path / "grey.png"), np.full((200, 240), 128, np.uint8))
-    features = extract_features(tmp_path / "grey.png", CAMERA, FeatureSettings())
-    assert len(features.pixels) == len(features.descriptors) == len(features.colours) == 0
-
-
 def test_what_cannot_be_used_comes_as_its_error_and_in_order(tmp_path, photograph):
     broken = tmp_path / "broken.jpg"
     broken.write_bytes(b"\xff\xd8\xff\xe0 not a whole picture")

@@ -73,9 +73,3 @@ def test_the_floor_is_level_and_at_zero(scale: float) -> None:
 def test_without_landmarks_on_the_floor_there_is_none_but_a_ceiling_is_not_taken_for_one() -> None:
     structure, moments = structure_of(room(0, 0))
     assert find_floor(structure, moments, FloorSettings()) is None
-
-
-def test_one_camera_does_not_tell() -> None:
-    structure, _ = structure_of(room(500, 0))
-    alone = {name: Moment("head", 0.0) for name in structure.names}
-    assert find_floor(structure, alone, FloorSettings()) is None

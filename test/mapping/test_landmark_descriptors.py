@@ -18,14 +18,6 @@ def photographs(structure):
     return features
 
 
-def test_every_landmark_has_its_own_descriptors_in_order():
-    structure = small_structure()
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
-    assert np.array_equal(chosen.descriptors[:, 1], chosen.landmark)
-    assert np.all(np.diff(chosen.landmark.astype(int)) >= 0)
-    assert np.array_equal(np.bincount(chosen.landmark), structure.views_per_point())
-
-
 def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
     structure = small_structure()
     chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
@@ -42,23 +34,3 @@ def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
         pixels = camera.project(seen + 1e-5 * np.concatenate([aside, -aside]))[0]
         per_metre = np.sqrt(abs(np.linalg.det(pixels[:2] - pixels[2:]))) / 2e-5
         assert size * per_metre == pytest.approx(2.0 + descriptor[0], rel=2e-3)
-
-
-def test_two_descriptors_are_the_nearest_and_the_one_across_from_it():
-    structure = small_structure()
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings(per_landmark=2))
-    distances = np.linalg.norm(structure.world_T_camera[:, None, :3, 3] - structure.points_world, axis=2)
-    for landmark in range(0, len(structure.points_world), 2):
-        views = chosen.descriptors[chosen.landmark == landmark, 0].tolist()
-        directions = structure.world_T_camera[:, :3, 3] - structure.points_world[landmark]
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        nearest = int(distances[:, landmark].argmin())
-        assert views == [nearest, int((directions @ directions[nearest]).argmin())]
-
-
-def test_observations_without_a_feature_give_no_descriptor():
-    structure = small_structure()
-    structure.observation_features[structure.observation_views == 1] = -1
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
-    assert 1 not in chosen.descriptors[:, 0]
-    assert len(chosen.landmark) == np.sum(structure.observation_views != 1)

@@ -5,29 +5,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from made_video import HEIGHT, WIDTH, make_video, number_in, picture, turn, write_lens
+from made_video import HEIGHT, WIDTH, make_video, picture, turn, write_lens
 from tiny_bag import HEIGHT as BAG_HEIGHT
 from tiny_bag import WIDTH as BAG_WIDTH
 
-from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.errors import LensError
 from bodycam_ros.mapping.bag_camera import BagCamera
 from bodycam_ros.mapping.video_camera import VideoCamera
-
-
-def test_a_video_can_be_gone_through_twice(tmp_path: Path) -> None:
-    path = make_video(tmp_path / "walk.mp4")
-    write_lens(tmp_path / "walk.yaml")
-    camera = VideoCamera(path, None)
-    assert (camera.name, camera.count, camera.camera.width) == ("walk.mp4", 40, WIDTH)
-    for _ in range(2):
-        with camera.frames() as frames:
-            assert [number_in(frame.grey()) for frame in frames] == list(range(40))
 
 
 def test_a_video_on_its_side_is_turned_as_its_lens_is_for(tmp_path: Path) -> None:
     path = turn(make_video(tmp_path / "walk.mp4", frames=3), 90)
     lying, upright = write_lens(tmp_path / "lying.yaml"), write_lens(tmp_path / "upright.yaml", (HEIGHT, WIDTH))
-    with pytest.raises(LensError, match=r"lying\.yaml: is for 96 x 64 pixels, but .* has 64 x 96 \(turned by 270 deg"):
+    with pytest.raises(LensError, match=r"lying\.yaml.*96 x 64.*64 x 96"):
         VideoCamera(path, lying)
     with VideoCamera(path, upright).frames() as frames:
         first = next(frames)
@@ -49,12 +39,6 @@ def test_rows_are_read_out_as_the_camera_was_held(tmp_path: Path, clockwise: int
     assert down == pytest.approx(exposed_s[-1, 0] - exposed_s[0, 0])
 
 
-def test_a_video_without_a_lens_says_where_to_put_it(tmp_path: Path) -> None:
-    path = make_video(tmp_path / "walk.mp4", frames=3)
-    with pytest.raises(LensError, match=r"--camera .*walk\.yaml"):
-        VideoCamera(path, None)
-
-
 @pytest.mark.parametrize("topic", ["/right/image_raw/compressed", "/right", "right"])
 def test_a_camera_of_a_bag_is_known_by_its_topic(tiny_bag: Path, topic: str) -> None:
     camera = BagCamera(tiny_bag, topic, None)
@@ -64,19 +48,3 @@ def test_a_camera_of_a_bag_is_known_by_its_topic(tiny_bag: Path, topic: str) -> 
             found = list(frames)
         assert [round(float(frame.grey().mean())) for frame in found] == [10, 20, 30, 40]
         assert np.diff([frame.seconds for frame in found]) == pytest.approx([1 / 30] * 3, abs=1e-6)
-
-
-def test_compressed_images_stay_as_they_are(tiny_bag: Path) -> None:
-    with BagCamera(tiny_bag, "left", None).frames() as frames:
-        suffix, content = next(frames).file()
-    assert suffix == ".jpg"
-    decoded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    assert decoded is not None and decoded.shape == (BAG_HEIGHT, BAG_WIDTH, 3)
-    assert content == cv2.imencode(".jpg", np.full((BAG_HEIGHT, BAG_WIDTH), 10, np.uint8))[1].tobytes()
-
-
-def test_which_camera_of_a_bag_must_be_said(tiny_bag: Path) -> None:
-    with pytest.raises(RecordingError, match=r"has 2 cameras; say with --topic .* /left/image_raw"):
-        BagCamera(tiny_bag, None, None)
-    with pytest.raises(RecordingError, match=r"no camera with the images /middle/image_raw; there are /left"):
-        BagCamera(tiny_bag, "/middle/image_raw", None)

@@ -1,7 +1,5 @@
 """The photographs as a map keeps them show the same places, and landmarks lie on the surfaces that there are."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,27 +9,12 @@ import pytest
 from board_picture import wide_camera
 from numpy.typing import NDArray
 from small_structure import small_structure
+from unshown_progress import Unshown
 
-from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.progress import Advance
-from bodycam_ros.mapping.small_photographs import (
-    SmallPhotographSettings,
-    _smaller,
-    small_photographs,
-    surface_normals,
-)
+from bodycam_ros.mapping.small_photographs import SmallPhotographSettings, small_photographs, surface_normals
 from bodycam_ros.mapping.structure import Structure
 
 SETTINGS = SmallPhotographSettings(width=160, quality=95)
-
-
-class Unshown:
-    """Progress that nobody sees."""
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        yield lambda units=1: None
 
 
 def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> Structure:
@@ -51,21 +34,6 @@ def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> S
         observation_pixels=np.zeros((count, 2)),
         observation_features=np.zeros(count, np.int64),
     )
-
-
-@pytest.mark.parametrize(("width", "height", "scale"), [(1600, 1200, 0.25), (1001, 667, 0.3), (640, 480, 1.0)])
-def test_the_smaller_camera_sees_where_the_smaller_picture_shows(width: int, height: int, scale: float) -> None:
-    k = [1.1 * width, 0, 0.52 * width, 0, 1.12 * width, 0.47 * height, 0, 0, 1]
-    camera = camera_from_info("c", width, height, "plumb_bob", [-0.1, 0.02, 1e-3, -5e-4, 0.0], k)
-    small = _smaller(camera, scale)
-    rows, columns = np.mgrid[:height, :width].astype(np.float32)
-    for bearing in ([0.1, -0.05, 1.0], [-0.3, 0.2, 1.0], [0.25, -0.2, 1.0]):
-        u, v = camera.project(np.array([bearing]))[0][0]
-        spot = 255.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2 * (4 / scale) ** 2))
-        shown = cv2.resize(spot, (small.width, small.height), interpolation=cv2.INTER_AREA)
-        down, across = np.mgrid[: small.height, : small.width]
-        centre = np.array([(across * shown).sum(), (down * shown).sum()]) / shown.sum()
-        np.testing.assert_allclose(small.project(np.array([bearing]))[0][0], centre, atol=0.01)
 
 
 @pytest.fixture
@@ -102,19 +70,6 @@ def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> N
     np.testing.assert_allclose(np.linalg.norm(kept.normals, axis=1), 1.0, atol=1e-6)
 
 
-def test_small_pictures_are_not_made_larger(folder) -> None:
-    path, structure, _ = folder
-    kept = small_photographs(path, structure, SmallPhotographSettings(width=4000), 1, Unshown())
-    assert [(camera.width, camera.height) for camera in kept.cameras] == [(400, 300), (320, 240)]
-
-
-def test_a_photograph_that_is_gone_is_named(folder) -> None:
-    path, structure, _ = folder
-    (path / "b.png").write_bytes(b"")
-    with pytest.raises(MapError, match=r"b\.png"):
-        small_photographs(path, structure, SETTINGS, 1, Unshown())
-
-
 @pytest.mark.parametrize("noise_m", [0.0, 0.003])
 def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
     random = np.random.default_rng(5)
@@ -131,21 +86,3 @@ def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
     # Near the edges neighbours are of two walls.
     assert np.median(angles) < (1e-5 if noise_m == 0.0 else 3.0)
     assert (angles < 10.0).mean() > 0.95
-
-
-def test_a_bush_faces_those_who_saw_it() -> None:
-    random = np.random.default_rng(6)
-    points = random.normal(size=(500, 3))
-    centres = np.array([[20.0, 1.0, 0.0], [20.0, -1.0, 0.0]])
-    found = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=0.05))
-    towards = np.array([20.0, 0.0, 0.0]) - points
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosines = np.einsum("ni,ni->n", found, towards)
-    assert (cosines > 0.999).mean() > 0.95
-    always = surface_normals(structure_of(points, centres), replace(SETTINGS, max_thickness=1.0))
-    assert np.median(np.einsum("ni,ni->n", always, towards)) < 0.9
-
-
-def test_too_few_landmarks_face_those_who_saw_them() -> None:
-    found = surface_normals(structure_of(np.zeros((2, 3)), np.array([[0.0, 0.0, 3.0]])), SETTINGS)
-    np.testing.assert_allclose(found, [[0, 0, 1], [0, 0, 1]])

@@ -18,8 +18,3 @@ def test_a_picture_is_straightened(rate_deg: tuple[float, float], readout_s: tup
     inner = np.s_[30:-30, 30:-30]
     off = [np.abs(picture[inner].astype(int) - wanted[inner]).mean() for picture in (shown, straight)]
     assert off[1] < 0.2 * off[0]
-
-
-def test_a_camera_that_does_not_turn_keeps_its_picture() -> None:
-    picture = np.dstack([turned_view(3.0)] * 3)
-    assert np.array_equal(steady_picture(picture, CAMERA, np.zeros(3), (0.0, READOUT_S)), picture)

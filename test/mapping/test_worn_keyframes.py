@@ -1,53 +1,15 @@
 """Keyframes are chosen by how far each camera has moved, sharp, and of the same instant where that is asked for."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
+from unshown_progress import Unshown
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.frame_motion import FrameMotion
-from bodycam_ros.mapping.progress import Advance
-from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, _chosen, keep_worn_keyframes
+from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, keep_worn_keyframes
 
 BAG = Path(__file__).parents[2] / "bags/sample/bag"
-FRAMES = 301
-
-
-class Unshown:
-    """Progress that nobody sees."""
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        yield lambda units=1: None
-
-
-def moving(path_deg: float, still: int = 0) -> FrameMotion:
-    """Frames of a camera that stands still first, and then moves evenly; every fourth is sharp."""
-    path = np.concatenate([np.zeros(still), np.linspace(0.0, path_deg, FRAMES - still)])
-    sharpness = np.where(np.arange(FRAMES) % 4 == 0, 10.0, 4.0)
-    return FrameMotion(np.arange(FRAMES) / 30.0, sharpness, path, np.zeros((FRAMES, 3)))
-
-
-def test_who_moves_more_gives_more_and_only_sharp_frames() -> None:
-    rows = _chosen(
-        {"arm": moving(900.0, 45), "waist": moving(300.0, 45), "still": moving(0.0)},
-        WornKeyframeSettings(most=60, fewest=5),
-    )
-    assert 38 <= len(rows["arm"]) <= 46 and 12 <= len(rows["waist"]) <= 16 and len(rows["still"]) <= 2
-    for chosen in rows.values():
-        assert (chosen % 4 == 0).all() and (np.diff(chosen) > 0).all()
-    # Standing still gives one frame, however long it takes.
-    assert np.count_nonzero(rows["arm"] < 40) <= 2
-    assert np.diff(rows["waist"][1:-1]).max() < 3 * (FRAMES - 45) / len(rows["waist"])
-
-
-def test_a_recording_in_which_nothing_moves_is_refused() -> None:
-    with pytest.raises(MapError, match="no motion"):
-        _chosen({"head": moving(0.0)}, WornKeyframeSettings())
 
 
 def test_pictures_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:
@@ -78,6 +40,6 @@ def test_pictures_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:
 
 
 def test_a_camera_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match="no camera tail; there are foot_left"):
+    with pytest.raises(MapError, match="tail.*foot_left"):
         keep_worn_keyframes(BAG, ("tail",), [], tmp_path / "k", None, WornKeyframeSettings(), 1, Unshown())
     assert not (tmp_path / "k").exists()

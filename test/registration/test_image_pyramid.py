@@ -22,16 +22,3 @@ def test_each_level_is_half_of_the_one_before_and_lies_behind_it(height: int, wi
         np.testing.assert_array_equal(guarded[start:end].reshape(rows, columns), image)
         image = cv2.pyrDown(image)
     assert end == pyramid_size(levels) and guarded[-1] == 99
-
-
-def test_a_pixel_of_a_level_lies_at_its_multiple_in_the_image() -> None:
-    column, row = np.meshgrid(np.arange(320.0), np.arange(240.0))
-    ramp = np.clip(40.0 + 0.5 * column + 0.25 * row, 0, 255).astype(np.uint8)
-    levels = pyramid_levels(240, 320)
-    pyramid = np.zeros(pyramid_size(levels), np.uint8)
-    write_pyramid(ramp, levels, pyramid)
-    for level, (start, height, width) in enumerate(levels.tolist()):
-        smaller = pyramid[start : start + height * width].reshape(height, width)
-        inside = smaller[3:-3, 3:-3].astype(float)
-        at = ramp[:: 2**level, :: 2**level][3:-3, 3:-3].astype(float)
-        assert np.abs(inside - at).max() <= 1.5

@@ -6,10 +6,9 @@ import pytest
 
 from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.registration.image_registration import ImageRegistration, ImageRegistrationSettings
+from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import RegistrarSettings
 
 
 @pytest.fixture(scope="module")
@@ -46,28 +45,10 @@ def test_a_photograph_is_found_where_it_was_taken(photographs, reference_map) ->
         assert np.median(errors) < 1.0
 
 
-def test_images_are_registered_each_by_itself(photographs, reference_map) -> None:
-    camera, shown = photographs
-    registration = ImageRegistration(camera, reference_map)
-    first = registration.register(shown[0][0]).world_T_camera
-    registration.register(shown[1][0])
-    assert np.array_equal(registration.register(shown[0][0]).world_T_camera, first)
-
-
-def test_what_is_not_found_in_a_small_image_is_looked_for_in_the_large_one(photographs, reference_map) -> None:
-    camera, ((image, true_pose), _) = photographs
-    strict = RegistrarSettings(min_inliers=100)
-    registration = ImageRegistration(camera, reference_map, ImageRegistrationSettings(image_scale=0.1), strict)
-    small = registration._detectors[0].detect(image, np.full_like(image, 255))
-    assert registration.register_keypoints(small).world_T_camera is None
-    assert error(registration.register(image).world_T_camera, true_pose)[1] < 0.005
-
-
 def test_what_shows_nothing_known_is_not_registered(photographs, reference_map) -> None:
     camera, ((image, _), _) = photographs
     registration = ImageRegistration(camera, reference_map)
     noise = np.random.default_rng(1).integers(0, 255, image.shape).astype(np.uint8)
-    for unknown in (np.full_like(image, 90), noise):
-        matches = registration.register(unknown)
-        assert matches.world_T_camera is None and np.isnan(matches.pose_covariance).all()
+    matches = registration.register(noise)
+    assert matches.world_T_camera is None and np.isnan(matches.pose_covariance).all()
     assert registration.register(image, np.zeros_like(image)).world_T_camera is None

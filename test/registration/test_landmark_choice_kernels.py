@@ -37,12 +37,6 @@ def landmarks(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[n
     return points, normals.astype(np.float32), random.uniform(0.002, 0.08, count).astype(np.float32)
 
 
-def facing(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Normals towards the camera."""
-    towards = CENTRE - points
-    return (towards / np.linalg.norm(towards, axis=1, keepdims=True)).astype(np.float32)
-
-
 @pytest.mark.parametrize(("twist", "readout_time"), [(STILL, 0.0), (TWIST, 0.012), (TWIST, -0.02)])
 def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
     points, normals, sizes = landmarks(3000)
@@ -58,39 +52,6 @@ def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float
         exact = exact_pixels(camera, POSE, points[rows], twist, readout_time)
         # Two rounds, to first order: near enough for where to look.
         assert np.abs(pixels - exact).max() < (0.3 if readout_time else 1e-9)
-
-
-def test_the_trusted_are_preferred_and_every_cell_is_asked(camera: CameraModel) -> None:
-    points = transform_points(POSE, np.random.default_rng(2).uniform([-2, -2, 1.5], [2, 2, 2.5], (4000, 3)))
-    trust = np.zeros(len(points), np.float32)
-    trust[::2] = 1.0
-    sizes = np.full(len(points), 0.02, np.float32)
-    lens = lens_parameters(camera)
-    asked = (np.arange(len(points)), points, facing(points), sizes, trust)
-    rows, pixels = choose_landmarks(lens, POSE, STILL, 0.0, *asked, 1.0, 4, 3, 0.8, 0.1)
-    assert len(rows) == len(set(rows.tolist())) == 4 * 4 * 3
-    assert (rows % 2 == 0).all()
-    cells = (pixels[:, 1] * 4 / 480).astype(int) * 4 + (pixels[:, 0] * 4 / 640).astype(int)
-    assert (np.bincount(cells, minlength=16) == 3).all()
-
-
-def test_what_cannot_be_seen_is_not_asked(camera: CameraModel) -> None:
-    ahead = transform_points(POSE, np.array([[0.1, 0.1, 2.0]]))
-    lens = lens_parameters(camera)
-    trust, size = np.ones(1, np.float32), np.full(1, 0.02, np.float32)
-    asked = (POSE, STILL, 0.0, np.zeros(1, np.int64))
-
-    def count(points: NDArray[np.float64], normals: NDArray[np.float32], sizes: NDArray[np.float32]) -> int:
-        return len(choose_landmarks(lens, *asked, points, normals, sizes, trust, 1.0, 8, 2, 0.8, 0.1)[0])
-
-    assert count(ahead, facing(ahead), size) == 1
-    assert count(ahead, -facing(ahead), size) == 0
-    assert count(ahead, facing(ahead), 0.2 * size) == 0
-    assert count(CENTRE[None] + 0.0, facing(ahead), size) == 0
-    behind = transform_points(POSE, np.array([[0.1, 0.1, -2.0]]))
-    assert count(behind, facing(behind), size) == 0
-    edge = transform_points(POSE, 2.0 * camera.unproject(np.array([[3.0, 240.0]]))[0])
-    assert count(edge, facing(edge), size) == 0
 
 
 PHOTOGRAPHERS = [
@@ -117,49 +78,3 @@ def test_the_view_is_that_of_numpy(camera: CameraModel) -> None:
         views, best_views_in_numpy(camera, POSE, points, rows, photographers, poses, observers)
     )
     assert (views == -1).any() and len(set(views.tolist())) > 8
-
-
-POINT = CENTRE + np.array([[0.0, 0.0, 2.0]])
-TOWARDS = CENTRE - POINT[0]
-ACROSS = np.array([2.0, 0.0, 0.0])
-
-
-def looking(centre: NDArray[np.float64], away_deg: float = 0.0) -> NDArray[np.float64]:
-    """A pose that looks at the point, or so far beside it."""
-    ahead = (POINT[0] - centre) / np.linalg.norm(POINT[0] - centre)
-    beside = np.cross(ahead, [0.3, 0.9, 0.1])
-    beside /= np.linalg.norm(beside)
-    pose = np.eye(4)
-    angle = np.radians(away_deg)
-    pose[:3, 2] = np.cos(angle) * ahead + np.sin(angle) * beside
-    pose[:3, 0] = np.cos(angle) * beside - np.sin(angle) * ahead
-    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
-    pose[:3, 3] = centre
-    return pose
-
-
-def chosen(*photographs: tuple[int, NDArray[np.float64]]) -> int:
-    """By the camera of the last kind, of photographs (camera, pose)."""
-    first, views = np.array([0, len(photographs)]), np.arange(len(photographs), dtype=np.uint16)
-    scales = np.stack([local_scales(photographer) for photographer in PHOTOGRAPHERS])
-    of_view = np.array([camera for camera, _ in photographs], np.uint16)
-    poses = np.stack([pose for _, pose in photographs])
-    asked = (POINT, np.zeros(1, np.int64), scales, of_view, poses, first, views)
-    return int(best_views(scales[2], looking(CENTRE), *asked)[0])
-
-
-def test_the_view_is_from_the_cameras_side_and_fine_enough() -> None:
-    places = [(2, looking(POINT[0] + place)) for place in (ACROSS, TOWARDS, -ACROSS)]
-    assert chosen(*places) == 1
-    # From eight times as far a photograph shows too little, from half as far no less.
-    aside = (2, looking(POINT[0] + TOWARDS + 0.2 * ACROSS))
-    assert chosen((2, looking(POINT[0] + 8.0 * TOWARDS)), aside) == 1
-    assert chosen((2, looking(POINT[0] + 0.5 * TOWARDS)), aside) == 0
-
-
-def test_a_lens_that_shows_the_rim_coarsely_is_asked_what_it_shows_there() -> None:
-    # The second squeezes its rim, a perspective one shows it larger.
-    aside = POINT[0] + TOWARDS + 0.2 * ACROSS
-    assert chosen((1, looking(POINT[0] + TOWARDS)), (2, looking(aside))) == 0
-    assert chosen((1, looking(POINT[0] + TOWARDS, 80.0)), (2, looking(aside))) == 1
-    assert chosen((0, looking(POINT[0] + TOWARDS, 40.0)), (2, looking(aside))) == 0

@@ -1,6 +1,6 @@
 """Landmarks found directly in the images of the sample: they take over, hold, fail and come back."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.errors import RecordingError
-from bodycam_ros.geometry import exp_se3, inverse, log_se3
+from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings, DirectView
+from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.pose_fit import PoseFitSettings, reprojection_errors
+from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
@@ -51,18 +50,14 @@ def run(
     camera: CameraModel,
     images: Iterable[tuple[NDArray[np.uint8], int]],
     settings: PipelineSettings | None = None,
-    late: int = 0,
-    told: Callable[[LandmarkMatches], LandmarkMatches] = lambda matches: matches,
 ) -> Said:
-    """Track and register images; the tracker hears what was registered ``late`` images later."""
     settings = settings or PipelineSettings()
     tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
     said: Said = []
     for image, stamp_ns in images:
         frame = tracker.track(image, stamp_ns)
         said.append((frame, registering.register(frame)))
-        if len(said) > late:
-            tracker.hear(told(said[-1 - late][1]))
+        tracker.hear(said[-1][1])
     return said
 
 
@@ -91,26 +86,6 @@ def test_landmarks_take_over_after_the_first_image_and_descriptors_are_left_alon
     assert [frame.previous_stamp_ns for frame in frames[1:]] == [frame.stamp_ns for frame in frames[:-1]]
 
 
-def test_a_track_keeps_its_landmark_and_a_landmark_its_track(said: Said) -> None:
-    landmark_of: dict[int, int] = {}
-    kept = []
-    before: dict[int, int] = {}
-    for frame, matches in said:
-        assert len(np.unique(frame.track_ids)) == len(frame.track_ids)
-        for track, landmark in zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True):
-            assert landmark_of.setdefault(track, landmark) == landmark
-        now = dict(zip(matches.landmark_ids.tolist(), matches.track_ids.tolist(), strict=True))
-        both = before.keys() & now.keys()
-        if is_direct(frame) and both:
-            kept.append(np.mean([before[landmark] == now[landmark] for landmark in both]))
-        if frame.landmark_ids is not None:
-            named = frame.landmark_ids != NO_LANDMARK
-            names = dict(zip(frame.track_ids[named].tolist(), frame.landmark_ids[named].tolist(), strict=True))
-            assert all(names[track] == landmark_of[track] for track in matches.track_ids.tolist() if track in names)
-        before = now
-    assert len(kept) > 10 and min(kept) == 1.0
-
-
 def test_poses_agree_with_descriptors_and_pixels_are_nearer(reference_map, seen, said) -> None:
     camera, images = seen
     features = PipelineSettings(direct=DirectSettings(enabled=False))
@@ -125,13 +100,6 @@ def test_poses_agree_with_descriptors_and_pixels_are_nearer(reference_map, seen,
     assert np.median(np.concatenate(ours)) < 0.8 * np.median(np.concatenate(theirs))
 
 
-def test_a_predicted_turn_agrees_with_the_poses(said) -> None:
-    for (_, before), (frame, now) in zip(said[:-1], said[1:], strict=True):
-        if is_direct(frame):
-            turn = now.world_T_camera[:3, :3].T @ before.world_T_camera[:3, :3]
-            assert np.degrees(np.arccos(np.clip((np.trace(turn.T @ frame.current_R_previous) - 1) / 2, -1, 1))) < 0.3
-
-
 def test_an_image_that_shows_nothing_ends_it_and_the_next_ones_bring_it_back(reference_map, seen) -> None:
     camera, images = seen
     dark = [(np.zeros_like(image) if 8 <= n < 11 else image, stamp) for n, (image, stamp) in enumerate(images)]
@@ -143,128 +111,6 @@ def test_an_image_that_shows_nothing_ends_it_and_the_next_ones_bring_it_back(ref
     assert back and back[0] <= 16
     assert any(frame.keyframe for frame, _ in said[11 : back[0]])
     assert all(matches.world_T_camera is not None for _, matches in said[back[0] :])
-
-
-@pytest.mark.parametrize("reason", ["switched off", "no photographs"])
-def test_without_photographs_features_are_tracked_as_before(reference_map, seen, reason: str) -> None:
-    camera, images = seen
-    settings = PipelineSettings()
-    if reason == "switched off":
-        settings = PipelineSettings(direct=DirectSettings(enabled=False))
-    else:
-        reference_map = replace(reference_map, photographs=None)
-    said = run(reference_map, camera, images[:8], settings)
-    assert all(frame.landmark_ids is None for frame, _ in said)
-    assert all(matches.world_T_camera is not None for _, matches in said)
-
-
-@pytest.mark.parametrize("late", [1, 3])
-def test_it_begins_though_the_registrar_is_late(reference_map, seen, late: int) -> None:
-    camera, images = seen
-    said = run(reference_map, camera, images, late=late)
-    direct = [is_direct(frame) for frame, _ in said]
-    assert not any(direct[: late + 1])
-    assert sum(direct) >= IMAGES - late - 5
-    assert all(matches.world_T_camera is not None for _, matches in said)
-
-
-def test_a_registrar_that_does_not_believe_landmarks_gets_descriptors(
-    reference_map: ReferenceMap, seen: tuple[CameraModel, Images]
-) -> None:
-    camera, images = seen
-    tracker = landmark_tracker(camera, reference_map, PipelineSettings())
-    registering = registrar(camera, reference_map, PipelineSettings())
-    frames = []
-    for number, (image, stamp_ns) in enumerate(images):
-        frames.append(tracker.track(image, stamp_ns))
-        matches = registering.register(frames[-1])
-        tracker.hear(replace(matches, world_T_camera=None) if number == 10 else matches)
-    assert is_direct(frames[10]), "landmarks alone until then"
-    assert frames[11].keyframe and len(frames[11].described), "named anew"
-    assert is_direct(frames[13]), "and on"
-
-
-def test_a_camera_that_is_not_registered_is_described_again(reference_map, seen) -> None:
-    camera, images = seen
-    said = run(reference_map, camera, images, told=lambda matches: replace(matches, world_T_camera=None))
-    keyframes = [number for number, (frame, _) in enumerate(said) if frame.keyframe]
-    assert len(keyframes) >= 3 and np.diff(keyframes).max() <= 8
-
-
-def test_wrong_names_are_not_believed(reference_map, seen) -> None:
-    camera, images = seen
-
-    def shuffled(matches: LandmarkMatches) -> LandmarkMatches:
-        rolled = np.roll(matches.landmark_ids, len(matches.landmark_ids) // 2)
-        return replace(matches, landmark_ids=rolled, world_T_camera=matches.world_T_camera)
-
-    said = run(reference_map, camera, images[:8], told=shuffled)
-    assert not any(is_direct(frame) for frame, _ in said)
-
-
-def test_an_image_of_another_size_is_refused(reference_map, seen) -> None:
-    camera, images = seen
-    tracker = landmark_tracker(camera, reference_map, PipelineSettings())
-    tracker.track(*images[0])
-    with pytest.raises(RecordingError, match="640x480"):
-        tracker.track(np.zeros((240, 320), np.uint8), images[1][1])
-    with pytest.raises(RecordingError, match="not later"):
-        tracker.track(images[1][0], images[0][1])
-    tracker.track(*images[1])
-
-
-def test_who_asks_for_a_keyframe_gets_it(reference_map, seen) -> None:
-    camera, images = seen
-    settings = PipelineSettings()
-    tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
-    for image, stamp_ns in images[:8]:
-        frame = tracker.track(image, stamp_ns)
-        tracker.hear(registering.register(frame))
-    assert is_direct(frame)
-    tracker.want_keyframe()
-    frame = tracker.track(*images[8])
-    assert frame.keyframe and len(frame.described) > 50
-    # A registrar that knows nothing of what was before.
-    fresh = registrar(camera, reference_map, settings).register(frame)
-    assert fresh.world_T_camera is not None
-    tracker.hear(fresh)
-    assert is_direct(tracker.track(*images[9]))
-
-
-@pytest.fixture
-def direct(reference_map: ReferenceMap, seen: tuple[CameraModel, Images]) -> DirectRegistration:
-    """Of the eighth image."""
-    camera, images = seen
-    stage = DirectRegistration(camera, reference_map, reference_map.photographs, DirectSettings(), PoseFitSettings())
-    stage.see(images[7][0])
-    return stage
-
-
-def test_a_wrong_start_finds_nothing(direct, said) -> None:
-    stamp_ns, pose = said[7][0].stamp_ns, said[7][1].world_T_camera
-    near = direct.find(pose @ exp_se3(np.array([0.003, -0.003, 0.002, 0.004, 0.003, -0.004])), None, stamp_ns)
-    assert near is not None and len(near.rows) > 30
-    degrees, metres = apart(near.world_T_camera, pose)
-    assert degrees < 0.15 and metres < 0.01
-    for step in ([0.2, 0, 0, 0, 0, 0], [0, 0, 1.0, 0, 0, 0], [0, 0, 0, 0.8, 0, 0.5], [0, 3.1, 0, 0, 0, 0]):
-        wrong = direct.find(pose @ exp_se3(np.array(step, float)), None, stamp_ns)
-        assert wrong is None or len(wrong.rows) < DirectSettings().enough
-
-
-def test_a_view_before_leads_to_the_next_though_the_camera_turned_otherwise(reference_map, seen, said) -> None:
-    camera, images = seen
-    stage = DirectRegistration(camera, reference_map, reference_map.photographs, DirectSettings(), PoseFitSettings())
-    stage.see(images[7][0])
-    before = stage.find(said[7][1].world_T_camera, None, said[7][0].stamp_ns)
-    assert before is not None
-    stage.see(images[8][0])
-    pose = said[8][1].world_T_camera
-    off = pose @ exp_se3(np.array([0.03, -0.03, 0.03, 0.01, 0.0, 0.0]))
-    found = stage.register(before, off, None, said[8][0].stamp_ns)
-    assert found is not None and len(found.rows) > 30
-    degrees, metres = apart(found.world_T_camera, pose)
-    assert degrees < 0.15 and metres < 0.01
-    assert isinstance(found, DirectView)
 
 
 def painted(reference_map: ReferenceMap, share: float) -> ReferenceMap:
@@ -290,18 +136,3 @@ def test_a_camera_stays_registered_where_a_part_of_the_world_changed(reference_m
     for (_, matches), (_, other) in zip(said, of_changed, strict=True):
         degrees, metres = apart(matches.world_T_camera, other.world_T_camera)
         assert degrees < 0.4 and metres < 0.025
-
-
-def test_landmarks_that_fail_are_replaced_by_others(reference_map, seen, said) -> None:
-    """The same image over and over: what was not found in it is asked no more, and more are found."""
-    camera, images = seen
-    changed = painted(reference_map, 0.45)
-    stage = DirectRegistration(camera, changed, changed.photographs, DirectSettings(), PoseFitSettings())
-    stage.see(images[7][0])
-    pose = said[7][1].world_T_camera
-    counts = []
-    for _ in range(10):
-        view = stage.find(pose, None, said[7][0].stamp_ns)
-        assert view is not None
-        counts.append(len(view.rows))
-    assert np.mean(counts[-3:]) > 1.2 * counts[0]

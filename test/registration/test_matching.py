@@ -39,12 +39,11 @@ def every_pair(reference_map: ReferenceMap, descriptors: np.ndarray, wanted: np.
     return pairs
 
 
-@pytest.mark.parametrize("share", [1.0, 0.3])
-def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descriptors, share: float) -> None:
+def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descriptors) -> None:
+    share = 0.3
     wanted = np.random.default_rng(1).uniform(size=len(reference_map.landmark_ids)) < share
     expected = every_pair(reference_map, descriptors, wanted)
-    asked = None if share == 1.0 else np.flatnonzero(wanted)
-    found = match_by_looks(reference_map, descriptors, asked, MatchingSettings())
+    found = match_by_looks(reference_map, descriptors, np.flatnonzero(wanted), MatchingSettings())
     pairs = set(zip(found[0].tolist(), found[1].tolist(), strict=True))
     assert 60 * share < len(expected) < 240
     # What is in no list that was searched is not found; nor is a rival, so some are believed that would not be.
@@ -52,11 +51,3 @@ def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descript
     assert len(pairs - expected) < 0.06 * len(expected) + 1
     assert len(set(found[1].tolist())) == len(found[1])
     assert wanted[found[1]].all()
-
-
-def test_a_search_finds_the_same_again(reference_map, descriptors, sample: Path) -> None:
-    again = ReferenceMap.load(sample / "map")
-    for a, b in zip(
-        *(match_by_looks(m, descriptors, None, MatchingSettings()) for m in (reference_map, again)), strict=True
-    ):
-        np.testing.assert_array_equal(a, b)

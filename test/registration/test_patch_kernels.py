@@ -1,7 +1,7 @@
 """Patches of a photograph are found where they are, and where the alignment in NumPy finds them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -23,6 +23,8 @@ LENSES = {
     "fov": [0.95],
 }
 STILL = np.zeros(6)
+AS_POSED = np.zeros((0, 2))
+"""Where photographs show the points: where their poses have them."""
 TWIST = np.array([1.5, -2.0, 2.5, -0.8, -1.2, 0.6])
 NEAR = exp_se3(np.array([0.004, -0.005, 0.006, 0.005, -0.004, 0.006]))
 """How far off a predicted pose is, in the camera's axes: some two pixels."""
@@ -54,62 +56,30 @@ class Scene:
     points_world: Array
     views: NDArray[np.int64]
 
-    def find(
-        self,
-        image: NDArray[np.uint8],
-        near: Array,
-        levels: tuple[int, int] = (1, 0),
-        twist: Array = STILL,
-        readout_time: float = 0.0,
-        shown: Array | None = None,
-        likeness: float = 0.7,
-    ) -> tuple[Array, Array]:
+    def find(self, image, near, levels=(1, 0), twist=STILL, readout_time=0.0, shown=AS_POSED, likeness=0.7):
+        """Pixels (N, 2) and likeness (N,) of the compiled alignment."""
         return align_patches(
-            lens_parameters(self.camera),
-            near,
-            twist,
-            readout_time,
-            pyramid(image),
-            pyramid_levels(*image.shape),
+            *(lens_parameters(self.camera), near, twist, readout_time, pyramid(image), pyramid_levels(*image.shape)),
             np.stack([lens_parameters(camera)[:PROJECTION] for camera in self.photographers]),
             np.arange(len(self.photographers), dtype=np.uint16),
             self.world_T_reference,
             padded([pyramid(reference) for reference in self.references]),
             np.stack([pyramid_levels(camera.height, camera.width) for camera in self.photographers]),
-            self.views,
-            np.zeros((0, 2)) if shown is None else shown,
-            self.points_world,
-            np.tile(self.wall.normal, (len(self.points_world), 1)),
-            *levels,
-            likeness,
+            *(self.views, shown, self.points_world, self.normals, *levels, likeness),
         )
 
-    def find_in_numpy(
-        self,
-        image: NDArray[np.uint8],
-        near: Array,
-        levels: tuple[int, int] = (1, 0),
-        twist: Array = STILL,
-        readout_time: float = 0.0,
-        shown: Array | None = None,
-        likeness: float = 0.7,
-    ) -> tuple[Array, Array]:
+    def find_in_numpy(self, image, near, levels=(1, 0), twist=STILL, readout_time=0.0, shown=AS_POSED, likeness=0.7):
+        """The same of the alignment in NumPy."""
+        references = [images_of(reference) for reference in self.references]
         return align_in_numpy(
-            self.camera,
-            near,
-            twist,
-            readout_time,
-            images_of(image),
-            list(self.photographers),
-            self.world_T_reference,
-            [images_of(reference) for reference in self.references],
-            self.views,
-            np.zeros((0, 2)) if shown is None else shown,
-            self.points_world,
-            np.tile(self.wall.normal, (len(self.points_world), 1)),
-            *levels,
-            likeness,
+            *(self.camera, near, twist, readout_time, images_of(image)),
+            *(list(self.photographers), self.world_T_reference, references),
+            *(self.views, shown, self.points_world, self.normals, *levels, likeness),
         )
+
+    @property
+    def normals(self) -> Array:
+        return np.tile(self.wall.normal, (len(self.points_world), 1))
 
     def true_pixels(self, twist: Array = STILL, readout_time: float = 0.0) -> Array:
         return exact_pixels(self.camera, self.world_T_camera, self.points_world, twist, readout_time)
@@ -146,18 +116,10 @@ Photographs = tuple[Array, tuple[CameraModel, ...], Sequence[NDArray[np.uint8]]]
 @pytest.fixture(scope="module")
 def photographs(wall: Wall) -> Photographs:
     """By a camera, and by another of another size and kind."""
-    poses = np.stack(
-        [
-            wall.world_T_wall @ facing(0.2, 0.1, 2.6, np.array([0.05, 0.05, 0.4])),
-            wall.world_T_wall @ facing(-0.4, -0.3, 2.0, np.array([-0.1, 0.15, -0.5])),
-        ]
-    )
-    photographers = (PHOTOGRAPH, FISHEYE)
-    return (
-        poses,
-        photographers,
-        [exposed(wall.light(camera, pose)) for camera, pose in zip(photographers, poses, strict=True)],
-    )
+    first = wall.world_T_wall @ facing(0.2, 0.1, 2.6, np.array([0.05, 0.05, 0.4]))
+    second = wall.world_T_wall @ facing(-0.4, -0.3, 2.0, np.array([-0.1, 0.15, -0.5]))
+    pictures = [exposed(wall.light(PHOTOGRAPH, first)), exposed(wall.light(FISHEYE, second))]
+    return np.stack([first, second]), (PHOTOGRAPH, FISHEYE), pictures
 
 
 def scene_of(wall: Wall, photographs: Photographs, camera: CameraModel) -> Scene:
@@ -194,7 +156,7 @@ def errors(pixels: Array, truth: Array, likeness: Array) -> Array:
     return np.asarray(np.linalg.norm(pixels - truth, axis=1)[found])
 
 
-@pytest.mark.parametrize("levels", [(1, 0), (0, 0), (3, 1)], ids=str)
+@pytest.mark.parametrize("levels", [(1, 0), (3, 1)], ids=str)
 def test_finds_what_numpy_finds(scene: Scene, image: NDArray[np.uint8], levels: tuple[int, int]) -> None:
     near = scene.world_T_camera @ NEAR
     for options in (
@@ -219,97 +181,13 @@ def test_patches_are_found_to_a_twentieth_of_a_pixel(scene: Scene, image: NDArra
     assert np.median(off) < 0.05 and np.percentile(off, 90) < 0.1
 
 
-@pytest.mark.parametrize(
-    "exposure", [{"gain": 1.4, "bias": 10.0}, {"gamma": 0.7}, {"gain": 0.3}, {"gamma": 1.6, "bias": 20.0}], ids=str
-)
+@pytest.mark.parametrize("exposure", [{"gain": 0.3}, {"gamma": 1.6, "bias": 20.0}], ids=str)
 def test_light_and_exposure_make_no_difference(fisheye: Scene, light: Array, exposure: dict[str, float]) -> None:
     image = exposed(light, **exposure)
     pixels, likeness = fisheye.find(image, fisheye.world_T_camera @ NEAR)
     off = errors(pixels, fisheye.true_pixels(), likeness)
     assert len(off) > 0.9 * len(likeness)
     assert np.median(off) < 0.08
-
-
-def test_coarse_levels_reach_farther(fisheye: Scene, light: Array) -> None:
-    image = exposed(light)
-    far = fisheye.world_T_camera @ exp_se3(np.array([0.04, -0.05, 0.06, 0.0, 0.0, 0.0]))
-    truth = fisheye.true_pixels()
-    away = np.linalg.norm(exact_pixels(fisheye.camera, far, fisheye.points_world, STILL, 0.0) - truth, axis=1)
-    assert np.median(away) > 7.0
-    fine, likeness = fisheye.find(image, far, (0, 0))
-    assert (errors(fine, truth, likeness) < 1.0).sum() < 0.1 * len(truth)
-    coarse, likeness = fisheye.find(image, far, (3, 1))
-    assert (errors(coarse, truth, likeness) < 1.0).sum() > 0.6 * len(truth)
-
-
-def test_another_texture_is_not_found(fisheye: Scene) -> None:
-    other = replace(fisheye.wall, texture=texture_of(4))
-    image = exposed(other.light(fisheye.camera, fisheye.world_T_camera))
-    _, likeness = fisheye.find(image, fisheye.world_T_camera @ NEAR)
-    assert np.isfinite(likeness).mean() < 0.05
-
-
-def test_what_is_hidden_or_without_texture_is_not_found(fisheye: Scene, light: Array) -> None:
-    image = exposed(light)
-    truth = fisheye.true_pixels()
-    left = truth[:, 0] < 150.0
-    image[:, :158] = 90
-    _, likeness = fisheye.find(image, fisheye.world_T_camera @ NEAR)
-    assert not np.isfinite(likeness[left]).any()
-    assert np.isfinite(likeness[truth[:, 0] > 175.0]).mean() > 0.7
-
-
-def test_a_photograph_without_texture_finds_nothing(fisheye: Scene, light: Array) -> None:
-    image = exposed(light)
-    blank = replace(fisheye, references=[np.full_like(picture, 90) for picture in fisheye.references])
-    assert not np.isfinite(blank.find(image, fisheye.world_T_camera)[1]).any()
-    # Stripes hold a patch in one direction alone.
-    stripes = np.tile((100 + 60 * np.sin(np.arange(320) / 2.0)).astype(np.uint8), (2, 240, 1))
-    straight = replace(
-        fisheye,
-        photographers=(PHOTOGRAPH, PHOTOGRAPH),
-        references=stripes,
-        camera=PHOTOGRAPH,
-        world_T_camera=fisheye.world_T_reference[0],
-    )
-    assert not np.isfinite(straight.find(stripes[0], straight.world_T_camera)[1]).any()
-
-
-def test_no_view_no_patch(fisheye: Scene, light: Array) -> None:
-    image = exposed(light)
-    nowhere = replace(fisheye, views=np.where(fisheye.views == 1, -1, 0))
-    _, likeness = nowhere.find(image, fisheye.world_T_camera)
-    assert not np.isfinite(likeness[fisheye.views == 1]).any()
-    assert np.isfinite(likeness[fisheye.views == 0]).mean() > 0.8
-
-
-def test_at_the_border_and_behind_there_is_nothing_to_find(fisheye: Scene) -> None:
-    towards = [fisheye.camera.unproject(np.array([[u, v]]))[0][0] for u, v in [(1.0, 120.0), (318.0, 3.0), (160, 239)]]
-    points = np.array([2.0 * bearing for bearing in towards] + [[0.1, 0.2, -3.0], [0.0, 0.0, 0.0]])
-    at_edge = replace(
-        fisheye,
-        points_world=points @ fisheye.world_T_camera[:3, :3].T + fisheye.world_T_camera[:3, 3],
-        views=np.zeros(len(points), np.int64),
-    )
-    random = np.random.default_rng(2).integers(0, 256, (240, 320)).astype(np.uint8)
-    _, likeness = at_edge.find(random, fisheye.world_T_camera)
-    assert not np.isfinite(likeness).any()
-
-
-def test_patches_are_found_near_the_rim(wall: Wall, photographs) -> None:
-    """The wall fills what lies between 55 and 78 degrees from the axis."""
-    scene = scene_of(wall, photographs, lens("equidistant"))
-    pose = wall.world_T_wall @ facing(0.0, 0.0, 1.2, np.array([0.0, np.radians(66.0), 0.0]))
-    scene = replace(scene, world_T_camera=pose)
-    offsets = scene.points_world - pose[:3, 3]
-    angles = np.degrees(np.arccos(offsets @ pose[:3, 2] / np.linalg.norm(offsets, axis=1)))
-    image = exposed(wall.light(scene.camera, pose))
-    pixels, likeness = scene.find(image, pose @ NEAR)
-    rim = (angles > 60.0) & scene.camera.in_image(scene.true_pixels())
-    away = np.linalg.norm(pixels - scene.true_pixels(), axis=1)[rim & np.isfinite(likeness)]
-    assert rim.sum() > 20
-    assert len(away) > 0.5 * rim.sum()
-    assert np.median(away) < 0.1
 
 
 @pytest.mark.parametrize("readout_time", [0.025, -0.025])
@@ -321,21 +199,3 @@ def test_rows_that_are_read_out_one_by_one(fisheye: Scene, readout_time: float) 
     off = errors(pixels, truth, likeness)
     assert len(off) > 0.9 * len(truth)
     assert np.median(off) < 0.08
-
-
-def test_a_patch_is_taken_from_where_it_was_shown(fisheye: Scene, light: Array) -> None:
-    """Where a picture shows a landmark elsewhere than its pose says, what it shows there is looked for."""
-    poses = fisheye.world_T_reference
-    image = exposed(light)
-    shown = np.array(
-        [
-            exact_pixels(fisheye.photographers[k], poses[k], point[None], STILL, 0.0)[0]
-            for k, point in zip(fisheye.views, fisheye.points_world, strict=True)
-        ]
-    )
-    wrong = np.stack([pose @ exp_se3(np.array([0.01, -0.012, 0.0, 0.0, 0.0, 0.0])) for pose in poses])
-    mistaken = replace(fisheye, world_T_reference=wrong)
-    pixels, likeness = mistaken.find(image, fisheye.world_T_camera)
-    assert np.median(errors(pixels, fisheye.true_pixels(), likeness)) > 0.5
-    mended, likeness = mistaken.find(image, fisheye.world_T_camera, shown=shown)
-    assert np.median(errors(mended, fisheye.true_pixels(), likeness)) < 0.1

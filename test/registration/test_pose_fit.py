@@ -5,7 +5,7 @@ import pytest
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
-from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, reprojection_errors
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 
 
 @pytest.fixture(scope="module")
@@ -71,33 +71,3 @@ def test_information_predicts_the_scatter_of_the_pose(camera: CameraModel) -> No
     # Squared errors in units of their covariance are chi-square with 6 degrees of freedom: mean 6.
     normalised = np.einsum("ni,nij,nj->n", errors, np.array([fit.information for fit in fits]), errors)
     assert normalised.mean() == pytest.approx(6.0, rel=0.15)
-
-
-def test_information_follows_an_image_that_is_worse_than_was_assumed(camera: CameraModel) -> None:
-    """Blurred to 1.1 px per axis where 0.7 were assumed; without following, squared errors count 2.5 times as much."""
-    points, rng = landmarks(80), np.random.default_rng(4)
-    pixels = seen(camera, points)
-    fits = [
-        fit_pose(camera, points, pixels + 1.1 * rng.standard_normal(pixels.shape), WORLD_T_CAMERA, PoseFitSettings())
-        for _ in range(200)
-    ]
-    errors = np.array([error(fit.world_T_camera) for fit in fits])
-    normalised = np.einsum("ni,nij,nj->n", errors, np.array([fit.information for fit in fits]), errors)
-    assert 5.0 < normalised.mean() < 8.5
-
-
-def test_landmarks_behind_the_camera_count_as_outliers(camera: CameraModel) -> None:
-    points = landmarks(30)
-    pixels = seen(camera, points)
-    behind = transform_points(WORLD_T_CAMERA, np.array([[0.1, 0.1, -2.0]]))
-    all_points, all_pixels = np.vstack([points, behind]), np.vstack([pixels, [[320.0, 240.0]]])
-    assert np.isinf(reprojection_errors(camera, all_points, all_pixels, WORLD_T_CAMERA)[-1])
-    fit = fit_pose(camera, all_points, all_pixels, WORLD_T_CAMERA, PoseFitSettings())
-    assert fit.inliers.tolist() == [True] * 30 + [False]
-
-
-def test_no_landmark_in_sight_leaves_the_pose_where_it_was(camera: CameraModel) -> None:
-    behind = transform_points(WORLD_T_CAMERA, np.array([[0.1, 0.1, -2.0], [0.3, 0.1, -2.0], [0.1, 0.4, -3.0]]))
-    fit = fit_pose(camera, behind, np.full((3, 2), 100.0), WORLD_T_CAMERA, PoseFitSettings())
-    assert np.allclose(fit.world_T_camera, WORLD_T_CAMERA)
-    assert not fit.inliers.any()

@@ -10,15 +10,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.doubted_place import DoubtSettings
-from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
-from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 CAMERA = "shin_left"
 
@@ -62,76 +58,6 @@ def test_registers_from_nothing_and_tracks_carry_their_landmarks(reference_map, 
     assert np.sqrt(np.diag(matches.pose_covariance)[3:]).max() < 0.01
 
 
-def test_names_last_without_any_further_descriptor(reference_map, seen) -> None:
-    camera, frames = seen
-    registrar = Registrar(camera, reference_map)
-    registrar.register(frames[0])
-    poses = [registrar.register(without_names(frame)).world_T_camera for frame in frames[1:12]]
-    assert all(pose is not None for pose in poses)
-
-
-def named(frame: TrackFrame, names: dict[int, int]) -> TrackFrame:
-    """The frame with landmarks for some of its tracks, and no descriptors."""
-    ids = np.array([names.get(track, NO_LANDMARK) for track in frame.track_ids.tolist()], np.uint32)
-    return dataclasses.replace(without_names(frame), landmark_ids=ids)
-
-
-def test_names_that_a_frame_brings_are_carried_on_and_outdo_those_of_before(reference_map, seen) -> None:
-    camera, frames = seen
-    registrar = Registrar(camera, reference_map)
-    first = registrar.register(frames[0])
-    names = dict(zip(first.track_ids.tolist(), first.landmark_ids.tolist(), strict=True))
-    following = [track for track in frames[1].track_ids.tolist() if track in names]
-    spare = next(track for track in frames[1].track_ids.tolist() if track not in names)
-    # A landmark on another track than before, and a track with another landmark; and one that the map has not.
-    moved, renamed, unknown = following[0], following[1], following[2]
-    other = next(int(i) for i in reference_map.landmark_ids if int(i) not in names.values())
-    brought = {spare: names[moved], renamed: other, unknown: int(reference_map.landmark_ids.max()) + 1}
-    matches = registrar.register(named(frames[1], brought))
-    got = dict(zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True))
-    assert matches.world_T_camera is not None
-    assert len(set(got.values())) == len(got)
-    assert moved not in got and got[spare] == names[moved]
-    assert got[renamed] == other and got[unknown] == names[unknown]
-    # Names that agree with the pose last, those that do not are lost.
-    for frame in frames[2:5]:
-        matches = registrar.register(named(frame, {}))
-    got = dict(zip(matches.track_ids.tolist(), matches.landmark_ids.tolist(), strict=True))
-    assert renamed not in got and len(got) > 30
-
-
-def test_a_frame_of_names_alone_goes_on_from_any_frame_before(reference_map, seen) -> None:
-    """Tracks of which none was there before, as when landmarks found directly take over."""
-    camera, frames = seen
-    by_flow, direct = Registrar(camera, reference_map), Registrar(camera, reference_map)
-    direct.register(frames[0])
-    matches = [by_flow.register(frame) for frame in frames[:4]]
-    now = matches[3]
-    others = dataclasses.replace(
-        without_names(frames[3]),
-        track_ids=(now.track_ids + 100_000).astype(np.uint32),
-        pixels=now.pixels,
-        previous_stamp_ns=frames[0].stamp_ns,
-        landmark_ids=now.landmark_ids,
-    )
-    alone = direct.register(others)
-    step = log_se3(inverse(alone.world_T_camera) @ now.world_T_camera)
-    assert np.linalg.norm(step) < 0.01
-    assert set(alone.track_ids.tolist()) <= set(others.track_ids.tolist())
-
-
-def test_agrees_with_a_registrar_that_searches_every_keyframe_anew(reference_map, seen) -> None:
-    camera, frames = seen
-    running = Registrar(camera, reference_map)
-    for frame in frames:
-        matches = running.register(frame)
-        if frame.keyframe:
-            afresh = Registrar(camera, reference_map).register(frame)
-            step = log_se3(inverse(matches.world_T_camera) @ afresh.world_T_camera)
-            assert np.degrees(np.linalg.norm(step[:3])) < 0.3
-            assert np.linalg.norm(step[3:]) < 0.02
-
-
 def test_a_lost_camera_comes_back_at_the_next_keyframe(reference_map, seen) -> None:
     camera, frames = seen
     registrar = Registrar(camera, reference_map)
@@ -153,60 +79,6 @@ def test_a_map_of_noise_registers_nothing(reference_map, seen) -> None:
     )
     registrar = Registrar(camera, noise)
     assert [registrar.register(frame).world_T_camera for frame in frames] == [None] * len(frames)
-
-
-def test_guided_matching_finds_the_landmarks_that_an_exhaustive_search_confirms(reference_map, seen) -> None:
-    camera, frames = seen
-    frame = frames[0]
-    matches = Registrar(camera, reference_map).register(frame)
-    pixels = frame.pixels[frame.described.astype(int)]
-    features, landmarks = match_near_prediction(
-        reference_map, camera, matches.world_T_camera, pixels, frame.descriptors, frame.scales, 4.0, MatchingSettings()
-    )
-    projected, _ = camera.project(
-        (reference_map.points_world[landmarks] - matches.world_T_camera[:3, 3]) @ matches.world_T_camera[:3, :3]
-    )
-    assert np.linalg.norm(projected - pixels[features], axis=1).max() <= 4.0
-    assert len(set(landmarks.tolist())) == len(landmarks)
-    assert len(set(features.tolist())) == len(features)
-    for feature, landmark in list(zip(features, landmarks, strict=True))[:40]:
-        looks = reference_map.descriptors[reference_map.descriptor_landmark == landmark].astype(float)
-        distance = np.linalg.norm(looks - frame.descriptors[feature].astype(float), axis=1).min()
-        assert distance < MatchingSettings().max_distance
-
-
-def test_the_landmarks_around_the_camera_are_all_that_guided_matching_needs(reference_map, seen) -> None:
-    camera, frames = seen
-    settings = MatchingSettings()
-    local = LocalLandmarks(reference_map.grid, camera.fx, settings.min_visible_scale_px)
-    pose = Registrar(camera, reference_map).register(frames[0]).world_T_camera
-    for frame in frames:
-        asked = (frame.pixels[frame.described.astype(int)], frame.descriptors, frame.scales, 20.0, settings)
-        near = pose @ exp_se3(np.array([0.0, 0.02, 0.0, 0.1, 0.0, 0.05]))
-        rows = local.around(near[:3, 3])
-        everything = match_near_prediction(reference_map, camera, near, *asked)
-        np.testing.assert_array_equal(match_near_prediction(reference_map, camera, near, *asked, rows), everything)
-        assert len(rows) < 0.5 * len(reference_map.landmark_ids)
-
-
-def test_a_search_of_the_whole_map_is_mostly_right(reference_map, seen) -> None:
-    camera, frames = seen
-    frame = frames[0]
-    matches = Registrar(camera, reference_map).register(frame)
-    features, landmarks = match_by_looks(reference_map, frame.descriptors, None, MatchingSettings())
-    pixels = frame.pixels[frame.described.astype(int)[features]]
-    errors = reprojection_errors(camera, reference_map.points_world[landmarks], pixels, matches.world_T_camera)
-    assert (errors < 5).sum() >= 15
-    assert (errors < 5).mean() > 0.6
-
-
-def test_nothing_to_match(reference_map, seen) -> None:
-    camera, _ = seen
-    nothing = np.zeros((0, 128), np.uint8)
-    assert len(match_by_looks(reference_map, nothing, None, MatchingSettings())[0]) == 0
-    behind_all = exp_se3(np.array([0, 0, 0, 1e4, 0, 0]))
-    none = (np.zeros((0, 2), np.float32), nothing, np.zeros(0, np.float32))
-    assert len(match_near_prediction(reference_map, camera, behind_all, *none, 4.0, MatchingSettings())[0]) == 0
 
 
 def uncertain(turn: float, shift: float) -> np.ndarray:
@@ -252,74 +124,6 @@ def test_a_lost_camera_is_looked_for_where_it_is_expected(reference_map, seen, o
     assert found is not None
     step = log_se3(inverse(true) @ found)
     assert np.linalg.norm(step[:3]) < 0.01 and np.linalg.norm(step[3:]) < 0.03
-
-
-def test_a_wrong_expectation_costs_time_alone(reference_map, seen) -> None:
-    camera, frames = seen
-    true = Registrar(camera, reference_map).register(frames[0]).world_T_camera
-    for wrong in (
-        true @ exp_se3(np.array([0.0, 2.5, 0.0, 1.0, 0.0, 0.0])),
-        true @ exp_se3(np.array([0.0, 0.0, 0.0, 1e4, 0.0, 0.0])),
-        np.full((4, 4), np.nan),
-    ):
-        registrar = Registrar(camera, reference_map)
-        registrar.expect(frames[0].stamp_ns, wrong, uncertain(0.1, 0.1))
-        found = registrar.register(frames[0]).world_T_camera
-        assert np.linalg.norm(log_se3(inverse(true) @ found)) < 0.01
-    registrar = Registrar(camera, reference_map)
-    registrar.expect(frames[0].stamp_ns, true, np.full((6, 6), np.nan))
-    assert registrar.register(frames[0]).world_T_camera is not None
-
-
-def test_a_doubted_camera_searches_anew_and_stays_away_for_a_while(reference_map, seen) -> None:
-    """The same images lead to the same place: refused as long as the doubt lasts, and believed again after that."""
-    camera, frames = seen
-    lasting_s = 1e-9 * (frames[14].stamp_ns - frames[9].stamp_ns)
-    registrar = Registrar(camera, reference_map, doubt=DoubtSettings(lasting=lasting_s - 0.01))
-    before = [registrar.register(frame) for frame in frames[:10]]
-    assert before[-1].world_T_camera is not None
-    registrar.doubt(frames[9].stamp_ns)
-    # Every image brings descriptors, as of a keyframe, by which the whole map is searched.
-    doubted = [registrar.register(described(frame, frames[0])) for frame in frames[10:14]]
-    assert all(matches.world_T_camera is None and len(matches.track_ids) == 0 for matches in doubted)
-    back = [registrar.register(described(frame, frames[0])) for frame in frames[14:20]]
-    assert all(matches.world_T_camera is not None for matches in back)
-
-
-def test_a_doubted_camera_is_believed_elsewhere_at_once(reference_map, seen) -> None:
-    camera, frames = seen
-    registrar = Registrar(camera, reference_map)
-    first = registrar.register(frames[0])
-    assert first.world_T_camera is not None
-    # As if it had been tracked at a wrong place.
-    registrar._world_T_camera = exp_se3(np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0])) @ first.world_T_camera
-    registrar.doubt(frames[0].stamp_ns)
-    found = registrar.register(described(frames[1], frames[0]))
-    assert found.world_T_camera is not None
-    assert np.linalg.norm(found.world_T_camera[:3, 3] - first.world_T_camera[:3, 3]) < 0.1
-
-
-def test_a_pose_that_its_landmarks_leave_open_is_none(reference_map, seen) -> None:
-    """Landmarks that are near each other in the picture agree on a pose, but hardly on where it is."""
-    camera, frames = seen
-    whole = Registrar(camera, reference_map).register(frames[0])
-    corner = whole.pixels[np.argmin(np.linalg.norm(whole.pixels - np.median(whole.pixels, axis=0), axis=1))]
-    nearest = np.argsort(np.linalg.norm(frames[0].pixels[frames[0].described] - corner, axis=1))[:90]
-    rows = frames[0].described[np.sort(nearest)]
-    few = dataclasses.replace(
-        frames[0],
-        described=rows,
-        descriptors=frames[0].descriptors[np.sort(nearest)],
-        scales=frames[0].scales[np.sort(nearest)],
-    )
-    found = Registrar(camera, reference_map, RegistrarSettings(max_sigma=10.0)).register(few)
-    assert found.world_T_camera is not None
-    sigma = float(np.sqrt(np.trace(found.pose_covariance[3:, 3:])))
-    assert sigma > 2.0 * np.sqrt(np.trace(whole.pose_covariance[3:, 3:]))
-    for share, registered in ((0.9, False), (3.0, True)):
-        settings = RegistrarSettings(max_sigma=share * sigma)
-        pose = Registrar(camera, reference_map, settings).register(few).world_T_camera
-        assert (pose is not None) == registered
 
 
 def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:

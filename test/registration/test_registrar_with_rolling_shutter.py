@@ -60,25 +60,3 @@ def test_what_is_given_is_used_from_the_first_image_and_never_changed(around: Re
     assert registrar.readout.seconds == 0.0115
     assert {(one.readout_time, one.readout_sigma) for one in matches} == {(0.0115, 0.0)}
     assert matches[2].shifts is not None and np.abs(matches[2].shifts).max() > 0.3
-
-
-def test_what_is_known_roughly_is_made_better(around: ReferenceMap) -> None:
-    registrar, _ = registered(around, 0.012, Readout(0.010, 0.001))
-    assert registrar.readout.seconds == pytest.approx(0.012, abs=3e-4)
-
-
-def test_who_knows_better_is_believed_and_who_knows_less_is_not(around: ReferenceMap) -> None:
-    registrar = Registrar(CAMERA, around)
-    registrar.learn(Readout(0.012, 0.0005))
-    assert registrar.readout.in_use == 0.012
-    registrar.learn(Readout(0.020, 0.002))
-    assert registrar.readout.in_use == 0.012
-
-
-def test_the_image_shows_landmarks_at_their_pixels_and_shifts(around: ReferenceMap) -> None:
-    frames = list(track_frames(CAMERA, around, np.random.default_rng(4), 0.012, 12))
-    registrar = Registrar(CAMERA, around, readout=Readout(0.012, 0.0))
-    for frame in frames:
-        matches = registrar.register(frame)
-        rows = np.searchsorted(frame.track_ids, matches.track_ids)
-        np.testing.assert_allclose(matches.shown, frame.pixels[rows], atol=1e-3)

@@ -9,7 +9,7 @@ from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares, seen_later, steady_pixels
+from bodycam_ros.registration.rolling_shutter import ImageMotion, seen_later
 
 READOUT_S = 0.012
 TWIST = np.array([1.5, -2.0, 1.0, 0.6, -0.4, 0.8])
@@ -43,20 +43,6 @@ def test_a_point_is_seen_where_the_camera_is_by_then() -> None:
     assert np.abs(exact - points).max() > 0.05
 
 
-def test_rows_are_shares_of_the_readout() -> None:
-    np.testing.assert_allclose(row_shares(CAMERA, np.array([[3.0, 0.0], [9.0, 239.5], [1.0, 479.0]])), [-0.5, 0.0, 0.5])
-
-
-def test_pixels_of_a_turning_camera_are_steadied() -> None:
-    twist = np.concatenate([TWIST[:3], np.zeros(3)])
-    points, pixels = scene(300, twist)
-    still, _ = CAMERA.project(transform_points(inverse(POSE), points))
-    assert np.linalg.norm(pixels - still, axis=1).max() > 2.0
-    steady = steady_pixels(CAMERA, pixels, TWIST[:3], READOUT_S)
-    assert np.linalg.norm(steady - still, axis=1).max() < 0.01
-    assert np.array_equal(steady_pixels(CAMERA, pixels, TWIST[:3], 0.0), pixels)
-
-
 def test_a_known_motion_gives_the_exact_pose() -> None:
     points, pixels = scene(300)
     start = POSE @ exp_se3(np.array([0.01, -0.01, 0.02, 0.03, -0.02, 0.01]))
@@ -81,13 +67,6 @@ def test_a_known_twist_gives_the_readout_time(true_s: float) -> None:
     assert fit.readout_information**-0.5 < 0.003
 
 
-def test_a_still_camera_says_nothing_of_its_readout_time() -> None:
-    points, pixels = scene(300, np.zeros(6))
-    still = replace(motion(0.0, 0.015, np.zeros(6)), sigmas=1e-3 * SIGMAS)
-    fit = fit_pose(CAMERA, points, pixels, POSE, PoseFitSettings(), still)
-    assert fit.readout_information < 0.1**-2
-
-
 def test_jacobian_is_the_numeric_one() -> None:
     """Of the rows' own poses the fit leaves out what the read-out turns them by: some per cent of a derivative."""
     points, pixels = scene(60)
@@ -103,18 +82,3 @@ def test_jacobian_is_the_numeric_one() -> None:
         behind = problem.linearise(at.moved(-step), 100.0).residuals
         numeric = (ahead - behind) / 2e-5
         assert np.linalg.norm(jacobian[:, column] - numeric) < 0.05 * np.linalg.norm(numeric), column
-
-
-def test_information_predicts_the_scatter_with_a_twist_that_is_known_by_halves() -> None:
-    points, _ = scene(150)
-    random = np.random.default_rng(5)
-    settings = PoseFitSettings(pixel_sigma=0.5, inlier_px=20.0, iterations=15)
-    told, square = motion(READOUT_S, 0.0), []
-    for _ in range(100):
-        twist = TWIST + SIGMAS * random.standard_normal(6)
-        pixels, visible = rolling_pixels(CAMERA, points, constant_twist(POSE, twist), 0.0, READOUT_S)
-        noisy = pixels[visible] + 0.5 * random.standard_normal((int(visible.sum()), 2))
-        fit = fit_pose(CAMERA, points[visible], noisy, POSE, settings, told)
-        square.append(error(fit) @ fit.information @ error(fit))
-    # Chi-square with 6 degrees of freedom.
-    assert np.mean(square) == pytest.approx(6.0, rel=0.25)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.tracking.brightness import brightness_ratio
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 
 SHIFT = np.array([2.3, -1.4], np.float32)
@@ -41,19 +40,3 @@ def test_light_that_changes_is_not_taken_for_motion(
     errors = np.linalg.norm(found - points - SHIFT, axis=1)[alive]
     assert np.median(errors) < 0.12
     assert np.percentile(errors, 90) < 0.25
-
-
-def test_without_evening_it_would_be(image: NDArray[np.uint8], points: NDArray[np.float32]) -> None:
-    """What the setting is for: at a tolerance of 1 nothing is evened."""
-    found, alive = follow(image, moved(image, 0.9), points, points, OpticalFlowSettings(brightness_tolerance=1.0))
-    errors = np.linalg.norm(found - points - SHIFT, axis=1)[alive]
-    assert alive.mean() < 0.9 or np.median(errors) > 0.3
-
-
-def test_the_ratio_is_measured_where_points_went(image: NDArray[np.uint8], points: NDArray[np.float32]) -> None:
-    assert brightness_ratio(image, moved(image, 0.93), points, points + SHIFT) == pytest.approx(0.93, abs=0.01)
-
-
-def test_black_images_have_no_ratio(image: NDArray[np.uint8], points: NDArray[np.float32]) -> None:
-    assert brightness_ratio(image, np.zeros_like(image), points, points) == 1.0
-    assert brightness_ratio(image, image, points[:0], points[:0]) == 1.0

@@ -18,12 +18,6 @@ def _offer(thinning: EverySecondImage, first: int, count: int, waited_s: float, 
     ]
 
 
-def test_nothing_is_left_out_while_images_wait_as_long_as_they_may() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
-    assert not any(_offer(thinning, 0, 100, _LONGEST_S))
-    assert not thinning.active
-
-
 def test_every_second_one_is_left_out_once_they_wait_for_longer() -> None:
     thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
     _offer(thinning, 0, 20, 0.0)
@@ -33,38 +27,9 @@ def test_every_second_one_is_left_out_once_they_wait_for_longer() -> None:
     assert not any(one and following for one, following in zip(left_out, left_out[1:], strict=False))
 
 
-def test_it_ends_only_after_nothing_has_waited_for_a_while() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
-    _offer(thinning, 0, 20, 2.0 * _LONGEST_S)
-    calm = round(_RECOVERY_S * _HZ)
-    _offer(thinning, 20, calm - 5, 0.0)
-    assert thinning.active
-    # Waiting a little is not empty: the while begins again.
-    _offer(thinning, 15 + calm, 1, 0.5 * _LONGEST_S)
-    _offer(thinning, 16 + calm, calm - 5, 0.0)
-    assert thinning.active
-    _offer(thinning, 11 + 2 * calm, 10, 0.0)
-    assert not thinning.active
-    assert not any(_offer(thinning, 30 + 2 * calm, 50, 0.0))
-
-
 def test_cameras_that_trigger_together_leave_out_the_same_images() -> None:
     one, other = EverySecondImage(_LONGEST_S, _RECOVERY_S), EverySecondImage(_LONGEST_S, _RECOVERY_S)
     # One has been at it for longer, and began with an odd number of images.
     of_one = _offer(one, 0, 90, 1.0)
     of_other = _offer(other, 41, 49, 1.0, shift_ns=200_000)
     np.testing.assert_array_equal(of_one[45:], of_other[4:])
-
-
-def test_stamps_at_multiples_of_the_interval_are_halved_evenly() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
-    left_out = [thinning.leaves_out(number * 10**9 // _HZ, 1.0, number / _HZ) for number in range(5, 105)]
-    assert left_out[10:] in ([True, False] * 45, [False, True] * 45)
-
-
-def test_time_that_goes_back_and_a_limit_of_nothing() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
-    _offer(thinning, 50, 20, 1.0)
-    assert not _offer(thinning, 0, 1, 1.0)[0]
-    assert abs(sum(_offer(thinning, 1, 40, 1.0)) - 20) <= 2
-    assert not any(_offer(EverySecondImage(0.0, _RECOVERY_S), 0, 50, 100.0))

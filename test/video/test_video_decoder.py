@@ -7,7 +7,7 @@ from made_video import make_video, number_in
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.video_decoder import VideoDecoder, decode_last
+from bodycam_ros.video.video_decoder import VideoDecoder
 from bodycam_ros.video.video_file import packets
 
 
@@ -66,34 +66,9 @@ def test_a_damaged_frame_costs_those_up_to_the_next_keyframe(images: list[Camera
     assert seen[13] is None or (damage == "cut" and images[0].content.codec == "hevc")
 
 
-def test_what_comes_before_the_first_keyframe_is_refused(images: list[CameraImage]) -> None:
-    assert numbers(fed(images[7:])) == [None] * 3 + list(range(10, 40))
-
-
-def test_a_malformed_message_among_frames_is_passed_on(images: list[CameraImage]) -> None:
-    broken = CameraImage("head", 105, RecordingError("of stamp 105 ns: no video"))
-    mixed = [*images[:5], broken, *images[6:]]
-    assert [image.stamp_ns - 100 for image in fed(mixed)] == list(range(40))
-    with pytest.raises(RecordingError, match="no video"):
-        decode_grey(fed(mixed)[5])
-
-
 def test_random_bytes_are_refused(images: list[CameraImage]) -> None:
     random = np.random.default_rng(2)
     noise = [with_data(image, lambda d: random.bytes(len(d))) for image in images]
     assert numbers(fed(noise)) == [None] * 40
     flipped = [with_data(image, lambda d: bytes(b ^ (random.random() < 0.01) for b in d)) for image in images]
     assert len(fed(flipped)) == 40
-
-
-def test_one_frame_is_decoded_from_its_keyframe_on(images: list[CameraImage]) -> None:
-    for row in (0, 5, 10, 19, 39):
-        image = decode_last(images[row // 10 * 10 : row + 1])
-        assert (image.stamp_ns - 100, number_in(decode_grey(image))) == (row, row)
-    with pytest.raises(RecordingError, match="without those before it"):
-        decode_grey(images[3])
-
-
-def test_still_images_come_back_as_they_are() -> None:
-    still = CameraImage("head", 1, np.zeros((4, 4), np.uint8))
-    assert VideoDecoder().feed(still) == [still]

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodycam_ros.errors import OutputError
 from bodycam_ros.video.video_file import frames, read_facts
 from bodycam_ros.video.video_frame import bgr_pixels
 from bodycam_ros.video.video_writer import video_writer
@@ -22,9 +21,3 @@ def test_pictures_come_at_their_times(tmp_path: Path) -> None:
     assert [seconds for seconds, _ in read] == pytest.approx(times_s, abs=1e-4)
     brightness = [float(bgr_pixels(frame).mean()) for _, frame in read]
     assert brightness == pytest.approx([0.0, 40.0, 80.0, 120.0, 160.0], abs=4.0)
-
-
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"nowhere/v\.mp4: the video cannot be written"):
-        with video_writer(tmp_path / "nowhere" / "v.mp4", 25.0) as write:
-            write(0.0, np.zeros((64, 64, 3), np.uint8))
