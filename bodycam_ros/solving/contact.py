@@ -24,10 +24,6 @@ from bodycam_ros.solving.contact_settings import ContactSettings
 from bodycam_ros.solving.resting_point import RestingPoint, Step
 
 _NO_OPINION_RAD, _NO_OPINION_M = 10.0, 0.1
-_FIRM_NS = 200_000_000
-"""A point that has rested for so long lies on the floor; a foot that turns back in the air does not rest so long."""
-
-
 _LEAST_SHIN_M = 0.05
 """Where a shin begins at its ankle nobody knows how large the foot is."""
 
@@ -53,7 +49,6 @@ class FootContacts:
             for foot in feet
             for arm in sole_points(float(np.linalg.norm(foot.parent_T_joint[:3, 3])))
         ]
-        self._floor: float | None = None
 
     def factors(self, window: BodyWindow, key: Callable[[int, int], int]) -> gtsam.NonlinearFactorGraph:
         """What the soles say of the latest two instants of a window, which are solved.
@@ -92,10 +87,13 @@ class FootContacts:
                 continue
             seen = _turns_known(latest, row)
             step = Step(poses[row], poses_since[row], took_s, latest.stamp_ns, seen)
-            world_P_point = point.follow(step, self._floor or 0.0)
-            if seen and point.since_ns is not None and latest.stamp_ns - point.since_ns >= _FIRM_NS:
-                self._floor = min(float(world_P_point[2]), np.inf if self._floor is None else self._floor)
+            point.follow(step, self._floor)
         return [point for point in self._points if point.since_ns is not None]
+
+    @property
+    def _floor(self) -> float:
+        """The lowest level [m] at which a point stood when it last stood firmly; at first z = 0."""
+        return min((point.level for point in self._points if point.level is not None), default=0.0)
 
     def _since(self, window: BodyWindow, latest: Instant) -> Instant:
         """The instant that speeds are taken from."""

@@ -39,8 +39,8 @@ class ContactSettings:
         0.1,
         unit="m",
         limits=(0.001, 100.0),
-        reason="of a resting point over the lowest level that feet stood on, at first z = 0: pedals are higher; more "
-        "on stairs",
+        reason="of a point that has just become slow, over the level that feet stood on last, at first z = 0: pedals "
+        "are higher; a point that stays slow stands at any height",
     )
     blind_rest_speed: float = setting(
         0.1,
