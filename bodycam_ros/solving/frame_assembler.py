@@ -4,6 +4,8 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import inf
+from statistics import median
 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -21,6 +23,11 @@ _KEPT_NS = 30_000_000_000
 _LATELY = 8
 """A camera that said nothing while each camera spoke so often, on average, has no say in what time it is."""
 
+_WITHIN_FRAME = 0.49
+"""A camera's image is of a state that is less than half the time between two of its images earlier."""
+
+_INTERVALS = 9
+"""So many times between images give a camera's rate by their median: an image that is lost now and then is none."""
 
 _FAR_BEHIND = 5
 """A camera that speaks, but is behind most others by so many times ``max_wait``, would only hold them up."""
@@ -35,7 +42,7 @@ class AssemblerSettings:
     """Which stamps belong together, and how long to wait for a camera."""
 
     sync_tolerance: float = setting(
-        0.008, unit="s", limits=(0.0, 0.1), reason="stamps this close are one instant; below half a frame at 60 Hz"
+        0.008, unit="s", limits=(0.0, 0.1), reason="stamps this close are one state; of cameras faster than 60 Hz less than half the time of an image"
     )
     max_wait: float = setting(
         1.0,
@@ -61,6 +68,8 @@ class _Stream:
     Attributes:
         queue: what no frame has taken yet, by stamp.
         heard_ns: its latest stamp.
+        intervals_ns: times between its latest images.
+        frame_ns: their median.
         run_ns: how far its stamps have run on; of a jump ahead only ``max_wait``.
         others_run_ns: the others' ``run_ns`` when it was last heard.
         turn: number of the message that was its latest.
@@ -72,6 +81,8 @@ class _Stream:
 
     queue: deque[Heard] = field(default_factory=deque)
     heard_ns: int | None = None
+    intervals_ns: deque[int] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
+    frame_ns: float = inf
     run_ns: int = 0
     others_run_ns: dict[str, int] = field(default_factory=dict)
     turn: int = 0
@@ -180,6 +191,8 @@ class FrameAssembler:
             stream.left_ns = stream.heard_ns
         elif stream.heard_ns is not None:
             stream.run_ns += min(stamp_ns - stream.heard_ns, self.max_wait_ns)
+            stream.intervals_ns.append(stamp_ns - stream.heard_ns)
+            stream.frame_ns = median(stream.intervals_ns)
         stream.heard_ns = stamp_ns
         stream.others_run_ns = self._runs_ns()
         far_ns = stamp_ns + _FAR_BEHIND * self.max_wait_ns
@@ -244,6 +257,10 @@ class FrameAssembler:
             stream.heard_s = time.monotonic()
         return frames
 
+    def _within_ns(self, stream: _Stream) -> int:
+        """How far after the earliest stamp [ns] a camera's image is of the same state."""
+        return round(min(self._tolerance_ns, _WITHIN_FRAME * stream.frame_ns))
+
     def _heads_ns(self) -> list[int]:
         return [stream.queue[0].stamp_ns for stream in self._streams.values() if stream.queue]
 
@@ -252,10 +269,12 @@ class FrameAssembler:
         heads_ns = self._heads_ns()
         if not heads_ns:
             return False
-        last_ns = min(heads_ns) + self._tolerance_ns
+        first_ns = min(heads_ns)
         nobody_awaited = True
         for stream in self._streams.values():
-            if stream.queue or stream.behind or (stream.heard_ns is not None and stream.heard_ns > last_ns):
+            if stream.queue or stream.behind or (
+                stream.heard_ns is not None and stream.heard_ns > first_ns + self._within_ns(stream)
+            ):
                 continue
             if not self._is_silent(stream):
                 return False
@@ -263,7 +282,7 @@ class FrameAssembler:
         if nobody_awaited or self._live:
             return True
         others = (other.heard_ns for other in self._streams.values() if not other.behind)
-        return any(heard_ns is not None and heard_ns > last_ns for heard_ns in others)
+        return any(heard_ns is not None and heard_ns > first_ns + self._tolerance_ns for heard_ns in others)
 
     def _is_silent(self, stream: _Stream) -> bool:
         """Whether a camera is not worth waiting for: one of the others went on alone, or most are far ahead of it."""
@@ -281,11 +300,10 @@ class FrameAssembler:
 
     def _take(self) -> BodyFrame:
         stamp_ns = min(self._heads_ns())
-        last_ns = stamp_ns + self._tolerance_ns
         said = {
             camera: stream.queue.popleft()
             for camera, stream in self._streams.items()
-            if stream.queue and stream.queue[0].stamp_ns <= last_ns
+            if stream.queue and stream.queue[0].stamp_ns <= stamp_ns + self._within_ns(stream)
         }
         self.assembled += 1
         self._assembled_ns = max(self._assembled_ns, *(seen.stamp_ns for seen in said.values()))

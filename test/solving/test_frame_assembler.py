@@ -52,6 +52,15 @@ def test_stamps_within_the_tolerance_are_one_instant() -> None:
     assert frames_of(messages, "ab") == [(0, "ab"), (33, "a"), (50, "b")]
 
 
+def test_an_image_that_is_lost_at_200_hz_moves_no_other_to_its_state() -> None:
+    cameras = "abcdefghijklmnop"
+    messages = [m for m in spoken(cameras, range(0, 100, 5)) if (m.camera, m.stamp_ns) != ("c", 50 * MS)]
+    assembler = FrameAssembler(cameras)
+    frames = fed(assembler, messages) + named(assembler.flush())
+    assert frames == [(stamp, cameras.replace("c", "" if stamp == 50 else "c")) for stamp in range(0, 100, 5)]
+    assert assembler.late == 0
+
+
 def test_a_missing_image_does_not_hold_the_others_up() -> None:
     assembler = FrameAssembler("ab")
     assert assembler.add(heard("a", 0)) == []
