@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout, readout_of
-from bodycam_ros.geometry import exp_se3, inverse, log_se3, nearest_rotation, rigid
 from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings, DirectView
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.constant_velocity import camera_velocity, predict_pose
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
@@ -118,11 +118,9 @@ class LandmarkTracker:
             return None
         predicted = before.world_T_camera
         if self._earlier is not None:
-            step = log_se3(inverse(self._earlier.world_T_camera) @ before.world_T_camera)
-            share = (stamp_ns - before.stamp_ns) / (before.stamp_ns - self._earlier.stamp_ns)
-            predicted = predicted @ exp_se3(share * step)
-            # Rounding would double with every step.
-            predicted = rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])
+            passed_ns = before.stamp_ns - self._earlier.stamp_ns
+            velocity = camera_velocity(self._earlier.world_T_camera, before.world_T_camera, passed_ns)
+            predicted = predict_pose(predicted, velocity, stamp_ns - before.stamp_ns)
         motion = self._path.motion(stamp_ns, before.stamp_ns, None, self._readout)
         return direct.register(before, predicted, motion, stamp_ns)
 

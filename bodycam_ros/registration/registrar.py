@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.geometry import inverse, nearest_rotation, rigid
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.doubted_place import DoubtedPlace, DoubtSettings
@@ -25,6 +24,7 @@ from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
+from bodycam_ros.tracking.constant_velocity import camera_velocity, predict_pose
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
@@ -71,7 +71,7 @@ class Registrar:
         self._path = RecentPath(self._shutter)
         self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
-        self._previous_T_camera = np.eye(4)
+        self._velocity = np.zeros(6)
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
         self._until_rows = 0
@@ -97,7 +97,7 @@ class Registrar:
         """The body contradicts the pose of an image [ns]: search anew, and come back by stronger evidence only."""
         if self._world_T_camera is not None:
             self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self.doubt_settings)
-        self._world_T_camera, self._previous_T_camera, self._frames_predicted = None, np.eye(4), 0
+        self._world_T_camera, self._velocity, self._frames_predicted = None, np.zeros(6), 0
         self._carried.forget(np.ones(len(self._carried.rows), bool))
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
@@ -114,7 +114,7 @@ class Registrar:
             else:
                 self._doubted = None
         rows, shifts = self._strike_out(frame, rows, fit)
-        self._remember(fit, predicted)
+        self._remember(frame, fit, predicted)
         if fit is not None:
             points_world = self._carried.points_world
             view = RegisteredView(frame.stamp_ns, fit.world_T_camera, points_world, frame.pixels[rows])
@@ -139,11 +139,8 @@ class Registrar:
         """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
         if self._world_T_camera is None:
             return None
-        previous_T_camera = self._previous_T_camera
-        if frame.rotation_inliers:
-            previous_T_camera = rigid(frame.current_R_previous.T, previous_T_camera[:3, 3])
-        predicted = self._world_T_camera @ previous_T_camera
-        return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])  # or rounding doubles with every image
+        measured = frame.current_R_previous if frame.rotation_inliers else None
+        return predict_pose(self._world_T_camera, self._velocity, frame.stamp_ns - frame.previous_stamp_ns, measured)
 
     def _fit(self, frame: TrackFrame, rows: NDArray[np.int64], start: NDArray[np.float64] | None) -> PoseFit | None:
         """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
@@ -228,12 +225,12 @@ class Registrar:
             keep = self._carried.judge(fit.inliers, self.settings.max_strikes)
         return rows[keep], shifts[keep]
 
-    def _remember(self, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
+    def _remember(self, frame: TrackFrame, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
         if fit is not None:
+            self._velocity = np.zeros(6)
             if self._world_T_camera is not None and self._frames_predicted == 0:
-                self._previous_T_camera = inverse(self._world_T_camera) @ fit.world_T_camera
-            else:
-                self._previous_T_camera = np.eye(4)
+                passed_ns = frame.stamp_ns - frame.previous_stamp_ns
+                self._velocity = camera_velocity(self._world_T_camera, fit.world_T_camera, passed_ns)
             self._world_T_camera = fit.world_T_camera
             self._frames_predicted = 0
             return

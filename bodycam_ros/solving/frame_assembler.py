@@ -42,7 +42,10 @@ class AssemblerSettings:
     """Which stamps belong together, and how long to wait for a camera."""
 
     sync_tolerance: float = setting(
-        0.008, unit="s", limits=(0.0, 0.1), reason="stamps this close are one state; of cameras faster than 60 Hz less than half the time of an image"
+        0.008,
+        unit="s",
+        limits=(0.0, 0.1),
+        reason="stamps this close are one state; of cameras faster than 60 Hz less than half the time of an image",
     )
     max_wait: float = setting(
         1.0,
@@ -272,8 +275,10 @@ class FrameAssembler:
         first_ns = min(heads_ns)
         nobody_awaited = True
         for stream in self._streams.values():
-            if stream.queue or stream.behind or (
-                stream.heard_ns is not None and stream.heard_ns > first_ns + self._within_ns(stream)
+            if (
+                stream.queue
+                or stream.behind
+                or (stream.heard_ns is not None and stream.heard_ns > first_ns + self._within_ns(stream))
             ):
                 continue
             if not self._is_silent(stream):

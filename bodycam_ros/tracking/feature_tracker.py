@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.other_size import mode_of_size
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.geometry import log_so3
+from bodycam_ros.geometry import exp_so3, log_so3
+from bodycam_ros.tracking.constant_velocity import LONGEST_NS
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
@@ -50,7 +51,7 @@ class FeatureTracker:
         self._frames_since_keyframe = 0
         self._tracks_at_keyframe = 0
         self._turned = 0.0
-        self._rotation_per_frame = np.eye(3)
+        self._turning = np.zeros(3)  # [rad/ns]
 
     def track(self, image: NDArray[np.uint8], stamp_ns: int) -> TrackFrame:
         """Follow all tracks into the next image.
@@ -63,7 +64,7 @@ class FeatureTracker:
             RecordingError: the image has another size than the camera model, or its stamp does not advance.
         """
         self.check(image, stamp_ns)
-        current_R_previous, rotation_inliers = self._follow_tracks(image)
+        current_R_previous, rotation_inliers = self._follow_tracks(image, stamp_ns)
         previous_stamp_ns, self._image, self._stamp_ns = self._stamp_ns, image, stamp_ns
         described = np.zeros(0, np.uint32)
         descriptors = np.zeros((0, DESCRIPTOR_LENGTH), np.uint8)
@@ -124,8 +125,9 @@ class FeatureTracker:
         born_ns = np.full(len(track_ids), stamp_ns)
         if not afresh:
             born_ns[known] = self._born_ns[at[known]]
+        if self._image is not None and stamp_ns > self._stamp_ns:
+            self._turning = log_so3(current_R_previous) / (stamp_ns - self._stamp_ns)
         self._image, self._stamp_ns = image, stamp_ns
-        self._rotation_per_frame = current_R_previous
         self._ids, self._born_ns = track_ids.astype(np.uint32), born_ns
         self._pixels = np.ascontiguousarray(pixels, np.float32)
         self._bearings = self.camera.unproject(self._pixels)[0]
@@ -173,12 +175,12 @@ class FeatureTracker:
                 "images must come in order of time"
             )
 
-    def _follow_tracks(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
+    def _follow_tracks(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[NDArray[np.float64], int]:
         """Move the tracks on and drop the lost ones; the rotation between the frames and its inliers."""
         if self._image is None or len(self._pixels) == 0:
             return np.eye(3), 0
         bearings_previous = self._bearings
-        predicted = self._predict(bearings_previous)
+        predicted = self._predict(bearings_previous, stamp_ns - self._stamp_ns)
         pixels, alive = follow(self._image, image, self._pixels, predicted, self._flow)
         bearings_current, in_view = self.camera.unproject(pixels)
         alive &= in_view & self._in_mask(pixels)
@@ -187,13 +189,15 @@ class FeatureTracker:
         current_R_previous, agree = estimate_rotation(
             bearings_previous[alive], bearings_current[alive], self._rotation, seed=self._next_id
         )
-        self._rotation_per_frame = current_R_previous
+        self._turning = log_so3(current_R_previous) / (stamp_ns - self._stamp_ns)
         self._turned += float(np.linalg.norm(log_so3(current_R_previous)))
         return current_R_previous, int(agree.sum())
 
-    def _predict(self, bearings_previous: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _predict(self, bearings_previous: NDArray[np.float64], passed_ns: int) -> NDArray[np.float32]:
         """Where the tracks would be if the camera kept turning as it did."""
-        predicted, valid = self.camera.project(bearings_previous @ self._rotation_per_frame.T)
+        predicted, valid = self.camera.project(
+            bearings_previous @ exp_so3(min(passed_ns, LONGEST_NS) * self._turning).T
+        )
         usable = valid & self.camera.in_image(predicted)
         return np.where(usable[:, None], predicted, self._pixels).astype(np.float32)
 
