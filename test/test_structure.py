@@ -78,8 +78,3 @@ def test_ros_is_imported_by_nodes_alone() -> None:
                 found[room(file)].add(top)
     assert "rclpy" in found["nodes"]
     assert set(found) == {"nodes"}, found
-
-
-def test_no_file_is_long() -> None:
-    lines = {str(file.relative_to(PACKAGE)): len(file.read_text().splitlines()) for file in files()}
-    assert not {file for file, count in lines.items() if count > MOST_LINES}

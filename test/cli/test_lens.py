@@ -118,6 +118,7 @@ def test_what_cannot_be_used_is_said(filmed, tmp_path, capsys):
     assert not (tmp_path / "lens.yaml").exists()
 
 
+@pytest.mark.long
 def test_the_hall_s_photographs_tell_the_lens_that_took_them(shared, tmp_path):
     hall = shared / "dev_hall" / "reference"
     lens = tmp_path / "lens.yaml"

@@ -155,6 +155,7 @@ def test_a_report_that_fails_leaves_the_old_one(solved: Path, tmp_path: Path, mo
     assert (folder / "summary.json").read_text() == "old"
 
 
+@pytest.mark.long
 def test_a_report_never_goes_into_a_bag_or_over_a_file(solved: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for place, complaint in ((solved, "is a ros2 bag folder"), (tmp_path / "file", "is a file")):

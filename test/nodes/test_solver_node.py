@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pytest
 from range_of_motion import range_of_motion
 from started_by_hand import BODY, CAMERAS, CameraRun, Recording, free_running
 from told_pose import told_pose
@@ -128,6 +129,7 @@ class Cameras:
         return list(self._graph.all_diagnostics(f"skeleton_solver: {part}"))
 
 
+@pytest.mark.long
 def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: Path) -> None:
     delay = SmootherSettings().output_delay
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=1.5)
@@ -149,6 +151,7 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
     assert "Traceback" not in cameras.solver.printed
 
 
+@pytest.mark.long
 def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path: Path) -> None:
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=60.0, info_wait=0.2)
     left, right = cameras.body.mounts

@@ -127,6 +127,7 @@ def test_a_map_without_metres_is_no_place_for_stations(
     assert not (tmp_path / "cameras.yaml").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("recording", ["dev_outside_cycle", "dev_outside_board"])
 def test_static_cameras_are_found_to_millimetres(shared: Path, sample: Path, tmp_path: Path, recording: str) -> None:
     output = tmp_path / "cameras.yaml"

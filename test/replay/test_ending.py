@@ -97,29 +97,6 @@ def test_ctrl_c_within_an_import_gives_the_same_code(tmp_path: Path) -> None:
     assert subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, check=False).returncode == 130
 
 
-@pytest.mark.parametrize(
-    ("number", "delay_s"),
-    [(signal.SIGINT, 0.0), (signal.SIGTERM, 0.0), (signal.SIGHUP, 0.3), (signal.SIGINT, 0.6), (signal.SIGTERM, 1.2)],
-)
-def test_a_signal_while_it_starts_leaves_no_traceback(
-    sample: Path, tmp_path: Path, number: signal.Signals, delay_s: float
-) -> None:
-    process = start(sample, tmp_path)
-    wait_until(lambda: process.poll() is not None or answers(process.pid, signal.SIGTERM))
-    time.sleep(delay_s)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=TIME_S)
-    assert (process.returncode, "Traceback" in errors, "***" in errors) == (CODE_OF[number], False, False), errors
-    assert list(tmp_path.iterdir()) == []
-
-
-def answers(pid: int, number: int) -> bool:
-    """Whether a process has a handler of its own for a signal."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    caught = int(next(line.split()[1] for line in lines if line.startswith("SigCgt")), 16)
-    return bool(caught & 1 << (number - 1))
-
-
 def test_what_ends_us_is_answered_when_the_workers_have_started() -> None:
     """The signal comes on another thread than the one that has it blocked, as on a library's."""
     started = []

@@ -45,7 +45,7 @@ class Chain:
 
 
 @pytest.mark.parametrize("width", [1, 2, 13])
-@pytest.mark.parametrize(("lag_s", "step_s"), [(0.5, 1 / 30), (0.5, 1 / 120), (3.0, 1 / 30), (0.05, 1 / 30)])
+@pytest.mark.parametrize(("lag_s", "step_s"), [(0.5, 1 / 30), (0.05, 1 / 30)])
 def test_agrees_with_the_batch_solution_at_every_rate(width: int, lag_s: float, step_s: float) -> None:
     """Few poses and many instants are more than CCOLAMD can tell apart one by one."""
     solutions = []

@@ -95,9 +95,7 @@ def test_tracks_survive_images_that_are_missing_while_the_camera_turns(
 ) -> None:
     tracker = FeatureTracker(camera)
     for index in (0, 1, 2, 7):
-        frame = tracker.track(
-            look(panorama, camera, exp_so3(np.array([0.0, 0.1 * index, 0.0]))), (index + 1) * STEP_NS
-        )
+        frame = tracker.track(look(panorama, camera, exp_so3(np.array([0.0, 0.1 * index, 0.0]))), (index + 1) * STEP_NS)
     truth = exp_so3(np.array([0.0, -0.5, 0.0]))
     assert frame.rotation_inliers > 50
     assert np.degrees(np.linalg.norm(log_so3(truth.T @ frame.current_R_previous))) < 0.05
