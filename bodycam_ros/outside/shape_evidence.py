@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_shape import BodyShape
@@ -19,7 +20,9 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station_view import Image, StationView
 from bodycam_ros.outside.usual_limits import with_usual_limits
 
-_TINY = 1e-6  # share by which a length is changed to see how the surface changes
+_PROBES = (1e-6, -1e-6, 1e-8, -1e-8, 1e-10, -1e-10)
+"""Shares by which a length is changed to see how the surface moves; the first that gives no limb another ring."""
+
 _LOOSE_ROOT, _LOOSE_JOINT = np.repeat([0.1, 0.05], 3), 0.15
 """[rad], [m]; [rad] of a pose that was found with a body that is about right."""
 
@@ -121,12 +124,14 @@ class ShapeEvidence:
 
     def _grown(self, shares: Array, row: int) -> Array:
         """(V, 3) how vertices move in their segments with a share."""
-        for tiny in (_TINY, -_TINY):
+        for tiny in _PROBES:
             more = shares.copy()
             more[row] += tiny
             body = self._shape.shaped(more)
             vertices = BodySurface.of(body, capsule_surfaces(body)).vertices
-            if len(vertices) == len(self._vertices):  # else a limb has just got one more ring
-                grown: Array = (vertices - self._vertices) / tiny
-                return grown
-        return np.zeros_like(self._vertices)
+            if len(vertices) == len(self._vertices):
+                break
+        else:
+            raise StationError(f"the surface of {self.body.name} changes its rings with every change of a length")
+        grown: Array = (vertices - self._vertices) / tiny
+        return grown

@@ -11,6 +11,7 @@ from outside.dressed_body import small_motion, stations_around
 from outside.painted_scene import opencv_pixels
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.outside.body_shape import BodyShape
 from bodycam_ros.outside.bulges import BULGES
@@ -122,3 +123,23 @@ def test_what_is_said_is_what_has_changed(
     assert off < tolerance
     np.testing.assert_allclose(information, information.T, atol=1e-6 * np.abs(information).max())
     assert np.linalg.eigvalsh(information).min() > -1e-6 * np.abs(information).max()
+
+
+class StepwiseShape(BodyShape):
+    """A shape whose first limb gets more rings with all but the smallest changes of its length, either way."""
+
+    def shaped(self, shares: Array) -> BodyModel:
+        more = shares.copy()
+        more[0] += 0.5 * (abs(shares[0]) > 1e-7)
+        return super().shaped(more)
+
+
+def test_a_length_moves_the_surface_where_both_probes_change_its_rings(sample: Path) -> None:
+    body = read_body(sample / "body.yaml")
+    of_body = BodyShape(body, ShapeSettings())
+    lasting = np.zeros(of_body.size + BULGES * len(of_body.thick))
+    plain, stepwise = (
+        ShapeEvidence(kind(body, ShapeSettings()), lasting, SETTINGS) for kind in (BodyShape, StepwiseShape)
+    )
+    np.testing.assert_allclose(stepwise._growth[:, 0], plain._growth[:, 0], atol=1e-5)
+    assert np.abs(plain._growth[:, 0]).max() > 0.01
