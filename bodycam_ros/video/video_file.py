@@ -210,7 +210,7 @@ def keyframe_near(path: Path, media_s: float) -> tuple[float, av.VideoFrame] | N
 
 
 def only(container: InputContainer, *streams: Stream) -> None:
-    """Let a file give the packets of some streams alone: of two hours, sound is a hundredth of what there is to read."""
+    """Let a file give the packets of some streams alone: of two hours, sound is a hundredth of all there is to read."""
     for other in container.streams:
         other.discard = Discard.default if other in streams else Discard.all
 
