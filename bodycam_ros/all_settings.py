@@ -4,6 +4,7 @@ from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.doctor.doctor_settings import DoctorGroups
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
+from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline import PipelineSettings
@@ -11,6 +12,7 @@ from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
+    MapSettings,
     SoundSettings,
     MeasureSettings,
     StationsSettings,

@@ -50,13 +50,13 @@ def write_trc(path: Path, times: Points, points: Mapping[str, Points], units: st
     return path
 
 
-def write_c3d(path: Path, rate: float, points: Mapping[str, Points]) -> Path:
-    """Points (T, 3) [m] as C3D in millimetres."""
+def write_c3d(path: Path, rate: float, points: Mapping[str, Points], units: str = "mm", per_m: float = 1e3) -> Path:
+    """Points (T, 3) [m] as C3D."""
     file = ezc3d.c3d()
     file["parameters"]["POINT"]["RATE"]["value"] = [rate]
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [units]
     file["parameters"]["POINT"]["LABELS"]["value"] = list(points)
-    places = np.stack([1e3 * of.T for of in points.values()], axis=1)
+    places = np.stack([per_m * of.T for of in points.values()], axis=1)
     file["data"]["points"] = np.concatenate([places, np.ones((1, *places.shape[1:]))])
     file.write(str(path))
     return path

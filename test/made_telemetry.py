@@ -36,16 +36,23 @@ def payload(at: datetime, gps9: bool, fix: int = 3) -> bytes:
 
 
 def add_telemetry(video: Path, path: Path, began: datetime, gps9: bool = False, content: bytes | None = None) -> Path:
-    """Copy a video of some seconds, with a payload each half of a second; ``began`` is UTC at its media time 0."""
+    """Copy a video of some seconds, with a payload each half of a second; ``began`` is UTC at its media time 0.
+
+    A track of other data lies before the telemetry, as a GoPro's time code does.
+    """
     with av.open(str(video)) as source, av.open(str(path), "w") as container:
         picture = source.streams.video[0]
         copied = container.add_stream_from_template(picture)
+        before = container.add_data_stream("bin_data")
         data = container.add_data_stream("bin_data")
-        data.time_base = Fraction(1, 1000)
+        data.time_base = before.time_base = Fraction(1, 1000)
         for packet in source.demux(picture):
             if packet.pts is not None:
                 packet.stream = copied
                 container.mux(packet)
+        time_code = av.Packet(bytes(4))
+        time_code.stream, time_code.time_base, time_code.pts, time_code.dts = before, Fraction(1, 1000), 0, 0
+        container.mux(time_code)
         for number in range(4):
             told = content if content is not None else payload(began + timedelta(seconds=number * _EVERY_S), gps9)
             packet = av.Packet(told)

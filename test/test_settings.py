@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, setting, settings_from_mapping
 
@@ -150,10 +150,13 @@ def test_bad_value_says_where_it_stands(config: Path) -> None:
         settings_of("--oven.heat", "120", config=config)
 
 
-def test_misspelt_group_is_refused(config: Path) -> None:
-    check_groups(config, {"oven", "fridge"})
-    with pytest.raises(SettingsError, match=r"oven\.yaml: there is no group 'oven'; known are fridge"):
-        check_groups(config, {"fridge"})
+def test_a_file_may_hold_groups_of_other_commands_but_none_that_is_misspelt(config: Path) -> None:
+    others = config.read_text() + "    tracker: {max_track_age: 2.0}\n    coverage: {}\n"
+    config.write_text(others)
+    assert settings_of(config=config).heat == 100.0
+    config.write_text(others.replace("tracker", "traker"))
+    with pytest.raises(SettingsError, match=r"oven\.yaml.*'traker'.*'tracker'"):
+        settings_of(config=config)
 
 
 @pytest.mark.parametrize(

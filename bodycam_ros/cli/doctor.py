@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -53,13 +53,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.pipeline_flags import known_groups
     from bodycam_ros.cli.verdict_lines import WRONG_RESULT
     from bodycam_ros.doctor.doctor import DoctorInput, examine, notes
     from bodycam_ros.doctor.finding import Light, worst
 
-    if arguments.config is not None:
-        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, _settings(), arguments.config)
     given = DoctorInput(
         arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.cameras

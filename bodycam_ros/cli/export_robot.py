@@ -6,8 +6,7 @@ import math
 import numpy as np
 from rich.table import Table
 
-from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import check_groups, settings_from_flags
+from bodycam_ros.cli.settings_flags import settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.export.options import MotionOptions
@@ -34,8 +33,6 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     if len(arguments.sources) > 1:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
     check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping, arguments.config))
-    if arguments.config is not None:  # one file serves every command
-        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, RobotSettings, arguments.config)
     with shown_progress() as progress:
         summary = write_robot(

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.output_place import check_output
@@ -61,8 +60,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
     from bodycam_ros.ingest.video_clocks import video_clocks
 
-    if arguments.config is not None:  # one file serves every command
-        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, SoundSettings, arguments.config)
     report: Path = arguments.report or arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)

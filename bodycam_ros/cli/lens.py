@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import OutputError
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
@@ -63,8 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.lens.lens_pictures import lens_pictures
     from bodycam_ros.whole_file import write_whole
 
-    if arguments.config is not None:  # one file serves every command
-        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, LensCalibrationSettings, arguments.config).lens
     output: Path = arguments.output
     if output.suffix.lower() not in (".yaml", ".yml"):

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
@@ -54,8 +54,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.registration.reference_map import check_replaceable
 
-    if arguments.config is not None:
-        check_groups(arguments.config, set(MapSettings.groups()))
     settings = settings_from_flags(arguments, MapSettings, arguments.config)
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
     inputs = (*sources, arguments.board, arguments.model, arguments.config)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
@@ -33,11 +33,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.mapping.coverage import measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines
     from bodycam_ros.mapping.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.map_settings import CheckSettings, MapSettings
+    from bodycam_ros.mapping.map_settings import CheckSettings
     from bodycam_ros.registration.reference_map import ReferenceMap
 
-    if arguments.config is not None:
-        check_groups(arguments.config, set(MapSettings.groups()))
     settings = settings_from_flags(arguments, CheckSettings, arguments.config)
     if arguments.output is not None:
         check_output(arguments.output, (arguments.map, arguments.config), makes_folders=False)

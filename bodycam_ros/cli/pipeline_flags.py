@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline import PipelineSettings
@@ -38,16 +38,7 @@ def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
     Raises:
         SettingsError: a value that is unknown or out of range.
     """
-    if arguments.config:
-        check_groups(arguments.config, known_groups())
     return settings_from_flags(arguments, _all_stages(), arguments.config)
-
-
-def known_groups() -> set[str]:
-    """Groups of settings that a file may have: one serves every command that works on a recording."""
-    from bodycam_ros.all_settings import all_groups
-
-    return set(all_groups())
 
 
 def _all_stages() -> "type[PipelineSettings]":

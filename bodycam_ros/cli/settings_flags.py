@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -9,6 +10,7 @@ from typing import Any, TypeVar
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, read_settings_file, settings_from_mapping
+from bodycam_ros.shown import shown
 
 G = TypeVar("G", bound=SettingsGroups)
 
@@ -51,7 +53,7 @@ def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], con
     Raises:
         SettingsError: unknown name, wrong type or value out of range, in the file or in a flag.
     """
-    of_file = {} if config is None else read_settings_file(config)
+    of_file = {} if config is None else _read_known_groups(config, groups_type)
     settings: dict[str, Any] = {}
     for group, settings_type in groups_type.groups().items():
         values = of_file.get(group, {})
@@ -66,15 +68,23 @@ def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], con
     return groups_type(**settings)
 
 
-def check_groups(config: Path, known: set[str]) -> None:
-    """Refuse a parameter file with a group that no stage knows: most likely it is misspelt.
+def _read_known_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, dict[str, Any]]:
+    """Groups of a parameter file, which one file may hold for every command: each takes its own.
 
     Raises:
-        SettingsError: naming the group and those that are known.
+        SettingsError: a group that no command has.
     """
-    for group in read_settings_file(config):
-        if group not in known:
-            raise SettingsError(f"{config}: there is no group '{group}'; known are {', '.join(sorted(known))}")
+    of_file = read_settings_file(config)
+    if of_file.keys() - groups_type.groups().keys():
+        from bodycam_ros.all_settings import all_groups
+
+        known = all_groups() | groups_type.groups()
+        for group in of_file:
+            if group not in known:
+                alike = get_close_matches(group, known, n=1)
+                meant = f"; is '{alike[0]}' meant?" if alike else f"; known are {', '.join(sorted(known))}"
+                raise SettingsError(f"{config}: there is no group {shown(group)}{meant}")
+    return of_file
 
 
 def _kind(value_type: type) -> str:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.pipeline_flags import known_groups
-from bodycam_ros.cli.settings_flags import check_groups, offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
@@ -41,8 +40,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
     from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
 
-    if arguments.config is not None:
-        check_groups(arguments.config, known_groups())
     settings = settings_from_flags(arguments, StationsSettings, arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
     check_file(arguments.output, arguments.force, MARK.encode(), "file of static cameras that this command wrote")

@@ -23,7 +23,6 @@ from bodycam_ros.evaluate.walking.gait_of import solved_gait, true_gait
 from bodycam_ros.geometry import Array
 from bodycam_ros.other_systems.read_captured import is_captured, read_captured
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 
@@ -43,7 +42,7 @@ class Evaluation:
         jitter: (T, S) [m].
         sliding: foot -> how it slides while it stands.
         brightness: camera -> its brightness over time; empty unless the recording was given.
-        verdict: whether the result may be used, as far as the bag says.
+        verdict: whether the result may be used: the one that was stored, or judged again.
         comparison: with the truth, if that was given.
         true_sliding: foot -> how it slides while the true foot stands; empty without truth.
         agreement: with the truth, or with what another system captured, if that was given.
@@ -78,6 +77,7 @@ def evaluate(
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
     without_path: Path | None = None,
+    judge_again: VerdictSettings | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -88,6 +88,7 @@ def evaluate(
             and which shows how bright it was.
         options: how that is compared; by default by a similarity, and by the same clock if it is a recording's truth.
         without_path: bag of the same recording solved without the equipment.
+        judge_again: thresholds of a verdict other than the stored one.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -102,7 +103,6 @@ def evaluate(
     if models:
         reprojection = health.reprojection_errors(solved, models)
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
-    judged = solved_verdict(solved, models, VerdictSettings())
     agreement = comparison = None
     if captured is not None:
         agreement = agree(solved, captured, options or AgreementOptions())
@@ -125,7 +125,7 @@ def evaluate(
         jitter=health.jitter(solved),
         sliding=sliding(solved),
         brightness={} if recording_path is None else brightness(solved, recording_path),
-        verdict=Verdict.of((*judged.findings, *equipment_findings(solved.equipment))),
+        verdict=solved_verdict(solved, models, judge_again),
         comparison=comparison,
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
         agreement=agreement,

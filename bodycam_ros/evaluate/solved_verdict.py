@@ -1,6 +1,7 @@
-"""The verdict on a solved recording, from what its bag says."""
+"""The verdict on a solved recording: the one that its replay stored, or judged again from what its bag has."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,9 +12,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.solved.solved_recording import SolvedRecording
 from bodycam_ros.solved.urdf_tree import UrdfTree
 from bodycam_ros.verdict.agreement import AgreementLog
+from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
 from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
@@ -21,17 +24,41 @@ _AHEAD_NS = 200_000_000
 """Registrations that are heard before an instant's body: a camera's place then lies between two of them."""
 
 
-def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel], settings: VerdictSettings) -> Verdict:
-    """Judge what was solved.
+@dataclass(frozen=True)
+class JudgeSettings(SettingsGroups):
+    """Settings of ``bodycam evaluate --judge-again``."""
+
+    verdict: VerdictSettings = VerdictSettings()
+
+
+def solved_verdict(
+    solved: SolvedRecording, models: Mapping[str, CameraModel], settings: VerdictSettings | None = None
+) -> Verdict:
+    """The stored verdict; judged from the bag where none is stored, or with other settings.
+
+    What a replay found of equipment and static cameras depends on no setting and on files that are not in the bag: it
+    is kept when cameras are judged again.
 
     Args:
         solved: the recording.
-        models: camera -> its model, for what landmarks say of the lens; without them that stays unknown.
-        settings: thresholds.
+        models: camera -> its model, for what landmarks show of the lens; without them that stays unknown.
+        settings: thresholds to judge again with; None: no more than is needed.
 
     Raises:
         RecordingError: the bag is damaged.
     """
+    stored = solved.stored_verdict
+    if stored is not None and settings is None:
+        return stored.verdict
+    judged = _judge_cameras(solved, models, settings or VerdictSettings())
+    if stored is None:
+        kept = equipment_findings(solved.equipment)
+    else:
+        kept = tuple(finding for finding in stored.verdict.findings if finding.part != "camera")
+    return Verdict.of((*judged.findings, *kept))
+
+
+def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel], settings: VerdictSettings) -> Verdict:
     body = published_body(solved.urdf)
     log = AgreementLog(body, models, settings, PoseFitSettings().inlier_px)
     world_T_segment = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)

@@ -100,7 +100,7 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
         even: the file says a rate and no times, so instants must be evenly spaced.
 
     Raises:
-        RecordingError: fewer than two instants were solved.
+        RecordingError: fewer than two instants were solved, or would be written; or too many would be.
     """
     motion, body = solved.motion, solved.body
     stamps = motion.stamps_ns
@@ -147,6 +147,11 @@ def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
     """(T,) from the first solved instant on; those that fall on a solved one are it."""
     stamps = solved.motion.stamps_ns
     count = int((stamps[-1] - stamps[0] + _SAME_NS) / step_ns) + 1
+    if count < 2:
+        raise RecordingError(
+            f"{solved.path}: lasts {1e-9 * (stamps[-1] - stamps[0]):.2f} s, too short for a second frame "
+            f"{1e-9 * step_ns:.3g} s after the first; choose a higher --rate"
+        )
     if count > _MOST_INSTANTS:
         raise RecordingError(
             f"{solved.path}: {count} instants would be written, more than {_MOST_INSTANTS}; choose a lower --rate"

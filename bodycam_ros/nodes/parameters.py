@@ -218,7 +218,7 @@ def settings_from_parameters(given: dict[str, Any]) -> tuple[PipelineSettings, C
     """
     grouped = _grouped(given)
     calibration = {group: grouped.pop(group) for group in CalibrationSettings.groups().keys() & grouped.keys()}
-    # One file serves all commands; no stage listens to sound, measures a lens, or lets a robot follow.
+    # One file serves all commands; no stage makes a map, listens to sound, measures a lens, or lets a robot follow.
     for of_commands in OF_COMMANDS:
         own = of_commands.groups().keys() - PipelineSettings.groups().keys()
         of_commands.from_mapping({group: grouped.pop(group) for group in own & grouped.keys()}, SOURCE)

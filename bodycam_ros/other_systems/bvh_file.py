@@ -1,5 +1,6 @@
 """Skeletons in BVH, the animator's format: a tree of joints with offsets, and angles frame by frame."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,12 @@ from bodycam_ros.shown import shown
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _DEEPEST = 200
+_WORD = re.compile(r"(ROOT|JOINT)[^\S\n]+([^\n{}]*[^\s{}])|(\S+)")
+"""A word of the hierarchy. A name goes to the end of its line: 3ds Max writes ``ROOT Bip01 Pelvis``."""
+
+_MOTION = re.compile(r"^\s*MOTION\b", re.MULTILINE)
+"""A line of its own: the word may be part of a name too."""
+
 _MOST_CHANNELS = 6
 """Of a joint: three places, three turns."""
 
@@ -34,17 +41,24 @@ def captured_bvh(path: Path) -> CapturedMotion:
     """
     text = read_motion_text(path, "BVH")
     try:
-        head, found, tail = text.partition("MOTION")
-        if not found or not head.split()[:1] == ["HIERARCHY"]:
+        motion = _MOTION.search(text)
+        words = _words(text[: motion.start()]) if motion else iter(())
+        if motion is None or next(words, "") != "HIERARCHY":
             raise ValueError("expected HIERARCHY on the first line, and MOTION below it")
-        joints = _joints(iter(head.split()[1:]))
-        frame_time, table = _frames(tail, sum(len(joint.channels) for joint in joints))
+        joints = _joints(words)
+        frame_time, table = _frames(text[motion.end() :], sum(len(joint.channels) for joint in joints))
         stamps_ns = checked_stamps(np.asarray(frame_time * np.arange(len(table)), np.float64))
     except ValueError as error:
         raise RecordingError(f"{path}: cannot be read as BVH: {error}") from error
     points, rotations = _forward_kinematics(joints, table)
     parents = {joint.name: joint.parent for joint in joints if joint.parent is not None}
     return CapturedMotion(path, "BVH", stamps_ns, points, rotations, parents, knows_unit=False)
+
+
+def _words(hierarchy: str) -> Iterator[str]:
+    """Words of the hierarchy; a joint's name is one."""
+    for found in _WORD.finditer(hierarchy):
+        yield from filter(None, found.groups())
 
 
 def _joints(words: Iterator[str]) -> list[_Joint]:

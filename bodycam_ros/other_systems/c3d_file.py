@@ -17,6 +17,9 @@ from bodycam_ros.other_systems.motion_text import checked_stamps
 from bodycam_ros.shown import printable, shown
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+_METRES_IN_WORDS = {"mete": 1.0, "metr": 1.0, "cent": 0.01, "mill": 0.001, "inch": 0.0254}
+"""By the first four letters: some programs write words, and keep no more of them."""
+
 _MAGIC = 0x50
 """The second byte of every C3D."""
 
@@ -37,13 +40,14 @@ def captured_c3d(path: Path) -> CapturedMotion:
     """
     content = _content(path)
     places, rate, unit = content["places"], float(content["rate"]), str(content["unit"])
-    if unit not in _METRES:
+    metres = _METRES.get(unit) or _METRES_IN_WORDS.get(unit[:4])
+    if metres is None:
         raise RecordingError(f"{path}: unknown unit POINT:UNITS {shown(unit)}; known are {', '.join(_METRES)}")
     if len(places) == 0 or places.shape[1] < 2 or not rate > 0.0:
         raise RecordingError(
             f"{path}: has {len(places)} markers, {places.shape[1]} frames, {rate:g} a second; a motion has more"
         )
-    places = places * _METRES[unit]
+    places = places * metres
     places[~np.isfinite(places).all(axis=2) | (places == 0.0).all(axis=2)] = np.nan
     # Files of force platforms say which axis is up; most have none and mean z.
     if str(content["up"]).endswith("Y"):

@@ -26,7 +26,7 @@ from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
-_LATCHED_TOPICS = frozenset({"/map/points", "/tf_static"})
+_LATCHED_TOPICS = frozenset({"/map/points", "/tf_static", "/verdict"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""
 
 _LATCHED_ENDINGS = ("/robot_description", "/camera_info", "/timing")

@@ -17,7 +17,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.messages.health import RegistrationHealth, verdict_health
+from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
@@ -163,7 +163,7 @@ def replay(
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
         found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
         summary.verdict = Verdict.of(found)
-        out.write_health(item.stamp_ns, verdict_health(summary.verdict))
+        out.write_verdict(item.stamp_ns, summary.verdict, settings.verdict)
         summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late

@@ -10,7 +10,7 @@ from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.learned_body import learned_body
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
-from bodycam_ros.messages.health import RegistrationHealth
+from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
@@ -25,6 +25,8 @@ from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.outside_findings import SeenSegments
+from bodycam_ros.verdict.stored_verdict import VERDICT, verdict_text
+from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
@@ -108,6 +110,12 @@ class ReplayOutput:
         clocks = {camera: timing.latest for camera, timing in self._watch.timings.items()}
         health = [*self._health.report(clocks), *more]
         self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
+
+    def write_verdict(self, stamp_ns: int, verdict: Verdict, settings: VerdictSettings) -> None:
+        """Whether the result may be used: for ``bodycam evaluate``, and with the last health for people."""
+        text = text_message(self._make, verdict_text(verdict, settings))
+        self._writer.write(VERDICT, stamp_ns, text)
+        self.write_health(stamp_ns, verdict_health(verdict))
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
         """The body at some instants."""

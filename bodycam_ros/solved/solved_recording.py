@@ -35,6 +35,7 @@ from bodycam_ros.solved.topics import (
 )
 from bodycam_ros.solved.trajectory import between_neighbours
 from bodycam_ros.solved.urdf_tree import UrdfTree
+from bodycam_ros.verdict.stored_verdict import VERDICT, VERDICT_TYPE, StoredVerdict, parse_verdict
 
 GAP_FRAMES = 1.5
 """Instants further apart than this are a gap [frames]; between others the body is known."""
@@ -56,6 +57,7 @@ class SolvedRecording:
         cameras: worn ones, in the order of the URDF.
         equipment: how the body was coupled to it; None without.
         stations: static cameras; without any there are worn ones.
+        stored_verdict: of the replay; None in a bag of the live graph or of an older version.
     """
 
     path: Path
@@ -64,6 +66,7 @@ class SolvedRecording:
     cameras: tuple[CameraRecord, ...]
     equipment: EquipmentRecord | None = None
     stations: tuple[StationRecord, ...] = ()
+    stored_verdict: StoredVerdict | None = None
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:
@@ -169,13 +172,17 @@ def read_solved(path: Path) -> SolvedRecording:
         of_stations = camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
         coupled, outside = EquipmentLog(), StationLog()
         equipment = [EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment, *of_cameras, *of_stations]):
+        judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
+        verdict = None
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *equipment, *judged, *of_cameras, *of_stations]):
             if topic in MOTION_TOPICS:
                 body.add(topic, message)
                 continue
             with contradictions_named(path, topic):
                 if topic in equipment:
                     coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
+                elif topic in judged:
+                    verdict = parse_verdict(message.data)
                 elif topic in of_stations:
                     outside.add(message)
                 else:
@@ -189,7 +196,7 @@ def read_solved(path: Path) -> SolvedRecording:
             "replay the recording again"
         )
     records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
-    return SolvedRecording(path, urdf, body.joined(), tuple(records), coupled.record(), stations)
+    return SolvedRecording(path, urdf, body.joined(), tuple(records), coupled.record(), stations, verdict)
 
 
 def _check_topics(bag: BagFile) -> None:

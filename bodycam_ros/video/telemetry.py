@@ -36,23 +36,27 @@ def satellite_times(path: Path) -> list[tuple[float, float]]:
     """
     times: list[tuple[float, float]] = []
     with opened(path) as container:
-        for stream in container.streams.data:
-            only(container, stream)
-            packets = container.demux(stream)
-            for _ in range(_MOST_PAYLOADS):
-                try:
-                    packet = next(packets, None)
-                except (FFmpegError, ValueError):
-                    break
-                if packet is None:
-                    break
-                if packet.pts is None or not packet.size:
-                    continue
-                content = bytes(packet)
-                if content.startswith(b"DEVC") and (utc_s := _time_in(content)) is not None:
-                    times.append((float(packet.pts * (packet.time_base or 0)), utc_s))
-            if times:
+        streams = container.streams.data
+        if not streams:
+            return times
+        # All in one pass, which reads the file once: cameras write tracks of other data (tmcd) before GPMF.
+        only(container, *streams)
+        packets, payloads = container.demux(*streams), 0
+        while payloads < _MOST_PAYLOADS:
+            try:
+                packet = next(packets, None)
+            except (FFmpegError, ValueError):
                 break
+            if packet is None:
+                break
+            if packet.pts is None or not packet.size:
+                continue
+            content = bytes(packet)
+            if not content.startswith(b"DEVC"):
+                continue
+            payloads += 1
+            if (utc_s := _time_in(content)) is not None:
+                times.append((float(packet.pts * (packet.time_base or 0)), utc_s))
     return times
 
 

@@ -88,6 +88,7 @@ def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(
         ("--to bvh --rate 0", "--rate must be above 0 and at most 1000 a second, not 0"),
         ("--to bvh --rate nan", "--rate must be above 0"),
         ("--to bvh --rate 1e9", "--rate must be above 0 and at most 1000"),
+        ("--to bvh --rate 1e-9", "{out}: lasts 1.97 s, too short for a second frame"),
         ("--to bvh --scale -1", "--scale must be above 0"),
         ("--to csv --up y", "--up says nothing to csv; bvh, c3d heed it"),
         ("--to glb --scale 100", "--scale says nothing to glb; bvh heeds it"),
@@ -101,7 +102,7 @@ def test_what_cannot_be_obeyed_is_named(
     output = tmp_path / "motion"
     assert main(["export", str(gappy.out), *flags.split(), "-o", str(output)]) == 1
     said = capsys.readouterr().err
-    assert f"bodycam: error: {complaint}" in said
+    assert f"bodycam: error: {complaint.format(out=gappy.out)}" in said
     assert not list(tmp_path.iterdir())
 
 

@@ -38,10 +38,11 @@ def test_a_c3d_has_its_markers_and_what_nobody_saw(walk: Walk, tmp_path: Path) -
     points = origins(walk)
     points["torso"] = points["torso"].copy()
     points["torso"][7] = np.nan
-    captured = read_captured(write_c3d(tmp_path / "walk.c3d", 30.0, points))
-    np.testing.assert_allclose(captured.points["torso"], points["torso"], atol=1e-6)
-    np.testing.assert_allclose(captured.points["foot_left"], points["foot_left"], atol=1e-6)
-    np.testing.assert_allclose(1e-9 * captured.stamps_ns, np.arange(60) / 30.0, atol=1e-8)
+    for units, per_m in (("mm", 1e3), ("mete", 1.0)):
+        captured = read_captured(write_c3d(tmp_path / "walk.c3d", 30.0, points, units, per_m))
+        np.testing.assert_allclose(captured.points["torso"], points["torso"], atol=1e-6)
+        np.testing.assert_allclose(captured.points["foot_left"], points["foot_left"], atol=1e-6)
+        np.testing.assert_allclose(1e-9 * captured.stamps_ns, np.arange(60) / 30.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("orders", [("ZXY",), ("XYZ", "YZX", "ZYX", "XZY", "YXZ")])
@@ -58,6 +59,16 @@ def test_a_bvh_stands_where_another_reader_has_it(walk: Walk, tmp_path: Path, or
     theirs = other.joint_positions()
     for column, name in enumerate(other.joint_names):
         np.testing.assert_allclose(captured.points[name] @ Z_UP_TO_Y_UP.T, theirs[:, column], atol=1e-4)
+
+
+def test_names_of_a_bvh_may_have_spaces_and_the_word_motion(walk: Walk, tmp_path: Path) -> None:
+    path = write_bvh(tmp_path / "walk.bvh", walk, FRAME_S)
+    names = MIXAMO | {"pelvis": "Bip01 Pelvis", "torso": "MOTION Capture Spine"}
+    text = path.read_text()
+    for segment, name in names.items():
+        text = text.replace(f" {MIXAMO[segment]}\n", f" {name}\n")
+    path.write_text(text)
+    assert_has(read_captured(path).scaled(0.01), walk, names, 1e-6)
 
 
 def test_a_folder_of_tum_is_one_motion(walk: Walk, tmp_path: Path) -> None:

@@ -127,6 +127,7 @@ def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Pat
             "/tf": "tf2_msgs/msg/TFMessage",
             "/skeleton": "visualization_msgs/msg/MarkerArray",
             "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+            "/verdict": "std_msgs/msg/String",
         }
         assert types["/waist_front/timing"] == "bodycam_msgs/msg/CameraTiming"
         for topic in ("/waist_front/tracks", "/waist_front/landmarks", "/waist_front/pose"):
