@@ -169,6 +169,9 @@ class SkeletonPipeline:
         floor = evidence_floor(settings.evidence)
         self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
+        self._bridged = self._restarts = 0
+        self._refused: Counter[str] = Counter()
+        self._doubts: list[Refusal] = []
         self._begin()
 
     def _begin(self) -> None:
@@ -203,17 +206,17 @@ class SkeletonPipeline:
     @property
     def bridged(self) -> int:
         """Instants at which all cameras were silent, filled in so far."""
-        return self._smoother.bridged
+        return self._bridged + self._smoother.bridged
 
     @property
     def restarts(self) -> int:
         """How often the solver had to begin anew."""
-        return self._smoother.restarts
+        return self._restarts + self._smoother.restarts
 
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._smoother.refusals.counts
+        return self._refused + self._smoother.refusals.counts
 
     @property
     def lately(self) -> list[BodyNow]:
@@ -228,7 +231,7 @@ class SkeletonPipeline:
     @property
     def doubts(self) -> Sequence[Refusal]:
         """The same of the past, in order of the ends, for another pass over the recording."""
-        return self._smoother.refusals.doubts
+        return [*self._doubts, *self._smoother.refusals.doubts]
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
@@ -282,6 +285,9 @@ class SkeletonPipeline:
         for frame in frames:
             if frame.stamp_ns <= self._solved_ns:
                 outputs += self._outputs(self._smoother.flush())
+                # Counts are of the whole recording, whatever its stamps do.
+                self._bridged, self._restarts, self._refused = self.bridged, self.restarts, self.refused
+                self._doubts = list(self.doubts)
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.pipeline_flags import add_jobs
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.shown import printable
@@ -45,7 +45,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--board", type=Path, help="AprilTag board, is it seen? (default: board.yaml beside RECORDING)")
     parser.add_argument("--cameras", type=Path, metavar="DIR", help="lens YAMLs of videos (default: beside them)")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    add_jobs(parser, "threads")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     offer_settings(parser, _settings)
     parser.set_defaults(run=run)

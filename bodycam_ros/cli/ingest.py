@@ -1,7 +1,6 @@
 """bodycam ingest: videos of cameras in, one bag out, and a report of how their clocks go."""
 
 import argparse
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
+from bodycam_ros.cli.pipeline_flags import add_jobs
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.sound_settings import SoundSettings
@@ -46,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it, and its report")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    add_jobs(parser, "threads")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     offer_settings(parser, lambda: SoundSettings)
     parser.set_defaults(run=run)

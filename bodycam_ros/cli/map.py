@@ -1,7 +1,6 @@
 """bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
 
 import argparse
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from rich.table import Table
 
 from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
+from bodycam_ros.cli.pipeline_flags import add_jobs
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.output_place import check_output
@@ -38,7 +38,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--force", action="store_true", help="replace MAP, and DIR of --keep-frames, if it is there already"
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="threads (all cores)")
+    add_jobs(parser, "threads")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     offer_settings(parser, _settings)
     parser.set_defaults(run=run)

@@ -25,9 +25,7 @@ def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True, 
     if with_map:
         needed = not map_is_optional
         parser.add_argument("--map", type=Path, required=needed, help="reference map, a folder made by 'bodycam map'")
-    parser.add_argument(
-        "--jobs", type=positive, default=os.cpu_count() or 1, help="processes for the cameras (default: all cores)"
-    )
+    add_jobs(parser, "processes for the cameras")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
     offer_settings(parser, _all_stages)
 
@@ -45,6 +43,11 @@ def _all_stages() -> "type[PipelineSettings]":
     from bodycam_ros.pipeline import PipelineSettings
 
     return PipelineSettings
+
+
+def add_jobs(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add --jobs: how many of something work at a time."""
+    parser.add_argument("--jobs", type=positive, default=os.cpu_count() or 1, help=f"{what} (default: all cores)")
 
 
 def positive(text: str) -> int:

@@ -1,10 +1,10 @@
 """bodycam run: all steps for a folder of recordings; what is done is left alone."""
 
 import argparse
-import os
 import shlex
 from pathlib import Path
 
+from bodycam_ros.cli.pipeline_flags import add_jobs
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.workflow.done_steps import DoneSteps, state_of
@@ -36,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("folder", type=Path, metavar="RECORDING_DIR", help="folder with the recordings, as below")
     parser.add_argument("--dry-run", action="store_true", help="only say which steps would be taken")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes and threads (all cores)")
+    add_jobs(parser, "processes and threads")
     parser.set_defaults(run=run)
 
 

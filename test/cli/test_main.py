@@ -188,3 +188,12 @@ def test_missing_recording_is_a_clear_error(tmp_path: Path) -> None:
     result = bodycam("replay", "nowhere.mcap", "--map", "map", "--body", "body.yaml", "-o", out)
     assert result.returncode == 1
     assert result.stderr.startswith("bodycam: error: nowhere.mcap: does not exist")
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "many"])
+@pytest.mark.parametrize("command", ["map", "ingest", "body", "replay", "doctor", "run"])
+def test_no_command_works_with_no_jobs(command: str, jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        command_line.main([command, "somewhere", "-o", "out", "--jobs", jobs])
+    assert ended.value.code == 2
+    assert "--jobs" in capsys.readouterr().err

@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors
+from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
@@ -137,3 +138,17 @@ def test_the_covariance_grows_while_nothing_is_seen_and_shrinks_again() -> None:
 
 def _lost(matches: LandmarkMatches) -> LandmarkMatches:
     return dataclasses.replace(matches, world_T_camera=None, rotation_inliers=0, current_R_previous=np.eye(3))
+
+
+def test_counts_are_of_the_whole_recording_when_its_time_begins_anew() -> None:
+    body, rng = body_with_cameras(), np.random.default_rng(0)
+    frames = [
+        BodyFrame((n + 1) * STEP_NS, {c: seen_by(body, c, n, rng, wrong=c == "back") for c in body.mounts})
+        for n in range(30)
+    ]
+    pipeline = SkeletonPipeline(body, lenses(body), PipelineSettings(), live=True)
+    pipeline._solve(frames)
+    once = pipeline.refused["back"]
+    pipeline._solve(frames)
+    assert once > 0
+    assert pipeline.refused["back"] == 2 * once
