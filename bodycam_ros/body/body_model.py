@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.joint import Joint, check_within_reach
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera.video_mode import VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
 
@@ -29,11 +30,19 @@ class CameraMount:
         segment: the segment that carries it.
         segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
         readout: how long its rows are read out, as far as the range of motion told.
+        readout_mode: the video mode of that range of motion; None where the file does not name it.
     """
 
     segment: str
     segment_T_camera: Array
     readout: Readout | None = None
+    readout_mode: VideoMode | None = None
+
+    def readout_in(self, mode: VideoMode) -> Readout | None:
+        """What the body file knows of the read-out time in a video mode; little if it was measured in another."""
+        if self.readout is None or self.readout_mode is None or self.readout_mode.is_same(mode):
+            return self.readout
+        return self.readout.in_another_mode()
 
 
 @dataclass(frozen=True, eq=False)

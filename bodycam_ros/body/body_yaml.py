@@ -38,7 +38,8 @@ sigmas                    6 numbers, rotation [rad] then translation [m], instea
 
 A camera's position [m] and quaternion are ``segment_T_camera``, of its optical frame (x right, y down, z forward). What
 the range of motion told of its rows may follow: ``readout_time``, from the first to the last [s], and
-``readout_sigma``, its standard deviation [s]; without one, or with 0, the read-out time is taken as it is.
+``readout_sigma``, its standard deviation [s]; without one, or with 0, the read-out time is taken as it is. It holds in
+the video mode ``readout_mode`` (width, height and focal length [px], images a second); in another it is a rough start.
 """
 
 import math
@@ -53,6 +54,7 @@ from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pose_of
 from bodycam_ros.body.joint import LONG_AXIS_Z, Joint, default_sigmas
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
+from bodycam_ros.camera.video_mode import VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.shown import shown
@@ -66,7 +68,7 @@ _JOINT_KEYS = {"parent", "child", "type", "origin_in_parent"}
 _JOINT_PLACES = {"orientation_in_parent", "origin_in_child", "orientation_in_child"}
 _JOINT_OPTIONS = {"axis", "angle_axes", "limits", "sigmas", *_JOINT_PLACES}
 _CAMERA_KEYS = {"segment", "position", "quaternion_xyzw"}
-_READOUT_KEYS = {"readout_time", "readout_sigma"}
+_READOUT_KEYS = {"readout_time", "readout_sigma", "readout_mode"}
 
 
 def body_from_yaml(text: str) -> BodyModel:
@@ -194,6 +196,7 @@ def mount_of(name: str, entry: Any) -> CameraMount:
         name_of(entry["segment"], f"{where}: segment"),
         pose_of(entry, "position", "quaternion_xyzw", where),
         _readout(entry, where),
+        _readout_mode(entry, where),
     )
 
 
@@ -210,6 +213,19 @@ def _readout(entry: dict[str, Any], where: str) -> Readout | None:
             f"{LONGEST_READOUT_S:g} s, and a sigma of 0 (exact) or more"
         )
     return Readout(seconds, sigma)
+
+
+def _readout_mode(entry: dict[str, Any], where: str) -> VideoMode | None:
+    if "readout_mode" not in entry:
+        return None
+    numbers = numbers_of(
+        entry["readout_mode"], 4, f"{where}: readout_mode (width, height, focal length, rate)"
+    ).tolist()
+    if min(numbers) <= 0.0:
+        raise BodyError(
+            f"{where}: readout_mode {numbers} must be positive: width, height, focal length [px], rate [Hz]"
+        )
+    return VideoMode(round(numbers[0]), round(numbers[1]), numbers[2], numbers[3])
 
 
 def _limits(value: Any, where: str) -> tuple[tuple[float, float], ...]:
@@ -251,6 +267,8 @@ def _mount_entry(mount: CameraMount) -> dict[str, Any]:
     }
     if mount.readout is not None:
         entry["readout_time"], entry["readout_sigma"] = _rounded(np.array([mount.readout.seconds, mount.readout.sigma]))
+        if (mode := mount.readout_mode) is not None and not math.isnan(mode.rate):
+            entry["readout_mode"] = [mode.width, mode.height, round(mode.focal, 3), round(mode.rate, 3)]
     return entry
 
 

@@ -23,6 +23,7 @@ from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_r
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera.video_mode import VideoMode
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
@@ -52,6 +53,7 @@ class BodyCalibrator:
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
         readout: which cameras share a read-out time, and when it is known well enough.
+        modes: camera -> the video mode that its read-out time is measured in, where that is known.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -67,6 +69,7 @@ class BodyCalibrator:
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
         readout: ReadoutSettings | None = None,
+        modes: Mapping[str, VideoMode] | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -74,6 +77,7 @@ class BodyCalibrator:
             )
         self._rig = rig
         self._models = cameras
+        self._modes = modes or {}
         self._settings = settings or CalibrationSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
@@ -113,7 +117,7 @@ class BodyCalibrator:
             delays_s = findings.delays_s
             if np.abs(findings.refined.motion.delays).max() < self._clock.settled:
                 break
-        body = _with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
+        body = self._with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
         return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
 
     def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
@@ -184,8 +188,10 @@ class BodyCalibrator:
         balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
         return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment), self._settings.rest_pose)
 
-
-def _with_readouts(body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
-    """The body with what is known of its cameras' rows."""
-    mounts = {camera: replace(mount, readout=readouts.get(camera)) for camera, mount in body.mounts.items()}
-    return replace(body, mounts=mounts)
+    def _with_readouts(self, body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
+        """The body with what is known of its cameras' rows, and in which video mode."""
+        mounts = {
+            camera: replace(mount, readout=readouts.get(camera), readout_mode=self._modes.get(camera))
+            for camera, mount in body.mounts.items()
+        }
+        return replace(body, mounts=mounts)

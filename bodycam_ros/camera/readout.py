@@ -6,6 +6,14 @@ from dataclasses import dataclass
 LONGEST_READOUT_S = 0.1
 """No camera reads its rows for longer [s]."""
 
+_OTHER_MODE_SHARE = 0.45
+"""Sigma in another video mode over the read-out time: other modes read out some other number of rows."""
+
+_OTHER_MODE_S = 0.015
+"""The same of a read-out time that is nearly zero: the shutter was global, and that of another mode need not be [s]."""
+
+_NEARLY_ZERO_S = 0.001
+
 
 @dataclass(frozen=True)
 class Readout:
@@ -29,6 +37,15 @@ class Readout:
     def in_use(self) -> float:
         """What pixels are corrected by [s]: zero as long as it cannot be told from zero."""
         return self.seconds if abs(self.seconds) > 2.0 * self.sigma else 0.0
+
+    def in_another_mode(self) -> "Readout":
+        """A start for a camera in another video mode: hardly known, so that its own images decide."""
+        if self.is_given:
+            return self
+        is_global = abs(self.seconds) < _NEARLY_ZERO_S
+        return Readout(
+            self.seconds, max(self.sigma, _OTHER_MODE_S if is_global else _OTHER_MODE_SHARE * abs(self.seconds))
+        )
 
     @property
     def milliseconds(self) -> str:

@@ -58,8 +58,18 @@ class ShutterSettings:
     speed_sigma: float = setting(0.15, unit="m/s", limits=(0.01, 10.0), reason="the same for its velocity")
 
 
+_CONTRADICTION, _OTHERWISE = 5.0, 0.3
+"""Sigmas by which images differ from what was known before, and the share of it that they stay below."""
+
+_CONFIRMATION, _CHECKED_S = 2.0, 0.0005
+"""What was known before is not checked any further once the images alone agree with it to these sigmas and [s]."""
+
+
 class ReadoutTime:
     """Estimate of a read-out time.
+
+    What is known before the first image may be of another camera or video mode. The images are therefore filtered
+    without it as well until they confirm it, and replace it where they contradict it.
 
     Args:
         settings: what is believed before the first image.
@@ -67,6 +77,7 @@ class ReadoutTime:
     """
 
     def __init__(self, settings: ShutterSettings, start: Readout | None = None) -> None:
+        self._by_images = None if start is None or start.is_given else ReadoutTime(settings)
         start = start or Readout(0.0, settings.readout_sigma)
         self._settings = settings
         self._mean = start.seconds
@@ -90,12 +101,37 @@ class ReadoutTime:
     @property
     def is_known(self) -> bool:
         """Whether more images would not make it better."""
-        return self.sigma < self._settings.enough or abs(self._mean) + 3.0 * self.sigma < self._settings.least_readout
+        is_exact = self.sigma < self._settings.enough
+        is_known = is_exact or abs(self._mean) + 3.0 * self.sigma < self._settings.least_readout
+        return is_known and (self._by_images is None or self._by_images._confirms(self))
+
+    @property
+    def unchecked(self) -> "ReadoutTime":
+        """What images are asked with: by nothing that they have yet to confirm, which would hide what they show."""
+        return self._by_images or self
+
+    def contradicts(self, readout: Readout) -> bool:
+        """Whether the images say so certainly that the read-out time is another."""
+        if abs(readout.seconds - self._mean) < _CONTRADICTION * math.hypot(readout.sigma, self.sigma):
+            return False
+        # Blur and landings of a foot pull its read-out time towards zero, by a half at last and by more at first.
+        is_shorter = abs(self._mean) < abs(readout.seconds)
+        return not is_shorter or (self.sigma < _CHECKED_S and abs(self._mean) < _OTHERWISE * abs(readout.seconds))
+
+    def _confirms(self, other: "ReadoutTime") -> bool:
+        apart_s = abs(other.seconds - self._mean)
+        return self.sigma < _CHECKED_S and apart_s < _CONFIRMATION * math.hypot(other.sigma, self.sigma)
 
     def add(self, readout_time: float, information: float) -> None:
         """What one image says [s], and its information [1/s^2]."""
         if math.isinf(self._information):
             return
+        if self._by_images is not None:
+            self._by_images.add(readout_time, information)
+            if self._by_images.contradicts(Readout(self._mean, self.sigma)):
+                self._mean, self._information = self._by_images._mean, self._by_images._information
+                self._by_images = None
+                return
         surprise = abs(readout_time - self._mean) / math.sqrt(1.0 / max(information, 1e-9) + 1.0 / self._information)
         information *= min(1.0, self._settings.surprise / max(surprise, 1e-9)) ** 2 / self._settings.images_alike
         together = self._information + information

@@ -80,7 +80,7 @@ class Registrar:
 
     def learn(self, readout: Readout) -> None:
         """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
-        if readout.sigma <= self.readout.sigma:
+        if readout.sigma <= self.readout.sigma and not self.readout.contradicts(readout):
             self.readout = ReadoutTime(self._shutter, readout)
 
     def expect(self, stamp_ns: int, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
@@ -197,7 +197,11 @@ class Registrar:
     def _time_rows(self) -> None:
         """Learn the read-out time from the image before, whose motion is known from both sides."""
         self._until_rows -= 1
-        if self._until_rows > 0 or self.readout.is_known or (between := self._path.between(self.readout)) is None:
+        if (
+            self._until_rows > 0
+            or self.readout.is_known
+            or (between := self._path.between(self.readout.unchecked)) is None
+        ):
             return
         view, motion = between
         if np.linalg.norm(motion.turning) < self._shutter.least_turn:

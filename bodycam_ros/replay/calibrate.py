@@ -63,6 +63,7 @@ def calibrate(
                 f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
+        modes = {camera: recording.video_mode(camera) for camera in rig.cameras}
         duration_s = recording.duration_s
     calibrator = BodyCalibrator(
         rig,
@@ -73,6 +74,7 @@ def calibrate(
         facing_rad,
         pipeline.clock,
         pipeline.readout,
+        modes,
     )
     task = RegistrationTask(
         recording_path,

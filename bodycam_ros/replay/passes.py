@@ -13,6 +13,7 @@ from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
+from bodycam_ros.replay.known_readouts import known_readouts
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.whole_file import scratch_folder
@@ -66,8 +67,8 @@ def replay_in_passes(
     body = coupled_body(person, held)
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
+        readouts = known_readouts(recording, body, cameras)
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    readouts = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
     extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, person, on_step)
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")

@@ -36,6 +36,7 @@ from bodycam_ros.replay.camera_worker import (
     SkippedImage,
 )
 from bodycam_ros.replay.front_end import register_recording, warm_up
+from bodycam_ros.replay.known_readouts import known_readouts
 from bodycam_ros.replay.outside_input import station_watch, stations_of
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
@@ -95,6 +96,7 @@ def replay(
     with open_recording(recording_path) as recording:
         stations = stations_of(outside, reference_map, recording, body) if outside else {}
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
+        known = known_readouts(recording, body, cameras)
         summary = ReplaySummary(recording.duration_s)
     log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
     seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
@@ -117,8 +119,8 @@ def replay(
     with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
         watch = skeleton.instants.watch
         out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
-        known = {camera: mount.readout for camera, mount in body.mounts.items() if mount.readout is not None}
-        rows = ReadoutLog(cameras, settings.readout, known)
+        in_its_mode = [camera for camera, readout in known.items() if readout == body.mounts[camera].readout]
+        rows = ReadoutLog(cameras, settings.readout, in_its_mode)
         task = RegistrationTask(
             recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints(), slim=slim
         )
