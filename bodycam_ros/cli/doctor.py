@@ -32,7 +32,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
     parser.add_argument(
-        "recording", type=Path, metavar="RECORDING", help="ros2 bag folder or .mcap file, or a folder with videos"
+        "recording",
+        type=Path,
+        metavar="RECORDING",
+        help="ros2 bag folder or .mcap file, or a video or a folder with videos",
     )
     parser.add_argument("--map", type=Path, help="reference map: how many images will find themselves?")
     parser.add_argument("--body", type=Path, help="body YAML: are all its cameras there?")

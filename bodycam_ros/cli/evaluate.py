@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.text import Text
+
 from bodycam_ros.cli.agreement_flags import (
     add_agreement_flags,
     agreement_options,
@@ -204,6 +206,8 @@ def _report(evaluation: "Evaluation", folder: Path) -> None:
         console.print(gait_table(evaluation.gait, evaluation.true_gait))
     for line in (*_remarks(figures), *agreement_remarks(evaluation), f"written to {folder}"):
         console.print(line, soft_wrap=True)
+    for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
+        console.print(Text(f"doubtful: {doubt}", "yellow"), soft_wrap=True)
 
 
 def _by_motion(classes: Sequence[Mapping[str, Any]]) -> str:

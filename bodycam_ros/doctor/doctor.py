@@ -33,6 +33,7 @@ from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.video.video_file import SUFFIXES as VIDEO_SUFFIXES
 
 _BAG_SUFFIXES, _BAG_FILE = {".mcap", ".db3"}, "metadata.yaml"
 
@@ -42,7 +43,7 @@ class DoctorInput:
     """What the doctor is given.
 
     Attributes:
-        recording: ros2 bag folder or file, or a folder with videos.
+        recording: ros2 bag folder or file, a video, or a folder with videos.
         map: folder of the reference map; None: nobody can tell what registers.
         body: body file, whose cameras should be there.
         rig: rig file of a range of motion, whose joints should be exercised.
@@ -113,8 +114,10 @@ def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Pro
 
 
 def is_bag(recording: Path) -> bool:
-    """Whether a path is a ros2 bag, and no folder of videos."""
-    return recording.suffix.lower() in _BAG_SUFFIXES or (recording / _BAG_FILE).is_file() or not recording.is_dir()
+    """Whether a path is a ros2 bag, and neither a video nor a folder of videos."""
+    suffix = recording.suffix.lower()
+    has_videos = suffix in VIDEO_SUFFIXES or recording.is_dir()
+    return suffix in _BAG_SUFFIXES or (recording / _BAG_FILE).is_file() or not has_videos
 
 
 def _some(recording: SampledRecording, count: int) -> list[int]:

@@ -1,14 +1,14 @@
-"""Samples of a folder of videos, as cameras wrote them: the times of all frames, and some keyframes."""
+"""Samples of one or more videos, as cameras wrote them: the times of all frames, and some keyframes."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.doctor.sampled_recording import Grey, Instants, SampledCamera, SampledRecording
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
+from bodycam_ros.ingest.ingest_camera import open_video, read_lens
 from bodycam_ros.video.camera_video import CameraVideo
 from bodycam_ros.video.video_file import frame_times, keyframe_near
 from bodycam_ros.video.video_frame import grey_pixels
@@ -20,21 +20,21 @@ def sample_videos(
     """Read what the checks need; of each camera in its own time, since nobody has brought them together yet.
 
     Args:
-        path: folder with videos.
+        path: folder with videos, or one of them.
         lens_folder: where the lens YAMLs are; None: beside the videos.
         instants: at which to look, of a recording of some seconds.
         on_instant: called after each of all cameras together.
 
     Raises:
-        RecordingError: the folder holds no video, or none that can be read.
+        RecordingError: it is missing, holds no video, or none that can be read.
     """
     found, left_out = find_videos([path], lens_folder)
     videos: list[tuple[CameraFiles, CameraVideo]] = []
     for files in found:
         try:
-            videos.append((files, CameraVideo.of_files(files.camera, files.paths)))
+            videos.append((files, open_video(files)))
         except RecordingError as error:
-            left_out.append(f"camera {files.camera}: {error}")
+            left_out.append(f"camera {files.camera}: left out: {error}")
     if not videos:
         raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
     duration_s = max(video.duration_s for _, video in videos)
@@ -82,7 +82,7 @@ def _camera(
 ) -> SampledCamera:
     lens, lens_fault = None, ""
     try:
-        lens = camera_from_yaml(files.lens_path(lens_folder), files.camera)
+        lens, _ = read_lens(files, lens_folder)
     except LensError as error:
         lens_fault = str(error)
     times = [frame_times(chapter.path) + chapter.start_s for chapter in video.chapters]

@@ -53,20 +53,38 @@ def load_cameras(found: Sequence[CameraFiles], lens_folder: Path | None) -> tupl
     return cameras, faults
 
 
-def _load(files: CameraFiles, lens_folder: Path | None) -> IngestCamera:
+def open_video(files: CameraFiles) -> CameraVideo:
+    """A camera's video.
+
+    Raises:
+        RecordingError: it cannot be read, or a topic cannot have its name.
+    """
     if not _NAME_OF_TOPIC.fullmatch(files.camera):
         raise RecordingError(
             f"{files.paths[0]}: a topic cannot be named after it; rename it: letters, digits and underscores, "
             "beginning with a letter"
         )
-    video = CameraVideo.of_files(files.camera, files.paths)
+    return CameraVideo.of_files(files.camera, files.paths)
+
+
+def read_lens(files: CameraFiles, lens_folder: Path | None) -> tuple[CameraModel, float | None]:
+    """A camera's lens and read-out time [s], None where that is not given.
+
+    Raises:
+        LensError: there is no lens YAML, or it cannot be used.
+    """
     path = files.lens_path(lens_folder)
-    lens = camera_from_yaml(path, files.camera)
+    return camera_from_yaml(path, files.camera), readout_time_from_yaml(path)
+
+
+def _load(files: CameraFiles, lens_folder: Path | None) -> IngestCamera:
+    video = open_video(files)
+    lens, readout_s = read_lens(files, lens_folder)
     facts = video.facts
     if (lens.width, lens.height) != (facts.width, facts.height):
         turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
         raise LensError(
-            f"{path}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
+            f"{files.lens_path(lens_folder)}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
             f"{facts.width} x {facts.height}{turned}; calibrate the camera in the mode that it recorded in"
         )
-    return IngestCamera(video, lens, readout_time_from_yaml(path))
+    return IngestCamera(video, lens, readout_s)

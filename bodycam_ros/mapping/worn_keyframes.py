@@ -4,19 +4,21 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError, RecordingError
-from bodycam_ros.mapping.bag_camera import BagCamera
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings, choose_frames
 from bodycam_ros.mapping.frame_motion import FrameMotion, frame_motion
 from bodycam_ros.mapping.photographs import Photographs, in_parallel
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.settings import setting
+
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.bag_camera import BagCamera
 
 _LOG = logging.getLogger(__name__)
 
@@ -91,6 +93,10 @@ def keep_worn_keyframes(
         RecordingError: the recording cannot be read.
         LensError: a camera's intrinsics are malformed.
     """
+    # Nodes load all settings, these among them, and no reader of bags.
+    from bodycam_ros.mapping.bag_camera import BagCamera
+    from bodycam_ros.recording.bag_reader import open_recording
+
     with open_recording(bag) as recording:
         there = recording.cameras
     names = [camera for camera in there if cameras is None or camera in cameras]
@@ -150,7 +156,7 @@ def _nearest(seconds: NDArray[np.float64], among: NDArray[np.float64]) -> NDArra
     return nearest
 
 
-def _written(source: BagCamera, camera: str, rows: NDArray[np.int64], folder: Path) -> list[tuple[str, float]]:
+def _written(source: "BagCamera", camera: str, rows: NDArray[np.int64], folder: Path) -> list[tuple[str, float]]:
     """Write frames of a camera; their names and times [s]."""
     wanted, written = set(rows.tolist()), []
     with source.frames() as frames:

@@ -6,7 +6,7 @@ are fitted together with the alignment in space.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,12 @@ _LEAST_OVERLAP_S, _LEAST_OVERLAP = 1.0, 0.5
 """Of the shorter recording: less may agree by chance."""
 
 _LEAST_LIKENESS = 0.5
+_APART_S = 0.5
+"""Offsets farther from the best than this are other matches, not the same one."""
+
 _CLEARLY = 0.02  # by which a clock that goes at another rate is more like: in a short recording nearly any is as good
+_LARGEST = 1.0 - 1e-6  # correlation that Fisher's transform is taken of
+_LEAST_SPREAD = 0.05  # of chance: a short recording has too few other offsets to measure less
 _ROBUST_M = 0.02
 _FIT_S, _FIT_RATE = 0.5, 0.02  # how far the fit may go from what was found
 _WITHIN = 2.0  # sigmas: a rate that differs from 1 by less is none
@@ -39,6 +44,9 @@ class Clock:
         start_sigma_s: standard deviation of ``start_s``, 0 where the clock was given.
         rate_sigma: of ``rate``.
         likeness: mean correlation of what no frame of reference changes; NaN where the clock was given.
+        lead: of the likeness over that at the second best offset, both by Fisher's transform, in standard deviations
+            over all other offsets: what two motions reach by chance. Of n independent offsets the lead is then
+            exponentially distributed with the mean 1 / sqrt(2 ln n), 0.4 and less. NaN where the clock was given.
     """
 
     start_s: float
@@ -46,6 +54,7 @@ class Clock:
     start_sigma_s: float = 0.0
     rate_sigma: float = 0.0
     likeness: float = np.nan
+    lead: float = np.nan
 
     def theirs(self, ours_s: Array) -> Array:
         """Times (N,) since the start of our recording [s], as times since the other's first frame [s]."""
@@ -77,14 +86,14 @@ def found_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, 
         likeness = _likeness(of_ours, theirs(np.linspace(0.0, (count - 1) * _STEP_S / rate, count)))
         if likeness is None:
             continue
-        at, value = likeness
+        at, value, lead = likeness
         if best is None or value > best.likeness + _CLEARLY:
-            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value)
+            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value, lead=lead)
     return best if best is not None and best.likeness >= _LEAST_LIKENESS else None
 
 
-def _likeness(a: Array, b: Array) -> tuple[int, float] | None:
-    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, and that; NaN counts nowhere.
+def _likeness(a: Array, b: Array) -> tuple[int, float, float] | None:
+    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, that, and its lead; NaN counts nowhere.
 
     Sums over what overlaps, at all shifts at once, are convolutions.
     """
@@ -111,7 +120,16 @@ def _likeness(a: Array, b: Array) -> tuple[int, float] | None:
         enough, np.nansum(np.where(counts, correlation, 0.0), axis=0) / np.maximum(counts.sum(axis=0), 1), -1.0
     )
     at = int(np.argmax(mean))
-    return at - (b.shape[1] - 1), float(mean[at])
+    return at - (b.shape[1] - 1), float(mean[at]), _lead(mean, enough, at)
+
+
+def _lead(mean: Array, enough: NDArray[np.bool_], at: int) -> float:
+    """Lead of the mean correlation (S,) at a shift over all others that have enough; NaN where there are none."""
+    others = enough & (np.abs(np.arange(len(mean)) - at) > _APART_S / _STEP_S)
+    if not others.any():
+        return np.nan
+    fisher = np.arctanh(np.clip(mean, -_LARGEST, _LARGEST))
+    return float((fisher[at] - fisher[others].max()) / max(fisher[others].std(), _LEAST_SPREAD))
 
 
 def _standard(values: Array) -> Array:
@@ -139,7 +157,7 @@ def fitted_clock(start: Clock, residuals: Callable[[Clock], Array], with_rate: b
 
     def clock(x: Array) -> Clock:
         rate = start.rate + x[1] if with_rate else 1.0
-        return Clock(start.start_s + float(x[0]), float(rate), likeness=start.likeness)
+        return replace(start, start_s=start.start_s + float(x[0]), rate=float(rate))
 
     count = 2 if with_rate else 1
     bounds = np.array([_FIT_S, _FIT_RATE])[:count]
@@ -150,9 +168,8 @@ def fitted_clock(start: Clock, residuals: Callable[[Clock], Array], with_rate: b
     found = clock(fit.x)
     sigmas = _sigmas(np.asarray(fit.jac), residuals(found))
     if with_rate and abs(found.rate - 1.0) < _WITHIN * sigmas[1]:
-        without = Clock(found.start_s, 1.0, likeness=start.likeness)
-        return fitted_clock(without, residuals, with_rate=False)
-    return Clock(found.start_s, found.rate, float(sigmas[0]), float(sigmas[1]) if with_rate else 0.0, start.likeness)
+        return fitted_clock(replace(found, rate=1.0), residuals, with_rate=False)
+    return replace(found, start_sigma_s=float(sigmas[0]), rate_sigma=float(sigmas[1]) if with_rate else 0.0)
 
 
 def _sigmas(jacobian: Array, residuals: Array) -> Array:

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
-from made_video import make_video
+from made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.ingest.ingest import find_cameras
 from bodycam_ros.messages.factory import Message
 
 
@@ -84,6 +85,25 @@ def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFix
     assert code == 3  # without a lens
     assert {("lens", "red", "camera head"), ("clocks", "amber", "camera foot")} <= lights(told)
     assert not {light for light in lights(told) if light[0] in ("cameras", "rate", "gaps")}
+
+
+def test_a_video_that_ingest_leaves_out_is_red_for_the_same_reason(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for camera in ("head", "foot", "2nd-knee"):
+        make_video(tmp_path / f"{camera}.mp4")
+        write_lens(tmp_path / f"{camera}.yaml")
+    _, (fault,) = find_cameras([tmp_path], None)
+    code, told = doctor(capsys, tmp_path)
+    assert code == 3 and "2nd-knee.mp4" in fault
+    assert [f["what"] for f in told["findings"] if f["check"] == "cameras" and f["light"] == "red"] == [fault]
+
+
+def test_a_single_video_is_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for camera in ("head", "foot"):
+        make_video(tmp_path / f"{camera}.mp4")
+    _, told = doctor(capsys, tmp_path / "head.mp4")
+    assert {of for _, _, of in lights(told) if of} == {"camera head"}
 
 
 def test_people_read_a_line_for_each_check(capsys: pytest.CaptureFixture[str], tiny_bag: Path) -> None:

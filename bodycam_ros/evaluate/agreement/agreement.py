@@ -13,6 +13,15 @@ from bodycam_ros.other_systems.clock_search import Clock
 SIMILARITY, RIGID, NONE = ALIGNMENTS = ("similarity", "rigid", "none")
 """How our world is brought to the other system's: with a scale (A section 5.1), without, or not at all."""
 
+_LEAST_LEAD = 2.5
+"""Of a match that is none of chance: one search in fifty reaches it by chance, by nine rates and some 20 offsets."""
+
+_LARGEST_SIGMA_S = 0.05
+"""Of the clock offset: joints that move alike leave some milliseconds, noisy markers 20 ms."""
+
+_LARGEST_SCALE = 0.05
+"""Two systems that measured one person differ by less: a board printed wrong by 1 or 2 %."""
+
 
 @dataclass(frozen=True, eq=False)
 class PointAgreement:
@@ -102,6 +111,27 @@ class Agreement:
     angles: tuple[AngleAgreement, ...]
     left_out: tuple[str, ...]
     rigid_error: float
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the two may not be of the same motion, and what to do; empty where nothing speaks against it."""
+        found = []
+        if self.clock.lead < _LEAST_LEAD:
+            found.append(
+                f"the best clock offset is hardly better than the second best (by {self.clock.lead:.1f} standard "
+                f"deviations of chance, expected {_LEAST_LEAD:g} or more)"
+            )
+        if self.clock.start_sigma_s > _LARGEST_SIGMA_S:
+            found.append(
+                f"the clock offset is known to +-{1e3 * self.clock.start_sigma_s:.0f} ms only, expected "
+                f"{1e3 * _LARGEST_SIGMA_S:.0f} ms or less"
+            )
+        if abs(self.scale - 1.0) > _LARGEST_SCALE:
+            found.append(
+                f"the scale is {100.0 * (self.scale - 1.0):+.1f} %, expected {100.0 * _LARGEST_SCALE:.0f} % or less"
+            )
+        remedy = "is it of the same recording and person, and is each point the right one (--names)?"
+        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in found)
 
     @property
     def scale_used(self) -> float:

@@ -29,6 +29,8 @@ def agreement_figures(agreement: Agreement) -> dict[str, Any]:
         "clock_rate": agreement.clock.rate,
         "clock_rate_sigma": agreement.clock.rate_sigma,
         "clock_likeness": agreement.clock.likeness,
+        "clock_lead": agreement.clock.lead,
+        "doubts": list(agreement.doubts),
         "names_left_out": list(agreement.left_out),
         "position_cm": asdict(Spread.of(CM_PER_M * agreement.position_errors)),
         "position_rigid_mean_cm": CM_PER_M * agreement.rigid_error,

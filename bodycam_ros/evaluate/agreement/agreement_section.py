@@ -26,6 +26,7 @@ def agreement_section(agreement: Agreement, shows_cameras: bool) -> tuple[Block,
     """
     blocks: list[Block] = [
         Heading(f"Against {agreement.name} ({agreement.kind})"),
+        *(Text(f"Doubtful: {doubt}") for doubt in agreement.doubts),
         *(Text(line) for line in agreement_lines(agreement)),
         Table(("error", *_SPREAD), _overall(agreement)),
         Picture(WAYS, _ways_caption(shows_cameras)),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from captured_files import origins, seconds, write_bvh, write_c3d, write_trc, write_tum
 from known_walk import FRAME_NS, START_NS, Walk, write_solved
+from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
@@ -15,6 +16,7 @@ from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
+from bodycam_ros.other_systems.clock_search import Clock, Signals, found_clock
 from bodycam_ros.other_systems.read_captured import read_captured
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 
@@ -144,6 +146,31 @@ def test_what_is_another_motion_is_refused(recording: SolvedRecording, walk: Wal
     late = write_trc(tmp_path / "late.trc", 100.0 + seconds(walk), origins(walk))
     with pytest.raises(RecordingError, match=r"late\.trc: has nothing from the time of"):
         against(recording, late, shares_clock=True)
+
+
+def test_a_match_with_another_walk_is_doubted(recording: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
+    """Of the same steps, 1.3 times as fast."""
+    for faster, doubts in ((1.0, 0), (1.3, 2)):
+        path = write_trc(tmp_path / "other.trc", seconds(walk) / faster, origins(walk))
+        found = against(recording, path)
+        assert len(found.doubts) == doubts and all("other.trc" in doubt for doubt in found.doubts)
+        assert agreement_figures(found)["doubts"] == list(found.doubts)
+
+
+def test_what_motions_share_by_chance_has_no_lead_over_the_next_best() -> None:
+    def smooth(seed: int, count: int) -> np.ndarray:
+        return gaussian_filter1d(np.random.default_rng(seed).normal(size=(4, count)), 12, axis=1)
+
+    def clock(ours: np.ndarray, theirs: np.ndarray) -> Clock | None:
+        def signals(values: np.ndarray) -> Signals:
+            return lambda at: np.stack([np.interp(at, 0.02 * np.arange(values.shape[1]), row) for row in values])
+
+        return found_clock(signals(ours), (0.0, 11.98), signals(theirs), 0.02 * (theirs.shape[1] - 1))
+
+    chance = [found for seed in range(40) if (found := clock(smooth(seed, 600), smooth(1000 + seed, 150)))]
+    assert len(chance) > 10 and sum(found.lead > 2.5 for found in chance) <= 1
+    same = clock(smooth(1, 600), smooth(1, 600)[:, 200:350])
+    assert same is not None and same.start_s == pytest.approx(4.0) and same.lead > 5.0
 
 
 def test_directions_are_the_bodys(walk: Walk, tmp_path: Path) -> None:
