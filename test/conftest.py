@@ -22,8 +22,6 @@ REPOSITORY = Path(__file__).parent.parent
 LIVE = "test/nodes"
 """Tests with real processes that have to keep up with each other, and would not beside another such graph."""
 
-_BUILD = "test/test_workspace.py"
-
 RACES = (f"{LIVE}/", "test/outside/", "test/secured/", "test/test_two_computers.py", "test/view/test_browser.py")
 """Tests of processes that wait for each other: a machine that does something else meanwhile may keep them too long."""
 
@@ -56,8 +54,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.split("::", 1)[0]
-            # The scope of most tests begins first; a build that takes two minutes should not be what all wait for.
-            return LIVE if file.startswith((f"{LIVE}/", _BUILD)) else file
+            return LIVE if file.startswith(f"{LIVE}/") else file
 
     return ByFile(config, log)
 
