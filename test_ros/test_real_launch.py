@@ -1,4 +1,4 @@
-"""The launch file under the real ``ros2 launch``, in the workspace that ``make test-ros`` builds: real processes, real bag."""
+"""The launch file under the real ``ros2 launch``, in the workspace that ``make test-ros`` builds."""
 
 import os
 import re
