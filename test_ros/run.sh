@@ -30,4 +30,5 @@ colcon --log-base "$out/log" build --base-paths . --build-base "$out/build" --in
 set +u
 . "$out/install/setup.bash"
 set -u
+python3 -m bodycam_ros.kernels  # compiled once, before nodes wait for them
 python3 -m pytest test_ros -p no:cacheprovider "$@"
