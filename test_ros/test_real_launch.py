@@ -104,7 +104,7 @@ def test_arguments_are_shown() -> None:
 
 
 def test_one_walk_through_agrees_with_replay(domain: None, tmp_path: Path) -> None:
-    with launched(tmp_path, **SAMPLE, bagfile=BAG, rate=0.1) as walk:
+    with launched(tmp_path, **SAMPLE, bagfile=BAG, rate=0.05) as walk:  # slow enough for two busy cores
         walk.until(lambda: len(walk.received) >= INSTANTS, _PLAYED_S)
         live = dict(map(_angles, walk.received))
     assert len(live) == INSTANTS
