@@ -2,6 +2,7 @@
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
 #   make test    the tests that protect, the live graph on ROS 2's wheels included: some minutes
 #   make test-all  those and the long ones: fault campaign, browser, shared recordings, Snakemake, more of the live graph
+#   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
@@ -33,7 +34,8 @@ DIST := dist
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test test-all figures readers faults lint docs bench latency endure wheels wheel-check release-check clean
+.PHONY: demo test test-all test-ros figures readers faults lint docs bench latency endure wheels wheel-check release-check
+.PHONY: clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -52,6 +54,10 @@ test: $(VENV)/ros.stamp
 
 test-all: $(VENV)/ros.stamp
 	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
+
+# Needs ROS 2 Jazzy, or ../shared/ros/real_ros2.sh, which makes .venv-ros.
+test-ros:
+	bash test_ros/run.sh
 
 readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
 	$(BIN)/python -m pytest test/export/test_readers.py
@@ -93,7 +99,7 @@ release-check: docs wheel-check
 	$(BIN)/python release/release_check.py $(DIST)
 
 clean:
-	rm -rf $(VENV) $(READERS) $(RELEASE) $(LOCKING) $(DIST) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) .venv-ros $(READERS) $(RELEASE) $(LOCKING) $(DIST) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# make test-ros: builds the workspace with colcon and runs test_ros/ with the real `ros2 launch`.
+# ROS is an installation of Jazzy where there is one, else the environment .venv-ros that ../shared/ros/real_ros2.sh makes.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+maker=../shared/ros/real_ros2.sh jazzy=/opt/ros/jazzy/setup.bash venv=.venv-ros
+[ -e "$maker" ] || maker=${REAL_ROS2:-$maker}
+if [ -e "$jazzy" ]; then
+    setup=$jazzy
+elif [ -e "$maker" ]; then
+    setup=$venv/setup.bash stamp=$venv/test_ros.stamp
+    if [ ! -e "$stamp" ] || [ requirements.txt -nt "$stamp" ] || [ requirements-ros.txt -nt "$stamp" ]; then
+        bash "$maker" "$venv"
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements.txt \
+            -r <(grep -h -E '^(colcon-|pytest==)' requirements-ros.txt requirements-test.txt)
+        touch "$stamp"
+    fi
+else
+    echo "make test-ros needs ROS 2 Jazzy with ros2 launch: $jazzy (docs/install.md), or $maker" >&2
+    exit 1
+fi
+
+set +u
+. "$setup"
+set -u
+python3 -c 'import colcon_ros, pytest' || { echo "missing: sudo apt install colcon python3-pytest" >&2; exit 1; }
+out=$PWD/out/ros
+colcon --log-base "$out/log" build --base-paths . --build-base "$out/build" --install-base "$out/install"
+set +u
+. "$out/install/setup.bash"
+set -u
+python3 -m bodycam_ros.kernels  # compiled once, before nodes wait for them
+python3 -m pytest test_ros -p no:cacheprovider "$@"
