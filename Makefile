@@ -1,6 +1,7 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
 #   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
-#   make test    all tests, the live graph on ROS 2's wheels included
+#   make test    the tests, the live graph on ROS 2's wheels included, without those that are marked 'long'
+#   make test-all        all tests: also kills and faults, browsers, wheels, the recordings in ../shared
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
@@ -32,7 +33,7 @@ DIST := dist
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test readers faults lint docs bench latency apart endure wheels wheel-check release-check clean
+.PHONY: demo test test-all readers faults lint docs bench latency apart endure wheels wheel-check release-check clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -46,8 +47,13 @@ demo: $(VENV)/runtime.stamp
 	@echo "look at $(DEMO)_report/summary.png first, then at $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
+TEST := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --max-worker-restart=0
+
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
+	$(TEST) -m "not long"
+
+test-all: $(VENV)/ros.stamp
+	$(TEST)
 
 readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
 	$(BIN)/python -m pytest test/export/test_readers.py

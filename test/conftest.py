@@ -3,7 +3,6 @@
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import cv2
 import pytest
@@ -19,20 +18,6 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
-LIVE = "test/nodes"
-"""Tests with real processes that have to keep up with each other, and would not beside another such graph."""
-
-_BUILD = "test/test_workspace.py"
-
-RACES = (f"{LIVE}/", "test/outside/", "test/secured/", "test/test_two_computers.py", "test/view/test_browser.py")
-"""Tests of processes that wait for each other: a machine that does something else meanwhile may keep them too long."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run such a test once more when it has failed; the summary counts them, and what fails twice has failed."""
-    for item in items:
-        if item.nodeid.startswith(RACES):
-            item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def pytest_configure() -> None:
@@ -43,23 +28,6 @@ def pytest_configure() -> None:
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
     threadpool_limits(1)
     cv2.setNumThreads(1)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """One worker runs the tests of a file, which share what they made; and one all that start live graphs.
-
-    xdist's own groups do nothing under pytest 9.2, whose node ids cannot be changed.
-    """
-    from xdist.scheduler import LoadScopeScheduling
-
-    class ByFile(LoadScopeScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::", 1)[0]
-            # The scope of most tests begins first; a build that takes two minutes should not be what all wait for.
-            return LIVE if file.startswith((f"{LIVE}/", _BUILD)) else file
-
-    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
-"""Real node processes that talk over DDS, and a listener that records what they say. Import it only where rclpy is."""
+"""Nodes under test, in this process or in their own, and a node that records what they publish. It needs rclpy."""
 
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
@@ -18,11 +19,16 @@ from own_domain import own_domain
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 
+from bodycam_ros.errors import BodycamError
 from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.nodes.farewell import ignore_discovery
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
+from bodycam_ros.nodes.node_classes import made
 from bodycam_ros.nodes.qos import latched, reliable
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_writer import is_latched, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
@@ -73,19 +79,69 @@ class Started:
             self.process.kill()
             raise
 
-    def cpu_s(self) -> float:
-        """Processor time so far."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+class Running:
+    """A node that works in this process, on a thread with an executor of its own.
+
+    Attributes:
+        inside: the node itself.
+        error: what ended its work, or None.
+
+    Raises:
+        BodycamError: the node cannot be brought up.
+    """
+
+    def __init__(self, node: NodeProcess) -> None:
+        self.node = node
+        self.error: BaseException | None = None
+        self._over, self._leaves = threading.Event(), True
+        self.inside = made(node)
+        self.inside.bring_up()
+        self._thread = threading.Thread(target=self._work, name=node.name, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the node's work has ended."""
+        return not self._thread.is_alive()
+
+    def end(self) -> int:
+        """Exit code that the node's process would have; a node that still works is ended first."""
+        self._over.set()
+        self._thread.join(_GRACE_S)
+        assert self.is_over, f"{self.node.name} does not end"
+        if self.error is not None and not isinstance(self.error, BodycamError):
+            raise self.error
+        return int(self.error is not None)
+
+    def crash(self) -> None:
+        """End the work without the last steps of a node that leaves."""
+        self._leaves = False
+        self.end()
+
+    def _work(self) -> None:
+        try:
+            self.inside.work(self._over.is_set)
+            if self.inside.failure is not None:
+                raise self.inside.failure
+            if self._leaves:
+                self.inside.leave()
+        except BaseException as error:
+            self.error = error
+        finally:
+            StageNode.made.remove(self.inside)
+            ignore_discovery(self.inside)
+            self.inside.destroy_node()
 
 
 class Graph:
-    """Processes under test and the messages that the test has heard, serialized, by topic."""
+    """Nodes under test and the messages that the test has received, serialized, by topic."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("listener", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
@@ -93,12 +149,21 @@ class Graph:
         self._clients: dict[str, Any] = {}
         self._actions: dict[str, Any] = {}
         self.started: list[Started] = []
+        self.running: list[Running] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
 
     def start(self, *nodes: NodeProcess) -> list[Started]:
         """Start processes; the listener must subscribe before."""
         new = [Started(node, self._folder) for node in nodes]
         self.started += new
+        return new
+
+    def run(self, *nodes: NodeProcess) -> list[Running]:
+        """Let nodes work in this process; the listener must subscribe before."""
+        new = []
+        for node in nodes:
+            new.append(Running(node))
+            self.running.append(new[-1])
         return new
 
     def listen(self, topics: dict[str, str]) -> None:
@@ -111,7 +176,7 @@ class Graph:
 
     def until_known(self, timeout_s: float) -> None:
         """Wait until all that were started know what the listener reads, diagnostics last: they said so by speaking."""
-        names = {full_name(each.node) for each in self.started}
+        names = {full_name(each.node) for each in (*self.started, *self.running)}
         said: set[str] = set()
 
         def all_speak() -> bool:
@@ -123,9 +188,9 @@ class Graph:
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
         return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
 
-    def is_published(self, topic: str) -> bool:
-        """Whether the listener has found somebody who publishes a topic."""
-        return bool(self._node.count_publishers(topic))
+    def count_publishers(self, topic: str) -> int:
+        """How many publishers of a topic the listener has found; one that was killed counts for some seconds more."""
+        return int(self._node.count_publishers(topic))
 
     def offers(self, topic: str) -> list[Any]:
         """Quality of service of those who publish a topic."""
@@ -135,10 +200,6 @@ class Graph:
     def listener(self) -> Any:
         """The node that listens, by which to ask what there is."""
         return self._node
-
-    def count_publishers(self, topic: str) -> int:
-        """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
-        return int(self._node.count_publishers(topic))
 
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""
@@ -215,7 +276,8 @@ class Graph:
         """What was heard and what the processes printed, for a failure's message."""
         counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
         texts = (f"--- {full_name(each.node)} ({each.process.poll()})\n{each.log}" for each in self.started)
-        return "\n".join((*counts, *self._health(), *texts))
+        errors = (f"--- {full_name(each.node)}: {each.error!r}" for each in self.running)
+        return "\n".join((*counts, *self._health(), *texts, *errors))
 
     def _health(self) -> list[str]:
         """What each part has reported, and how many images or instants in all, where the test listens to that."""
@@ -237,10 +299,10 @@ class Graph:
         ]
 
     def end(self) -> dict[str, int]:
-        """Interrupt all nodes at once, as a launch file does; exit codes by node's full name."""
+        """Interrupt all processes at once, as a launch file does, and end the others; exit codes by full name."""
         for each in self.started:
             each.interrupt()
-        return {full_name(each.node): each.end() for each in self.started}
+        return {full_name(each.node): each.end() for each in (*self.running, *self.started)}
 
     def close(self) -> None:
         for each in self.started:
@@ -251,7 +313,17 @@ class Graph:
             client.destroy()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
-        _free_shared_memory()
+        try:
+            for node in self.running:
+                node.end()
+        finally:
+            for refused in StageNode.made:
+                ignore_discovery(refused)
+                refused.destroy_node()
+            StageNode.made.clear()
+            rclpy.try_shutdown()
+            if self.started:
+                _free_shared_memory()
 
 
 def _free_shared_memory() -> None:

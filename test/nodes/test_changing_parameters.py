@@ -102,7 +102,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     from rclpy.parameter import Parameter
 
     given = {"camera": "left", _DEADLINE: 100_000_000, "keypoints.max_keypoints": 200}
-    graph.start(NodeProcess("tracker", "tracker", given))
+    graph.run(NodeProcess("tracker", "tracker", given))
     cases: list[tuple[str, Any, str]] = [
         ("longest_wait", 2, ""),
         ("most_ahead", 7, ""),

@@ -23,9 +23,9 @@ def _without_solver(sample: Path, **given: object) -> list[NodeProcess]:
 
 def _start(graph: Any, nodes: list[NodeProcess]) -> None:
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
-    graph.start(*nodes[:-1])
+    graph.run(*nodes[:-1])
     graph.until_known(_START_S)
-    graph.start(nodes[-1])
+    graph.run(nodes[-1])
 
 
 def _tracked(graph: Any) -> int:

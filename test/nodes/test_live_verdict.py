@@ -26,7 +26,7 @@ def test_exchanged_cameras_are_named_in_diagnostics_and_right_ones_are_good(grap
         camera: graph.publisher(f"/{camera}/landmarks", "bodycam_msgs/msg/LandmarkMatches") for camera in CAMERAS
     }
     infos = {camera: graph.publisher(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo") for camera in CAMERAS}
-    graph.start(NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), "verdict.interval": 1.0}))
+    graph.run(NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), "verdict.interval": 1.0}))
     everything = [*registrations.values(), *infos.values()]
     graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
     for publisher in infos.values():

@@ -93,7 +93,7 @@ def test_two_people_share_the_map_and_nothing_else(graph: Any, tmp_path: Path) -
     anna = Person(graph, path, "anna", np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.0]))
     ben = Person(graph, path, "lab/ben", np.array([3.0, 2.0, 1.2]), np.array([0.0, -0.5, 0.0]))
     people = (anna, ben)
-    graph.start(*(person.solver for person in people))
+    graph.run(*(person.solver for person in people))
     graph.until_known(_START_S)
     graph.until(lambda: all(person.is_heard() for person in people), _START_S, "both solvers listen")
     for person in people:
@@ -132,7 +132,7 @@ def test_a_bag_is_played_into_the_players_namespace(graph: Any, tmp_path: Path) 
     graph.listen({"/anna/left/tracks": tracks, "/left/tracks": tracks, "/anna/left/camera_info": info})
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
     bag, theirs = str(write_tiny_bag(tmp_path / "bag", 12)), {"frame_prefix": "anna/"}
-    graph.start(
+    graph.run(
         NodeProcess("tracker", "tracker_left", {"camera": "left"}),
         NodeProcess("tracker", "tracker_left", {"camera": "left", **theirs}, "anna"),
         NodeProcess("player", "player", {"bag": bag, "cameras": ["left"], "loop": True, **theirs}, "anna"),

@@ -30,7 +30,7 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
     of_right = graph.publisher("/right/timing", "bodycam_msgs/msg/CameraTiming", latched())
     of_right.publish(timing_message(make, "right", SaidTiming(0, "given", Readout(*KNOWN_S["right"]))))
     graph.listen({f"/{c}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for c in KNOWN_S})
-    graph.start(
+    graph.run(
         NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(body)}),
         NodeProcess("registration", "registration", {"map": str(write_map(tmp_path / "map")), "body": str(body)}),
     )
