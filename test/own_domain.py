@@ -16,7 +16,7 @@ _TURN = cycle((*_DOMAINS[_FIRST:], *_DOMAINS[:_FIRST]))
 
 @contextmanager
 def own_domain() -> Iterator[int]:
-    """A DDS domain that no other test on this machine has, and none had in this process just before, as long as the context lasts, or the process."""
+    """A DDS domain that no other test on this machine has, as long as the context lasts, or the process."""
     for domain in (next(_TURN) for _ in _DOMAINS):
         with socket.socket(socket.AF_UNIX) as claim:
             try:

@@ -9,7 +9,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 def told_pose(
     camera: str, stamp_ns: int, previous_ns: int, world_T_camera: Array | None, covariance: Array | None = None
 ) -> LandmarkMatches:
-    """The pose, or None where it is lost; known to a millimetre and a milliradian unless ``covariance`` (6, 6) is given."""
+    """The pose, or None where it is lost; known to 1 mm and 1 mrad unless ``covariance`` (6, 6) is given."""
     return LandmarkMatches(
         camera=camera,
         stamp_ns=stamp_ns,

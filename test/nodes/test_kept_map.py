@@ -3,7 +3,6 @@
 Beside it one that keeps nothing, and hears where the body has a lost camera, and that it contradicts one.
 """
 
-import signal
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 CAMERA, OTHER = worn_camera(), worn_camera("foot")
 UNKNOWN = unknown_points(100)
-_START_S, _SOON_S = 60.0, 20.0
+_START_S, _SOON_S = 60.0, 60.0
 _PART = "registration: grown map"
 
 
@@ -124,15 +123,14 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
     graph.until(lambda: says("landmarks grown") == "100", _SOON_S, "the map grows")
     graph.until(lambda: says("changes not saved") == "0", _SOON_S, "it is saved without being asked")
     readers = tracker.readers()
-    first.process.send_signal(signal.SIGKILL)
-    first.process.wait()
+    first.crash()
     assert ReferenceMap.load(kept).grown == 100
 
     graph.heard["/diagnostics"].clear()
     (second,) = graph.run(NodeProcess("registration", "registration", {**given, "save_interval": 600.0}))
     graph.until(lambda: says("landmarks grown") == "100", _START_S, "what had grown is there")
-    assert f"100 landmarks loaded from {kept}" in second.printed
-    tracker.inform(readers)
+    graph.until(lambda: tracker.readers() >= readers, _START_S, "the registration listens")
+    tracker.inform()
     assert tracker.is_where_it_is(tracker.see_unknown()), "registered by what had grown before the crash"
 
     def call(service: str, kind: Any = Trigger, **fields: Any) -> tuple[bool, str]:

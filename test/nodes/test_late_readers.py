@@ -41,10 +41,3 @@ def test_a_solver_that_is_found_after_the_bag_is_tracked_hears_all_of_it(graph: 
     topic = f"/{CAMERA}/landmarks"
     graph.listen({topic: "bodycam_msgs/msg/LandmarkMatches"})
     graph.until(lambda: len(graph.heard[topic]) == _IMAGES, _START_S, "the landmarks of all images")
-
-
-def test_a_solver_that_never_comes_is_not_waited_for_long(graph: Any, sample: Path) -> None:
-    topic = f"/{CAMERA}/pose"
-    graph.listen({topic: "geometry_msgs/msg/PoseWithCovarianceStamped"})
-    _start(graph, _without_solver(sample, landmark_wait=0.5))
-    graph.until(lambda: len(graph.heard[topic]) == _IMAGES, _START_S, "the poses of all images")

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from known_motion import BODY, KnownMotion, exchanged
 
 from bodycam_ros.body.body_file import write_body
@@ -12,9 +13,10 @@ from bodycam_ros.nodes.graph import NodeProcess
 
 CAMERAS = ("torso_front", "upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right")
 VERDICT = "skeleton_solver: verdict"
-_START_S, _SOON_S, _AHEAD = 60.0, 30.0, 10
+_START_S, _SOON_S, _AHEAD = 60.0, 60.0, 10
 
 
+@pytest.mark.long
 def test_exchanged_cameras_are_named_in_diagnostics_and_right_ones_are_good(graph: Any, tmp_path: Path) -> None:
     from bodycam_ros.nodes.message_classes import node_messages
 

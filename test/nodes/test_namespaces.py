@@ -22,7 +22,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 FRAME_NS = 33_333_333
 START_NS = 10_000_000_000_000
 FRAMES = 20
-_START_S, _SOON_S = 60.0, 20.0
+_START_S, _SOON_S = 60.0, 60.0
 
 
 class Person:

@@ -58,10 +58,9 @@ def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
 
 def test_the_tracker_reads_what_the_player_makes_of_a_video(graph: Any, bag: Path) -> None:
     graph.listen({"/left/timing": "bodycam_msgs/msg/CameraTiming", "/left/tracks": "bodycam_msgs/msg/FeatureTracks"})
-    tracker, _ = graph.run(
+    graph.run(
         NodeProcess("tracker", "tracker_left", {"camera": "left"}),
         NodeProcess("player", "player", {"bag": str(bag), "cameras": ["left"]}),
     )
     graph.until(lambda: len(graph.heard["/left/tracks"]) > 10, _START_S, "frames are tracked")
-    assert "nobody publishes left/image_raw/compressed; reads left/image_raw" in tracker.printed
     graph.until(lambda: graph.heard["/left/timing"], _START_S, "the timing is heard")

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_access import assert_as_listed
 from said_by_solver import SaidBySolver
 from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
@@ -22,7 +21,7 @@ from bodycam_ros.robot.robot_model import Robot
 from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
 
 INSTANTS = slice(0, 30, 5)
-_START_S, _SOON_S = 60.0, 30.0
+_START_S, _SOON_S = 60.0, 60.0
 _HEARD = {
     "/robot/robot_description": "std_msgs/msg/String",
     "/robot/joint_states": "sensor_msgs/msg/JointState",
@@ -64,9 +63,8 @@ def test_a_robot_follows_live_as_offline(
     solver.describe(legless)
     solver.tell(0)
     graph.until(lambda: "has no shin_left" in graph.diagnostics("retarget: robot").get("text", ""), _SOON_S, "a no")
-    assert started.process.poll() is None and not graph.heard["/robot/joint_states"]
+    assert not started.is_over and not graph.heard["/robot/joint_states"]
 
-    assert_as_listed(graph, [started.node], ["retarget"])
     solver.describe(urdf_text(solved.body))
     rows = range(len(solved.motion.stamps_ns))[INSTANTS]
     for row in rows:

@@ -12,7 +12,7 @@ from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-_START_S, _SOON_S = 60.0, 20.0
+_START_S, _SOON_S = 60.0, 60.0
 KNOWN_S = {"left": (0.012, 0.0002), "right": (0.020, 0.0)}
 
 

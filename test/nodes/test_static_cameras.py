@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_access import assert_as_listed
 from numpy.typing import NDArray
 from outside.dressed_body import DressedBody, small_motion, stations_around
 from outside.painted_bag import FRAME_NS, START_NS, write_bag
@@ -78,6 +77,7 @@ def joints_off(solved: SolvedRecording, dressed: DressedBody, motion: Array) -> 
     return np.linalg.norm(there - motion[rows, :, :3, 3], axis=2)
 
 
+@pytest.mark.long
 def test_a_person_is_followed_live_as_in_a_replay(
     graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: OutsideInput, tmp_path: Path
 ) -> None:
@@ -95,7 +95,6 @@ def test_a_person_is_followed_live_as_in_a_replay(
     patient = {"region_tracker": {"longest_wait": 0.0}, "skeleton_solver": {"assembler.max_wait": 60.0}}
     graph.run(*(replace(node, parameters={**node.parameters, **patient[node.executable]}) for node in nodes))
     graph.until_known(_START_S)
-    assert_as_listed(graph, nodes, [node.name for node in nodes])
     (playing,) = graph.run(player(bag, 1.0, stations=stations))
     graph.until(lambda: playing.is_over, _START_S, "the bag is played")
     assert playing.error is None, graph.report()

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from driven_camera import DrivenCamera, stamps
-from tiny_bag import FRAME_NS
 from two_cameras import write_map
 
 from bodycam_ros.messages.header import stamp_ns
