@@ -55,6 +55,11 @@ class Started:
             )
 
     @property
+    def is_over(self) -> bool:
+        """Whether the process has ended."""
+        return self.process.poll() is not None
+
+    @property
     def log(self) -> str:
         """All that it printed."""
         return self._log.read_text()

@@ -92,7 +92,7 @@ def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) 
     drivers.start()
     drive(5)
     assert not any(graph.heard[topic] for topic in (TRACKS, LANDMARKS, JOINTS, DESCRIPTION, POINTS))
-    assert graph.diagnostics(tracker)["text"] == "inactive"
+    graph.until(lambda: graph.diagnostics(tracker)["text"] == "inactive", _SOON_S, "the tracker reports its state")
 
     # The camera_info, which was said once while nobody was active, is known.
     for name in names:
