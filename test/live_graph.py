@@ -1,5 +1,6 @@
 """Nodes under test, in this process or in their own, and a node that records what they publish. It needs rclpy."""
 
+import gc
 import os
 import shutil
 import signal
@@ -7,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,8 @@ import rclpy
 from ended_with_us import ended_with_us
 from own_domain import own_domain
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
@@ -100,7 +102,8 @@ class Running:
         self.node = node
         self.error: BaseException | None = None
         self._over, self._leaves = threading.Event(), True
-        self.inside = made(node)
+        self._executor: Executor | None = None
+        self.inside: StageNode[Any] = made(node)
         self.inside.bring_up()
         self._thread = threading.Thread(target=self._work, name=node.name, daemon=True)
         self._thread.start()
@@ -124,9 +127,17 @@ class Running:
         self._leaves = False
         self.end()
 
+    def forget(self) -> None:
+        """Keep no reference to the node: its participant in DDS ends with the last one."""
+        del self.inside, self._executor
+
+    def _is_stopped(self) -> bool:
+        self._executor = self.inside.executor or self._executor
+        return self._over.is_set()
+
     def _work(self) -> None:
         try:
-            self.inside.work(self._over.is_set)
+            self.inside.work(self._is_stopped)
             if self.inside.failure is not None:
                 raise self.inside.failure
             if self._leaves:
@@ -134,9 +145,10 @@ class Running:
         except BaseException as error:
             self.error = error
         finally:
+            if self._executor is not None:
+                self._executor.shutdown()
             StageNode.made.remove(self.inside)
-            ignore_discovery(self.inside)
-            self.inside.destroy_node()
+            _leave(self.inside)
 
 
 class Graph:
@@ -282,26 +294,7 @@ class Graph:
         counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
         texts = (f"--- {full_name(each.node)} ({each.process.poll()})\n{each.log}" for each in self.started)
         errors = (f"--- {full_name(each.node)}: {each.error!r}" for each in self.running)
-        return "\n".join((*counts, *self._health(), *texts, *errors))
-
-    def _health(self) -> list[str]:
-        """What each part has reported, and how many images or instants in all, where the test listens to that."""
-        said: defaultdict[str, list[str]] = defaultdict(list)
-        values: dict[str, str] = {}
-        totals: defaultdict[str, Counter[str]] = defaultdict(Counter)
-        for message in self.messages("/diagnostics") if "/diagnostics" in self._types else ():
-            for status in message.status:
-                if said[status.name][-1:] != [status.message]:
-                    said[status.name].append(status.message)
-                values[status.name] = ", ".join(f"{value.key} {value.value}" for value in status.values)
-                for value in status.values:
-                    if value.key.endswith(" per second"):
-                        kind = value.key.removesuffix(" per second")
-                        totals[status.name][kind] += int(value.value)
-        return [
-            f"{name}: {' -> '.join(texts)}; in all: {dict(totals[name])}; last: {values[name]}"
-            for name, texts in sorted(said.items())
-        ]
+        return "\n".join((*counts, *texts, *errors))
 
     def end(self) -> dict[str, int]:
         """Interrupt all processes at once, as a launch file does, and end the others; exit codes by full name."""
@@ -319,16 +312,21 @@ class Graph:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
         try:
-            for node in self.running:
-                node.end()
+            for running in self.running:
+                running.end()
+                running.forget()
         finally:
-            for refused in StageNode.made:
-                ignore_discovery(refused)
-                refused.destroy_node()
-            StageNode.made.clear()
+            while StageNode.made:
+                _leave(StageNode.made.pop())
             rclpy.try_shutdown()
+            gc.collect()
             if self.started:
                 _free_shared_memory()
+
+
+def _leave(node: Node) -> None:
+    ignore_discovery(node)
+    node.destroy_node()
 
 
 def _free_shared_memory() -> None:

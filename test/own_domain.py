@@ -9,9 +9,9 @@ from itertools import cycle
 _DOMAINS = range(1, 102)
 """Those whose ports are outside of what Linux hands out to anybody who asks for a port."""
 
-_FIRST = os.getpid() % len(_DOMAINS)
+_FIRST = 37 * os.getpid() % len(_DOMAINS)
 _TURN = cycle((*_DOMAINS[_FIRST:], *_DOMAINS[:_FIRST]))
-"""A participant of this process may stay for some seconds after its node; the next test must not meet it."""
+"""Nobody takes soon what this process has just given back, for a participant may stay until the process ends."""
 
 
 @contextmanager

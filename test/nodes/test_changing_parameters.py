@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 import yaml
 from driven_camera import DrivenCamera
-from tiny_bag import FRAME_NS, START_NS
-from two_cameras import write_body, write_map
+from two_cameras import write_map
 
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.settings import read_settings_file
 
 _CONFIG = Path(__file__).parents[2] / "config"
 _START_S = 60.0
@@ -118,7 +120,12 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
 
 
 def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], tmp_path: Path) -> None:
+    from bodycam_ros.nodes.parameters import settings_from_parameters
+
     own = {"tracker": {"camera": "left"}, "skeleton_solver": {"body": "body.yaml"}, "player": {"bag": "bag"}}
+    groups = read_settings_file(_CONFIG / "all_settings.yaml")
+    given = {f"{group}.{name}": value for group, values in groups.items() for name, value in values.items()}
+    assert settings_from_parameters(given) == (PipelineSettings(), CalibrationSettings())
     for name in _NODES:
         values = _values(make(name, own.get(name, {}), _CONFIG / "all_settings.yaml"))
         assert own.get(name, {}).items() <= values.items()
@@ -155,16 +162,3 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
     refusal = _set(node, "registrar.min_inliers", 1)
     assert "min_inliers" in refusal
     assert (registrar.settings, registrar.settings.min_inliers) == (node.settings.registrar, 25)
-
-
-def test_markers_are_as_frequent_as_is_wished(make: Callable[..., Any], tmp_path: Path) -> None:
-    node = make("skeleton_solver", {"body": str(write_body(tmp_path / "body.yaml")), "marker_rate": 15.0})
-    node.bring_up()
-
-    def due(first: int, count: int) -> list[bool]:
-        return [node._topics._are_markers_due(START_NS + (first + k) * FRAME_NS) for k in range(count)]
-
-    assert due(0, 6) == [True, False, True, False, True, False]
-    assert not _set(node, "marker_rate", 1000) and all(due(6, 6))
-    assert not _set(node, "marker_rate", 0.0) and not any(due(12, 6))
-    assert not _set(node, "marker_rate", 10.0) and due(0, 4) == [True, False, False, True], "time went back"

@@ -10,8 +10,8 @@ from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
-from bodycam_ros.errors import BodyError, StationError
-from bodycam_ros.nodes.graph import READERS_OF_INFO, NodeProcess, cameras_of, live_graph, player
+from bodycam_ros.errors import BodyError
+from bodycam_ros.nodes.graph import NodeProcess, cameras_of, live_graph
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import write_stations
 
@@ -26,13 +26,6 @@ def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
     assert nodes[3].parameters == {"body": str(tmp_path / "body.yaml")}
 
 
-def test_some_of_the_cameras(tmp_path: Path) -> None:
-    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["right"])
-    assert [node.name for node in nodes] == ["tracker_right", "registration", "skeleton_solver"]
-    assert nodes[1].parameters["cameras"] == nodes[2].parameters["cameras"] == ["right"]
-    assert cameras_of(nodes) == ["right"]
-
-
 @pytest.mark.parametrize("registrations, shares", [(1, [["left", "odd", "right"]]), (2, [["left", "odd"], ["right"]])])
 def test_registrations_share_the_cameras(tmp_path: Path, registrations: int, shares: list[list[str]]) -> None:
     body = write_body(tmp_path / "body.yaml", "odd")
@@ -41,16 +34,6 @@ def test_registrations_share_the_cameras(tmp_path: Path, registrations: int, sha
     assert [sorted(node.parameters["cameras"]) for node in registering] == shares
     assert [node.parameters["publish_map"] for node in registering] == [True, False][:registrations]
     assert len({node.name for node in nodes}) == len(nodes)
-
-
-def test_no_more_registrations_than_cameras(tmp_path: Path) -> None:
-    nodes = live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), registrations=8)
-    assert [node.executable for node in nodes].count("registration") == 2
-
-
-def test_a_camera_that_the_body_lacks(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match="no camera hat; it carries left, right"):
-        live_graph(tmp_path / "map", write_body(tmp_path / "body.yaml"), ["hat", "left"])
 
 
 def test_equipment_is_the_solvers_and_its_cameras_are_tracked(tmp_path: Path) -> None:
@@ -79,14 +62,6 @@ def test_static_cameras_around_a_body_that_wears_none_may_have_a_map(tmp_path: P
     assert nodes[1].parameters["worn"] is False
 
 
-def test_a_camera_cannot_be_worn_and_stand(tmp_path: Path) -> None:
-    body = write_body(tmp_path / "body.yaml", "ext_00")
-    outside = OutsideInput(tmp_path / "cameras.yaml")
-    write_stations(outside.stations, stations_around(2).values())
-    with pytest.raises(StationError, match="says where ext_00 stands, but body two.* wears it"):
-        live_graph(tmp_path / "map", body, outside=outside)
-
-
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
@@ -113,9 +88,3 @@ def test_arguments_are_yaml_whatever_the_value() -> None:
     assert {name: yaml.safe_load(value) for name, value in given.items()} == node.parameters
     assert arguments[-2:] == ["--enclave", "/player_2"]
     assert NodeProcess("player", "player_2", namespace="/lab/anna/").enclave == "/lab/anna/player_2"
-
-
-def test_the_player_waits_for_the_graph() -> None:
-    waiting = {"bag": "bag", "rate": 0.5, "readers": READERS_OF_INFO}
-    assert player(Path("bag"), 0.5).parameters == waiting
-    assert player(Path("bag"), 0.5, ["a"], loop=True).parameters == {**waiting, "cameras": ["a"], "loop": True}

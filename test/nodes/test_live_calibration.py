@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import yaml
 from range_of_motion import (
     RangeOfMotion,
@@ -25,8 +24,6 @@ from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.nodes.graph import NodeProcess
-
-pytestmark = pytest.mark.long
 
 MAP = Path(__file__).parents[2] / "bags/map"
 CALIBRATION = "skeleton_solver: calibration"
@@ -182,52 +179,3 @@ def test_a_range_of_motion_becomes_the_body_that_is_solved(graph: Any, tmp_path:
     assert studio.call("flush").success
     graph.until(lambda: len(graph.heard["/joint_states"]) == count + 15, _SOON_S, "it is solved as before")
     assert studio.solver.end() == 0
-
-
-def test_called_off_while_it_calibrates(graph: Any, tmp_path: Path) -> None:
-    """An action says how far it is; who calls it off is answered at once, and asks again when he likes."""
-    from action_msgs.msg import GoalStatus
-
-    action = pytest.importorskip("bodycam_msgs.action", reason="bodycam_msgs was built before it had actions")
-    studio = Studio(graph, tmp_path)
-    studio.plug_in()
-    studio.perform(range_of_motion(studio.truth))
-    told: list[Any] = []
-
-    def ask() -> tuple[Any, Any]:
-        told.clear()
-        goal = graph.send_goal("/skeleton_solver/calibrate", action.Calibrate, told.append)
-        assert goal.accepted
-        graph.until(lambda: any(each.step == "refinement" for each in told), _CALIBRATION_S, "it says how far it is")
-        return goal, goal.get_result_async()
-
-    goal, result = ask()
-    _, beside = ask()
-    cancelled = goal.cancel_goal_async()
-    graph.until(lambda: cancelled.done() and result.done() and beside.done(), _SOON_S, "all who ask are answered")
-    assert len(cancelled.result().goals_canceling) == 1 and result.result().status == GoalStatus.STATUS_CANCELED
-    assert "called off" in result.result().result.message and beside.result().status == GoalStatus.STATUS_ABORTED
-    assert _files(tmp_path) == {"rig.yaml"}
-
-    # What was collected is there, and makes the body now.
-    _, result = ask()
-    graph.until(result.done, _CALIBRATION_S, "the calibration answers")
-    assert result.result().status == GoalStatus.STATUS_SUCCEEDED and result.result().result.success
-    assert _files(tmp_path) == {"rig.yaml", "body.yaml", "body.html"}
-    shares = [each.share for each in told if each.step == "refinement"]
-    assert 0.0 < min(shares) <= max(shares) <= 1.0
-    assert studio.solver.end() == 0
-
-
-def test_stopped_while_it_calibrates(graph: Any, tmp_path: Path) -> None:
-    studio = Studio(graph, tmp_path)
-    studio.plug_in()
-    studio.perform(range_of_motion(studio.truth))
-    answer = studio.ask("calibrate")
-    graph.until(lambda: graph.diagnostics(CALIBRATION).get("text") == "calibrating", _SOON_S, "it has begun")
-    assert studio.solver.end() == 0
-    graph.until(answer.done, _SOON_S, "who asked is told")
-    made = {"body.yaml", "body.html"} if answer.result().success else set()
-    assert _files(tmp_path) == {"rig.yaml"} | made, "nothing half-written"
-    # On a busy machine the calibration may have been done by the time that the node heard of its end.
-    assert answer.result().success or "stopped" in answer.result().message

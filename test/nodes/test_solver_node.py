@@ -1,19 +1,15 @@
 """The solver alone, fed with registrations of a known motion: what waits, who joins late, a time that begins anew."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import pytest
-from range_of_motion import range_of_motion
-from started_by_hand import BODY, CAMERAS, CameraRun, Recording, free_running
 from told_pose import told_pose
 from two_cameras import write_body
 
-from bodycam_ros.body import body_file
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.coupled_body import coupled_body
@@ -109,10 +105,6 @@ class Cameras:
                 if matches.camera == lost:
                     stamped = replace(stamped, world_T_camera=None, pose_covariance=np.full((6, 6), np.nan))
                 self._registrations[matches.camera].publish(landmarks_message(self._make, stamped))
-
-    def say(self, images: Iterable[LandmarkMatches]) -> None:
-        for matches in images:
-            self._registrations[matches.camera].publish(landmarks_message(self._make, matches))
 
     def inform(self, *cameras: str) -> None:
         for camera in cameras:
@@ -235,35 +227,6 @@ def test_a_clock_that_is_off_is_learned_and_told_and_a_wrong_camera_is_doubted(g
     cameras.publish(range(420, 480), off_ns={right: -3_600_000_000_000})
     behind = "3600.0 s behind"
     graph.until(lambda: any(behind in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, behind)
-    assert cameras.solver.end() == 0
-
-
-@pytest.mark.long
-def test_cameras_that_were_started_by_hand_are_solved_live(graph: Any, tmp_path: Path) -> None:
-    """Eleven free-running cameras, one of them 20 ms ahead: its clock is learned while the body is solved."""
-    body_file.write_body(BODY, tmp_path / "body.yaml")
-    cameras = Cameras(graph, tmp_path / "body.yaml")
-    cameras.inform(*CAMERAS)
-    recording = Recording(14.0, runs=free_running(foot_left=CameraRun(ahead_s=0.02)), noise=0.3)
-    images = recording.images()
-    step = len(images) // 20
-    for start in range(0, len(images), step):
-        cameras.say(images[start : start + step])
-        heard = 0.9 * (start + step - 2 * step) / len(CAMERAS)
-        graph.until(lambda: len(graph.heard["/joint_states"]) >= heard, 3 * _SOON_S, "the body keeps up")  # noqa: B023
-    graph.until(lambda: len(graph.heard["/odometry"]) >= 0.95 * 14 * 30, 3 * _SOON_S, "all instants are solved")
-    report = cameras.reports("camera foot_left")[-1]
-    assert report["level"] < 2, report
-    assert abs(float(report["clock ahead by [ms]"]) - 20.0) < 3.0 * float(report["clock sigma [ms]"]) < 12.0
-    truth = range_of_motion(BODY, 14.0, 1000.0)
-    root = BODY.segment_index[BODY.root]
-    apart_m = []
-    for odometry in graph.messages("/odometry")[10:-10]:
-        row = round((stamp_ns(odometry.header.stamp) - int(truth.stamps_ns[0])) * 1e-6)
-        position = odometry.pose.pose.position
-        place = np.array([position.x, position.y, position.z])
-        apart_m.append(np.linalg.norm(place - truth.world_T_segment[row, root, :3, 3]))
-    assert np.median(apart_m) < 0.002 and np.max(apart_m) < 0.01
     assert cameras.solver.end() == 0
 
 
