@@ -7,6 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pytest
+from frame_tree import FrameTree
 from told_pose import told_pose
 from two_cameras import write_body
 
@@ -70,7 +72,9 @@ def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
 class Cameras:
     """The cameras of a solver, as it hears them."""
 
-    def __init__(self, graph: Any, path: Path, body: BodyModel | None = None, **given: object) -> None:
+    def __init__(
+        self, graph: Any, path: Path, body: BodyModel | None = None, namespace: str = "", **given: object
+    ) -> None:
         from bodycam_ros.nodes.message_classes import node_messages
 
         self._make = node_messages()
@@ -78,11 +82,13 @@ class Cameras:
         self.body = body or read_body(path)
         mounts = self.body.mounts
         topic, kind = "bodycam_msgs/msg/LandmarkMatches", "sensor_msgs/msg/CameraInfo"
-        graph.listen({"/joint_states": "sensor_msgs/msg/JointState", "/odometry": "nav_msgs/msg/Odometry"})
+        own = f"/{namespace}" if namespace else ""
+        graph.listen({f"{own}/joint_states": "sensor_msgs/msg/JointState", f"{own}/odometry": "nav_msgs/msg/Odometry"})
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
-        self._registrations = {camera: graph.publisher(f"/{camera}/landmarks", topic) for camera in mounts}
-        self._infos = {camera: graph.publisher(f"/{camera}/camera_info", kind) for camera in mounts}
-        (self.solver,) = graph.run(NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), **given}))
+        self._registrations = {camera: graph.publisher(f"{own}/{camera}/landmarks", topic) for camera in mounts}
+        self._infos = {camera: graph.publisher(f"{own}/{camera}/camera_info", kind) for camera in mounts}
+        solver = NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), **given}, namespace)
+        (self.solver,) = graph.run(solver)
         everything = [*self._registrations.values(), *self._infos.values()]
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
 
@@ -139,6 +145,29 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
     assert np.abs(angles).max() < np.radians(0.1)
     along_x = [odometry.pose.pose.position.x for odometry in graph.messages("/odometry")]
     assert np.allclose(along_x, SPEED * 1e-9 * FRAME_NS * np.arange(20), atol=2e-3)
+
+
+def test_a_person_in_a_namespace_has_frames_of_its_own(graph: Any, tmp_path: Path) -> None:
+    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed; 'make test' builds it")
+    graph.listen({topic: "tf2_msgs/msg/TFMessage" for topic in ("/tf", "/tf_static")})
+    graph.listen({"/joint_states": "sensor_msgs/msg/JointState"})
+    path = write_body(tmp_path / "body.yaml")
+    cameras = Cameras(graph, path, namespace="lab/anna", frame_prefix="lab/anna/")
+    cameras.inform(*cameras.body.mounts)
+    cameras.publish(range(20))
+    assert cameras.solver.end() == 0
+    graph.until(lambda: len(graph.heard["/lab/anna/odometry"]) == 20, _SOON_S, "all instants")
+    graph.until(lambda: len(graph.heard["/tf"]) == 20, _SOON_S, "their transforms")
+    assert not graph.heard["/joint_states"]
+    tree = FrameTree(graph.messages("/tf"), graph.messages("/tf_static"))
+    assert {f"lab/anna/{name}" for name in ("torso", "arm", "left_optical_frame")} <= set(tree.parents)
+    assert all(frame.startswith("lab/anna/") for frame in tree.parents)
+    assert [frame for frame, parent in tree.parents.items() if parent == "map"] == ["lab/anna/torso"]
+    assert tree.stamps["lab/anna/torso"] == [START_NS + number * FRAME_NS for number in range(20)]
+    for odometry in graph.messages("/lab/anna/odometry"):
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "lab/anna/torso")
+        x = tree.pose("lab/anna/torso", stamp_ns(odometry.header.stamp))[0, 3]
+        assert abs(x - odometry.pose.pose.position.x) < 1e-9
 
 
 def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path: Path) -> None:
