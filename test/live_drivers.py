@@ -10,7 +10,7 @@ from bodycam_ros.nodes.graph import READERS_OF_INFO
 from bodycam_ros.nodes.message_classes import node_messages
 from bodycam_ros.recording.bag_file import BagFile
 
-RATE = 12.0
+RATE = 16.0
 """Images a second: little, so that a machine that is busy with other tests holds it."""
 
 FRAME_NS = 33_333_333
