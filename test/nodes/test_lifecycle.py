@@ -41,6 +41,7 @@ def managed(nodes: list[NodeProcess]) -> list[NodeProcess]:
     return [replace(node, parameters={**node.parameters, "autostart": False}) for node in nodes]
 
 
+@pytest.mark.long
 def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) -> None:
     from live_drivers import FRAME_NS, Drivers
     from std_srvs.srv import Trigger
