@@ -50,10 +50,10 @@ demo: $(VENV)/runtime.stamp
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest -m "not long" --numprocesses=auto --max-worker-restart=0
+	$(BIN)/python -m pytest -m "not long" --numprocesses=auto --dist=loadfile --max-worker-restart=0
 
 test-all: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest --numprocesses=auto --max-worker-restart=0
+	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --max-worker-restart=0
 
 # Needs ROS 2 Jazzy, or ../shared/ros/real_ros2.sh, which makes .venv-ros.
 test-ros:

@@ -3,7 +3,6 @@
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import cv2
 import pytest
@@ -19,8 +18,6 @@ from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
-LIVE = "test/nodes"
-"""Tests with real processes that have to keep up with each other, and would not beside another such graph."""
 
 
 def pytest_configure() -> None:
@@ -31,22 +28,6 @@ def pytest_configure() -> None:
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
     threadpool_limits(1)
     cv2.setNumThreads(1)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """One worker runs the tests of a file, which share what they made; and one all that start live graphs.
-
-    xdist's own groups do nothing under pytest 9.2, whose node ids cannot be changed.
-    """
-    from xdist.scheduler import LoadScopeScheduling
-
-    class ByFile(LoadScopeScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::", 1)[0]
-            return LIVE if file.startswith(f"{LIVE}/") else file
-
-    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,14 @@
-"""Real node processes that talk over DDS, and a listener that records what they say. Import it only where rclpy is."""
+"""Nodes under test, in this process or in their own, and a node that records what they publish. It needs rclpy."""
 
+import gc
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,13 +18,19 @@ import rclpy
 from ended_with_us import ended_with_us
 from own_domain import own_domain
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 
+from bodycam_ros.errors import BodycamError
 from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.nodes.farewell import ignore_discovery
 from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
+from bodycam_ros.nodes.node_classes import made
 from bodycam_ros.nodes.qos import latched, reliable
+from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_writer import is_latched, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
@@ -49,6 +57,11 @@ class Started:
             )
 
     @property
+    def is_over(self) -> bool:
+        """Whether the process has ended."""
+        return self.process.poll() is not None
+
+    @property
     def log(self) -> str:
         """All that it printed."""
         return self._log.read_text()
@@ -73,19 +86,79 @@ class Started:
             self.process.kill()
             raise
 
-    def cpu_s(self) -> float:
-        """Processor time so far."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+class Running:
+    """A node that works in this process, on a thread with an executor of its own.
+
+    Attributes:
+        inside: the node itself.
+        error: what ended its work, or None.
+
+    Raises:
+        BodycamError: the node cannot be brought up.
+    """
+
+    def __init__(self, node: NodeProcess) -> None:
+        self.node = node
+        self.error: BaseException | None = None
+        self._over, self._leaves = threading.Event(), True
+        self._executor: Executor | None = None
+        self.inside: StageNode[Any] = made(node)
+        self.inside.bring_up()
+        self._thread = threading.Thread(target=self._work, name=node.name, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the node's work has ended."""
+        return not self._thread.is_alive()
+
+    def end(self) -> int:
+        """Exit code that the node's process would have; a node that still works is ended first."""
+        self._over.set()
+        self._thread.join(_GRACE_S)
+        assert self.is_over, f"{self.node.name} does not end"
+        if self.error is not None and not isinstance(self.error, BodycamError):
+            raise self.error
+        return int(self.error is not None)
+
+    def crash(self) -> None:
+        """End the work without the last steps of a node that leaves."""
+        self._leaves = False
+        self.end()
+
+    def forget(self) -> None:
+        """Keep no reference to the node: its participant in DDS ends with the last one."""
+        del self.inside, self._executor
+
+    def _is_stopped(self) -> bool:
+        self._executor = self.inside.executor or self._executor
+        return self._over.is_set()
+
+    def _work(self) -> None:
+        try:
+            self.inside.work(self._is_stopped)
+            if self.inside.failure is not None:
+                raise self.inside.failure
+            if self._leaves:
+                self.inside.leave()
+        except BaseException as error:
+            self.error = error
+        finally:
+            if self._executor is not None:
+                self._executor.shutdown()
+            StageNode.made.remove(self.inside)
+            _leave(self.inside)
 
 
 class Graph:
-    """Processes under test and the messages that the test has heard, serialized, by topic."""
+    """Nodes under test and the messages that the test has received, serialized, by topic."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("listener", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
@@ -93,12 +166,21 @@ class Graph:
         self._clients: dict[str, Any] = {}
         self._actions: dict[str, Any] = {}
         self.started: list[Started] = []
+        self.running: list[Running] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
 
     def start(self, *nodes: NodeProcess) -> list[Started]:
         """Start processes; the listener must subscribe before."""
         new = [Started(node, self._folder) for node in nodes]
         self.started += new
+        return new
+
+    def run(self, *nodes: NodeProcess) -> list[Running]:
+        """Let nodes work in this process; the listener must subscribe before."""
+        new = []
+        for node in nodes:
+            new.append(Running(node))
+            self.running.append(new[-1])
         return new
 
     def listen(self, topics: dict[str, str]) -> None:
@@ -111,7 +193,7 @@ class Graph:
 
     def until_known(self, timeout_s: float) -> None:
         """Wait until all that were started know what the listener reads, diagnostics last: they said so by speaking."""
-        names = {full_name(each.node) for each in self.started}
+        names = {full_name(each.node) for each in (*self.started, *self.running)}
         said: set[str] = set()
 
         def all_speak() -> bool:
@@ -123,9 +205,9 @@ class Graph:
     def publisher(self, topic: str, type_name: str, quality: Any = None) -> Any:
         return self._node.create_publisher(message_class(type_name), topic, quality or reliable(_DEPTH))
 
-    def is_published(self, topic: str) -> bool:
-        """Whether the listener has found somebody who publishes a topic."""
-        return bool(self._node.count_publishers(topic))
+    def count_publishers(self, topic: str) -> int:
+        """How many publishers of a topic the listener has found; one that was killed counts for some seconds more."""
+        return int(self._node.count_publishers(topic))
 
     def offers(self, topic: str) -> list[Any]:
         """Quality of service of those who publish a topic."""
@@ -135,10 +217,6 @@ class Graph:
     def listener(self) -> Any:
         """The node that listens, by which to ask what there is."""
         return self._node
-
-    def count_publishers(self, topic: str) -> int:
-        """How many publishers of a topic the listener knows; one that was killed counts for some seconds more."""
-        return int(self._node.count_publishers(topic))
 
     def ask(self, service: str, service_type: Any, **fields: Any) -> Any:
         """Call a service; a future of its answer."""
@@ -215,32 +293,14 @@ class Graph:
         """What was heard and what the processes printed, for a failure's message."""
         counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
         texts = (f"--- {full_name(each.node)} ({each.process.poll()})\n{each.log}" for each in self.started)
-        return "\n".join((*counts, *self._health(), *texts))
-
-    def _health(self) -> list[str]:
-        """What each part has reported, and how many images or instants in all, where the test listens to that."""
-        said: defaultdict[str, list[str]] = defaultdict(list)
-        values: dict[str, str] = {}
-        totals: defaultdict[str, Counter[str]] = defaultdict(Counter)
-        for message in self.messages("/diagnostics") if "/diagnostics" in self._types else ():
-            for status in message.status:
-                if said[status.name][-1:] != [status.message]:
-                    said[status.name].append(status.message)
-                values[status.name] = ", ".join(f"{value.key} {value.value}" for value in status.values)
-                for value in status.values:
-                    if value.key.endswith(" per second"):
-                        kind = value.key.removesuffix(" per second")
-                        totals[status.name][kind] += int(value.value)
-        return [
-            f"{name}: {' -> '.join(texts)}; in all: {dict(totals[name])}; last: {values[name]}"
-            for name, texts in sorted(said.items())
-        ]
+        errors = (f"--- {full_name(each.node)}: {each.error!r}" for each in self.running)
+        return "\n".join((*counts, *texts, *errors))
 
     def end(self) -> dict[str, int]:
-        """Interrupt all nodes at once, as a launch file does; exit codes by node's full name."""
+        """Interrupt all processes at once, as a launch file does, and end the others; exit codes by full name."""
         for each in self.started:
             each.interrupt()
-        return {full_name(each.node): each.end() for each in self.started}
+        return {full_name(each.node): each.end() for each in (*self.running, *self.started)}
 
     def close(self) -> None:
         for each in self.started:
@@ -251,7 +311,22 @@ class Graph:
             client.destroy()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
-        _free_shared_memory()
+        try:
+            for running in self.running:
+                running.end()
+                running.forget()
+        finally:
+            while StageNode.made:
+                _leave(StageNode.made.pop())
+            rclpy.try_shutdown()
+            gc.collect()
+            if self.started:
+                _free_shared_memory()
+
+
+def _leave(node: Node) -> None:
+    ignore_discovery(node)
+    node.destroy_node()
 
 
 def _free_shared_memory() -> None:

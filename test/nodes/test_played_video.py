@@ -16,10 +16,7 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recording_typestore
 
-pytestmark = [
-    pytest.mark.long,
-    pytest.mark.skipif(is_installed(COMPRESSED_VIDEO), reason="foxglove_msgs is there: nothing is decoded"),
-]
+pytestmark = pytest.mark.skipif(is_installed(COMPRESSED_VIDEO), reason="foxglove_msgs is there: nothing is decoded")
 
 _START_S = 60.0
 
@@ -61,10 +58,9 @@ def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
 
 def test_the_tracker_reads_what_the_player_makes_of_a_video(graph: Any, bag: Path) -> None:
     graph.listen({"/left/timing": "bodycam_msgs/msg/CameraTiming", "/left/tracks": "bodycam_msgs/msg/FeatureTracks"})
-    tracker, _ = graph.start(
+    graph.run(
         NodeProcess("tracker", "tracker_left", {"camera": "left"}),
         NodeProcess("player", "player", {"bag": str(bag), "cameras": ["left"]}),
     )
     graph.until(lambda: len(graph.heard["/left/tracks"]) > 10, _START_S, "frames are tracked")
-    assert "nobody publishes left/image_raw/compressed; reads left/image_raw" in tracker.printed
     graph.until(lambda: graph.heard["/left/timing"], _START_S, "the timing is heard")
