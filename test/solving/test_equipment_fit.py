@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from athletes import CRANK_M, bicycle, cyclist
 
-from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
+from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
-from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints, Prior
+from bodycam_ros.solving.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints
 
 BODY_M = 0.003
 """By so much a seen segment errs, as the fit has it."""
@@ -69,17 +68,6 @@ def test_without_noise_centre_radius_and_lateral_offset_are_exact(stands: bool) 
     )
 
 
-def test_one_instant_tells_the_crank_where_feet_are_seen() -> None:
-    bike = unmeasured(bicycle(), prior_m=10.0)
-    off = np.array([0.013, 0.011, -0.009])
-    truth = ridden(bike, off, 3)[1:2]
-    fitted = EquipmentFit(bike, bike.joints).solve(truth.copy(), np.zeros(3), held(bike, truth))
-    # Of an axle between two unknown cranks one instant knows only that it is on their line, and how long both are.
-    both = fitted.lengths[0] - fitted.lengths[1]
-    assert both == pytest.approx(off[0] - off[1], abs=1e-6)
-    np.testing.assert_allclose(fitted.poses[0, 2:], truth[0, 2:], atol=1e-6)
-
-
 @pytest.fixture(scope="module")
 def trials() -> list[tuple[Array, FittedEquipment, Array, Array]]:
     """Bicycles as unlike what they are said to be as they may be, each seen with noise."""
@@ -118,33 +106,6 @@ def test_with_noise_it_stands_as_near_to_the_truth_as_its_sigmas_say(
         assert fitted.root_sigmas[3:].max() < 0.006
 
 
-def test_of_what_rolls_the_sigmas_are_those_of_the_first_instant() -> None:
-    normalised = []
-    for seed in range(60):
-        random = np.random.default_rng(seed)
-        bike = unmeasured(bicycle())
-        bike = replace(bike, segments={**bike.segments, "frame": SegmentMotion()})
-        off = np.array([0.02, 0.02, 0.015]) * random.standard_normal(3)
-        truth = ridden(bike, off, 6)
-        seen = held(bike, truth, random)
-        # Nobody holds the bar at first, so the first instant knows less than the others.
-        seen.holds["on_bar_left"][0] = seen.holds["on_bar_right"][0] = False
-        fitted = EquipmentFit(bike, bike.joints).solve(truth, np.zeros(3), seen)
-        normalised.append(log_se3(inverse(truth[0, 0]) @ fitted.poses[0, 0]) / fitted.root_sigmas)
-    assert (np.abs(np.mean(np.square(normalised), axis=0) - 1.0) < 0.6).all()
-
-
-def test_what_is_not_held_does_not_count() -> None:
-    bike = bicycle()
-    truth = ridden(replace(bike, unknown={}), np.zeros(0), 5)
-    seen = held(bike, truth)
-    seen.points["on_pedal_left"][2] += 0.3
-    seen.holds["on_pedal_left"][2] = False
-    fitted = EquipmentFit(bike, bike.joints).solve(elsewhere(truth, np.random.default_rng(4)), np.zeros(0), seen)
-    np.testing.assert_allclose(fitted.poses[:, :2], truth[:, :2], atol=1e-6)
-    np.testing.assert_allclose(fitted.poses[:, 3], truth[:, 3], atol=1e-6)
-
-
 def test_a_hold_that_is_wrong_pulls_little() -> None:
     bike = bicycle()
     truth = ridden(bike, np.zeros(0), 5)
@@ -152,58 +113,3 @@ def test_a_hold_that_is_wrong_pulls_little() -> None:
     seen.points["on_bar_left"][...] += [3.0, 0.0, 0.0]
     fitted = EquipmentFit(bike, bike.joints).solve(truth.copy(), np.zeros(0), seen)
     assert np.linalg.norm((fitted.poses - truth)[..., :3, 3], axis=-1).max() < 0.005
-
-
-def test_between_what_is_expected_and_what_is_held_it_weighs_both() -> None:
-    """A board on one point, said to be elsewhere: an ordinary mean of two places."""
-    point = Attachment("hold", "foot_left", "board", np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.004]))
-    board = Equipment("board", "board", {"board": SegmentMotion()}, (), (point,))
-    expected, there = np.eye(4), exp_se3(np.array([0.0, 0.0, 0.0, 0.02, 0.0, 0.0]))
-    prior = Prior(expected[None], np.full((1, 6), 0.01))
-    fitted = EquipmentFit(board, ()).solve(expected[None, None], np.zeros(0), held(board, there[None, None]), prior)
-    # Its point weighs as an image of 5 mm does.
-    assert fitted.poses[0, 0, 0, 3] == pytest.approx(0.02 * 0.01**2 / (0.01**2 + 0.005**2), rel=0.01)
-    assert fitted.root_sigmas[3] == pytest.approx(1.0 / np.hypot(1.0 / 0.01, 1.0 / 0.005), rel=0.03)
-
-
-def test_upright_it_leans_as_little_as_it_may() -> None:
-    point = Attachment("hold", "foot_left", "post", np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.004]))
-    post = Equipment("post", "post", {"post": SegmentMotion()}, (), (point,), upright_sigma=0.05)
-    leans = exp_se3(np.array([0.4, -0.3, 0.7, 1.0, 2.0, 0.5]))
-    fitted = EquipmentFit(post, ()).solve(leans[None, None], np.zeros(0), held(post, leans[None, None]))
-    np.testing.assert_allclose(fitted.poses[0, 0, :3, 2], [0.0, 0.0, 1.0], atol=1e-4)
-    np.testing.assert_allclose(fitted.poses[0, 0, :3, 3], leans[:3, 3], atol=1e-5)
-    np.testing.assert_allclose(fitted.root_sigmas[:2], 0.05, rtol=0.05)
-
-
-def test_a_spring_gives_way_as_its_sigma_says() -> None:
-    """A slide that is held softly: between where it rests and where it is held."""
-    spring = Joint("spring", "post", "cap", "weld", np.eye(4), sigmas=(2e-4, 2e-4, 2e-4, 0.01, 1e-4, 1e-4))
-    tripod = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    holds = (
-        Attachment("post", "foot_left", "post", tripod, tripod, np.full(3, 1e-4)),
-        Attachment("cap", "foot_right", "cap", np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.004])),
-    )
-    sprung = Equipment("sprung", "post", dict.fromkeys(("post", "cap"), SegmentMotion()), (spring,), holds)
-    pulled = np.stack([np.eye(4), exp_se3(np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]))])[None]
-    fitted = EquipmentFit(sprung, sprung.joints).solve(pulled.copy(), np.zeros(0), held(sprung, pulled))
-    apart = fitted.poses[0, 1, 0, 3] - fitted.poses[0, 0, 0, 3]
-    assert 0.006 < apart < 0.01 * 0.01**2 / (0.01**2 + 0.005**2) + 1e-6
-
-
-def test_where_a_bar_is_is_learned_from_the_hands_and_stays_as_unknown_without_them() -> None:
-    said = bicycle()
-    bars = {"on_bar_left": np.array([0.2, 0.0, 0.1]), "on_bar_right": np.array([0.2, 0.0, 0.1])}
-    bike = replace(said, attachments=tuple(replace(a, unknown=bars.get(a.name, np.zeros(3))) for a in said.attachments))
-    fit = EquipmentFit(bike, bike.joints)
-    truth = ridden(bike, np.zeros(4), 8)
-    seen = held(bike, truth)
-    off = np.array([0.08, 0.0, -0.05])
-    seen.points["on_bar_left"][...] += (truth[:, 0, :3, :3] @ off)[:, None]
-    seen.holds["on_bar_right"][...] = False
-    fitted = fit.solve(elsewhere(truth, np.random.default_rng(6)), np.zeros(4), seen)
-    assert fit.lengths.names == ("on_bar_left_x", "on_bar_left_z", "on_bar_right_x", "on_bar_right_z")
-    # Eight looks of a grip with 10 mm of play, and a frame that nothing but a saddle keeps from tipping.
-    np.testing.assert_allclose(fitted.lengths, [0.08, -0.05, 0.0, 0.0], atol=0.002)
-    assert (fitted.length_sigmas[:2] < 0.02).all()
-    np.testing.assert_allclose(fitted.length_sigmas[2:], [0.2, 0.1], rtol=1e-6)

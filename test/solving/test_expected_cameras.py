@@ -7,7 +7,6 @@ import pytest
 from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, seen_by, true_poses
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
@@ -66,33 +65,6 @@ def test_a_lost_camera_is_expected_where_it_is_though_less_surely(states: list[B
     assert np.all(np.diff(spread[:5]) > 0.0), "from image to image, until habit is all that is known of it"
     assert min(spread[5:]) > 100 * spread[0]
     assert np.median(errors) < 4.0, "within what is expected of it"
-
-
-def test_lost_is_who_speaks_without_being_registered_for_a_while() -> None:
-    expected, random = ExpectedCameras(BODY), np.random.default_rng(0)
-
-    def hear(camera: str, number: int, lost: bool = False) -> LandmarkMatches:
-        matches = seen_by(BODY, camera, number, random, lost=lost)
-        expected.hear(matches)
-        return matches
-
-    hear("wrist", 0, lost=True)
-    assert expected.lost == ["wrist"], "it has never been registered"
-    for number in range(1, 4):
-        hear("wrist", number)
-        hear("arm", number)
-    assert expected.lost == []
-    for number in range(4, 7):
-        hear("wrist", number, lost=True)
-    assert expected.lost == [], "that is a blink"
-    hear("wrist", 7, lost=True)
-    assert expected.lost == ["wrist"], "and that is not; a camera that says nothing has nobody to be told"
-    hear("wrist", 8)
-    assert expected.lost == []
-    hear("wrist", 2, lost=True)
-    assert expected.lost == ["wrist"], "its time has begun anew"
-    expected.hear(dataclasses.replace(seen_by(BODY, "arm", 9, random, lost=True), camera="hat"))
-    assert expected.lost == ["wrist"], "the body carries no such camera"
 
 
 def test_stamps_are_of_the_cameras_own_clock(states: list[BodyState]) -> None:

@@ -44,12 +44,3 @@ def test_a_velocity_that_fades_costs_nothing_but_its_beginning() -> None:
     assert smooth.error(np.array(poses)) == pytest.approx(only_beginning)
     standing = np.tile(np.eye(4), (len(STAMPS_NS), 2, 1, 1))
     assert smooth.error(standing) == 0.0
-
-
-def test_each_segment_has_its_own_sigmas() -> None:
-    poses = wandering(np.random.default_rng(2))
-    stiff = MotionLimits(MOTION.accelerations * np.array([[1.0], [0.1]]), MOTION.velocity_time)
-    ordinary = SmoothMotion(MOTION, STAMPS_NS)
-    alone = SmoothMotion(MotionLimits(MOTION.accelerations[1:], MOTION.velocity_time[1:]), STAMPS_NS)
-    more = SmoothMotion(stiff, STAMPS_NS).error(poses) - ordinary.error(poses)
-    assert more == pytest.approx(99.0 * alone.error(poses[:, 1:]))
