@@ -53,10 +53,3 @@ def test_the_excess_changes_with_a_turn_as_it_is_said_to() -> None:
             (after,) = (values for other, values, _ in limits.excess(turned) if other == row)
             np.testing.assert_allclose(by_turn[:, axis], (after - excess) / h, atol=1e-5)
     assert set(rows) == {"knee_left", "hip_left", "ankle_right"}
-
-
-def test_the_middle_is_within_all_limits() -> None:
-    limits = AngleLimits(BODY)
-    bent = limits.middle(np.tile(np.eye(4), (len(BODY.tree_joints), 1, 1)), 1.0)
-    assert not limits.beyond(bent)
-    assert np.abs(bent - np.eye(4)).max() > 0.3

@@ -3,7 +3,7 @@ import pytest
 
 from bodycam_ros.body.joint import Joint, JointType
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.mobility.joint_gap import GIVES_M, gap_jacobians, held_rows, joint_gap
+from bodycam_ros.mobility.joint_gap import gap_jacobians, joint_gap
 
 
 def any_joint(kind: JointType, random: np.random.Generator) -> Joint:
@@ -40,12 +40,3 @@ def test_gap_jacobians_are_the_numeric_ones_far_from_closed_too(kind: JointType)
             np.testing.assert_allclose(by_parent[:, column], numeric / (2 * h), atol=1e-7)
             numeric = joint_gap(joint, parent, child @ exp_se3(xi)) - joint_gap(joint, parent, child @ exp_se3(-xi))
             np.testing.assert_allclose(by_child[:, column], numeric / (2 * h), atol=1e-7)
-
-
-def test_a_hinge_holds_five_rows_and_what_gives_way_none() -> None:
-    random = np.random.default_rng(6)
-    assert held_rows(any_joint("ball", random)) == (3, 4, 5)
-    assert held_rows(any_joint("hinge", random)) == (1, 2, 3, 4, 5)
-    assert held_rows(any_joint("free", random)) == ()
-    slides = Joint("seat", "rail", "seat", "weld", np.eye(4), sigmas=(1e-3, 1e-3, 1e-3, GIVES_M, 1e-3, 1e-3))
-    assert held_rows(slides) == (0, 1, 2, 4, 5)
