@@ -129,14 +129,6 @@ def test_a_foot_that_leaves_its_pedal_is_let_go_and_taken_hold_of_again(delay: i
     assert bound.position_errors.mean() < free.position_errors.mean() + 1e-4
 
 
-def test_a_foot_may_be_told_when_it_is_off_its_pedal() -> None:
-    free, told = run("kicker", "nothing", 4), run("kicker", "told", 4)
-    times = told.athlete.times
-    np.testing.assert_array_equal(told.engaged("on_pedal_left"), (times < OFF_S - 0.02) | (times > ON_S + 0.02))
-    assert leg_errors(told).mean() < leg_errors(free).mean() + 1e-4
-    assert leg_errors(told).max() < leg_errors(free).max() + 5e-4
-
-
 @DELAYS
 def test_a_bar_three_metres_away_is_named_and_bends_nobody(delay: int | str) -> None:
     away, without = run("rider", "bar away", delay), run("rider", "no bar", delay)
