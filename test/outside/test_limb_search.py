@@ -1,7 +1,5 @@
 """A leg that nobody knows the pose of, found in painted images; and whose colours are looked for."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from outside.dressed_body import DressedBody, small_motion, stations_around
@@ -11,7 +9,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces
-from bodycam_ros.outside.limb_search import colours_from
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.solving.camera_evidence import SegmentPose
@@ -55,42 +52,3 @@ def test_a_leg_that_begins_60_degrees_off_is_found(dressed: DressedBody) -> None
     assert off[others].max() < 0.015
     axes = np.degrees(np.arccos(np.clip((found[lost, :3, 2] * truth[lost, :3, 2]).sum(axis=1), -1.0, 1.0)))
     assert axes[:2].max() < 5.0  # thigh and shin; a foot lies
-
-
-def test_a_limb_is_looked_for_in_the_colours_of_its_opposite(dressed: DressedBody) -> None:
-    body = dressed.body
-    unknown = np.isin(body.segments, LEG)
-    assert colours_from(body, unknown) == {
-        body.segment_index[segment]: body.segment_index[segment.replace("left", "right")] for segment in LEG
-    }
-    assert colours_from(body, np.zeros(len(unknown), bool)) == {}
-
-
-def test_without_an_opposite_it_is_its_parent(dressed: DressedBody) -> None:
-    body = dressed.body
-    both = np.isin(body.segments, ("shin_left", "shin_right", "head"))
-    source = {body.segments[row]: body.segments[alike] for row, alike in colours_from(body, both).items()}
-    assert source == {"shin_left": "thigh_left", "shin_right": "thigh_right", "head": "torso"}
-    limb = np.isin(body.segments, (*LEG, *(segment.replace("left", "right") for segment in LEG)))
-    source = {body.segments[row]: body.segments[alike] for row, alike in colours_from(body, limb).items()}
-    assert source == {"thigh_left": "pelvis", "thigh_right": "pelvis"}  # whatever else is lost hangs on lost ones
-
-
-def test_a_joint_without_limits_is_looked_for_as_well(dressed: DressedBody) -> None:
-    """A body that nobody calibrated: the search stays within a radian of the N-pose."""
-    joints = tuple(
-        replace(joint, limits=None) if joint.name == "elbow_left" else joint for joint in dressed.body.joints
-    )
-    body = replace(dressed.body, joints=joints)
-    truth = turned_at(body, small_motion(dressed.body, 1)[0], "elbow_left", -20.0)
-    wrong = turned_at(body, truth, "elbow_left", 50.0)
-    seen = replace(dressed, body=body)
-    lost = body.segment_index["forearm_left"]
-    known = [
-        SegmentPose(segment, truth[row], np.diag(np.repeat([0.002, 0.003], 3) ** 2))
-        for row, segment in enumerate(body.segments)
-        if row != lost
-    ]
-    tracker = RegionTracker(body, BodySurface.of(body, seen.surfaces), seen.stations, RegionSettings())
-    found = tracker.find_limbs(seen.images(truth, 1.0, 0), wrong, known)
-    assert found[lost, :3, 2] @ truth[lost, :3, 2] > np.cos(np.radians(8.0)) > wrong[lost, :3, 2] @ truth[lost, :3, 2]
