@@ -22,6 +22,8 @@ from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.start_file import start_poses
 from bodycam_ros.solving.motion import MotionSettings
 
+pytestmark = pytest.mark.long
+
 INSTANTS, STATIONS, STEP_NS = 9, 4, 100_000_000
 OFF, THICK = 0.05, 0.06
 

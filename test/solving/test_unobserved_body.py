@@ -56,15 +56,6 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
     assert np.isfinite([state.world_T_segment for state in states]).all()
 
 
-def test_joints_as_tight_as_can_be_written_end_nothing() -> None:
-    body = body_with_cameras()
-    tight = tuple(dataclasses.replace(joint, sigmas=(*joint.sigmas[:3], 1e-12, 1e-12, 1e-12)) for joint in body.joints)
-    body = dataclasses.replace(body, joints=tight)
-    frames = seen_frames(body, range(30), {"chest"})
-    states = solve(BodySmoother(body, lenses(body)), frames)
-    assert len(states) == 30 and np.isfinite([state.world_T_segment for state in states]).all()
-
-
 def test_a_failure_begins_the_window_anew_and_loses_no_instant(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gtsam is made to fail as it does: an exception out of update, at three instants."""
     body = body_with_cameras()

@@ -106,13 +106,6 @@ def test_offsets_are_as_good_as_they_say() -> None:
     assert 0.5 < np.mean(squared) < 2.5
 
 
-def test_a_camera_that_joins_late_with_a_clock_of_its_own_is_learned() -> None:
-    recording = Recording(runs={"shin_left": CameraRun(on_s=(3.0, 99.0), ahead_s=0.013)})
-    watch, _ = watched(recording.images())
-    assert "shin_left" not in watch.sharing
-    assert abs(errors_s(watch, recording)["shin_left"]) < 3.0 * watch.clocks["shin_left"].offset_sigma < 0.01
-
-
 def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
     recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
     watch = ClockWatch(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
