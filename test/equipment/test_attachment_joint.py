@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.body.joint import LOOSE_RAD, JointType
+from bodycam_ros.body.joint import LOOSE_RAD
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
@@ -70,49 +70,3 @@ def test_far_from_holding_its_cost_is_theirs_to_second_order(name: str) -> None:
         measured = joint.measured_relative_pose(equipment_T_body)
         off = log_se3(inverse(measured) @ equipment_T_body)
         assert 0.5 * off @ joint.information @ off == pytest.approx(squares(held, equipment_T_body), rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "free"), [("one", "ball", 3), ("two", "hinge", 1), ("line", "hinge", 1), ("plane", "weld", 0)]
-)
-def test_the_points_say_what_may_turn(name: str, kind: JointType, free: int) -> None:
-    joint = attachment_joint(coinciding(PLACES[name]))
-    assert joint.type == kind and (joint.name, joint.parent, joint.child) == ("hold", "pedal", "foot")
-    assert joint.sigmas is not None
-    assert np.count_nonzero(np.array(joint.sigmas[:3]) >= LOOSE_RAD) == free
-
-
-def test_points_in_one_place_hold_that_place() -> None:
-    joint = attachment_joint(coinciding(np.repeat(ONE, 3, axis=0)))
-    assert joint.type == "ball"
-    assert joint.sigmas is not None
-    together = 1.0 / np.sqrt(np.sum(1.0 / (0.003 * np.array([1.0, 2.0, 3.0])) ** 2))
-    np.testing.assert_allclose(joint.sigmas[3:], together)
-
-
-@pytest.mark.parametrize("name", PLACES)
-def test_it_is_closed_where_the_points_coincide(name: str) -> None:
-    held = coinciding(PLACES[name])
-    joint = attachment_joint(held)
-    np.testing.assert_allclose(joint.measured_relative_pose(EQUIPMENT_T_BODY), EQUIPMENT_T_BODY, atol=1e-9)
-    if name in ("two", "line"):
-        # About their line the body turns freely.
-        line = (held.on_body[1] - held.on_body[0]) / np.linalg.norm(held.on_body[1] - held.on_body[0])
-        about_line = np.concatenate([line, np.cross(held.on_body[0], line)])
-        turned = EQUIPMENT_T_BODY @ exp_se3(2.5 * about_line)
-        assert squares(held, turned) < 1e-12
-        np.testing.assert_allclose(joint.measured_relative_pose(turned), turned, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["two", "line", "plane", "solid"])
-def test_points_that_cannot_coincide_come_as_near_as_they_can(name: str) -> None:
-    """Measured by hand, the two triples of a boot and its binding are never the same; heavy pairs count more."""
-    random = np.random.default_rng(5)
-    exact = coinciding(PLACES[name])
-    on_line = np.array([1.0, -0.5, 0.8])[: len(exact.sigmas), None] * (exact.on_equipment[1] - exact.on_equipment[0])
-    wrong = 0.1 * on_line if name in ("two", "line") else 0.004 * random.standard_normal(exact.on_body.shape)
-    held = attachment(exact.on_body, exact.on_equipment + wrong)
-    nearest = attachment_joint(held).measured_relative_pose(EQUIPMENT_T_BODY)
-    slope = np.abs(gradient(held, nearest)).max()
-    assert slope < 1e-4 < 1e-2 < np.abs(gradient(held, EQUIPMENT_T_BODY)).max()
-    assert squares(held, nearest) < squares(held, EQUIPMENT_T_BODY)

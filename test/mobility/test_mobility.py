@@ -7,7 +7,7 @@ from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint import Joint
-from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
+from bodycam_ros.equipment.equipment import Attachment
 from bodycam_ros.geometry import rigid
 from bodycam_ros.mobility.closing import closed, placed
 from bodycam_ros.mobility.mechanism import Mechanism
@@ -74,15 +74,6 @@ def told(found: Mobility) -> int:
     return parts.as_a_whole + led + parts.others + sum(parts.untouched.values())
 
 
-def test_a_crank_takes_both_legs_along_and_no_neck_and_bends_nobody_too_far(ridden: Mobility) -> None:
-    crank = next(motion for motion in ridden.parts.led if motion.joint == "crank_axle")
-    assert crank.freedoms == 1
-    assert {"hip_left", "knee_left", "knee_right"} <= crank.with_joints.keys()
-    assert "neck" not in crank.with_joints
-    assert ridden.parts.untouched == {"neck": 3}
-    assert not ridden.beyond_limits
-
-
 def test_null_motions_keep_the_loops_closed() -> None:
     mechanism = Mechanism(BODY, bicycle())
     columns = mechanism.columns("place", "joint")
@@ -99,17 +90,6 @@ def test_null_motions_keep_the_loops_closed() -> None:
             assert np.abs(gaps).max() < 2e3 * size**2
 
 
-def test_what_says_the_same_twice_is_named_with_what_it_repeats() -> None:
-    board = snowboard()
-    left, right = board.attachments
-    twice = replace(board, attachments=(left, right, replace(left, name="strap")))
-    found = mobility(BODY, twice)
-    assert {name.split(":")[0] for name in found.redundant} == {"strap"}
-    assert len(found.redundant) == 6
-    assert all(said.startswith("binding_left: ") for same in found.redundant.values() for said in same)
-    assert found.freedoms == found.count.freedoms + 6 == 36
-
-
 def test_a_crank_that_is_held_cannot_move() -> None:
     bike = bicycle()
     on_frame = next(a for a in bike.attachments if a.name == "saddle")
@@ -121,47 +101,3 @@ def test_a_crank_that_is_held_cannot_move() -> None:
     found = mobility(BODY, replace(bike, attachments=tuple(held)))
     assert "crank_axle" in found.parts.stuck
     assert "spindle_left" not in found.parts.stuck
-
-
-def test_a_bar_three_metres_away_is_named_and_nothing_else() -> None:
-    bike = bicycle()
-    far = [
-        replace(a, on_equipment=a.on_equipment + [3.0, 0.0, 0.0]) if a.name == "on_bar_left" else a
-        for a in bike.attachments
-    ]
-    found = mobility(BODY, replace(bike, attachments=tuple(far)))
-    (contradiction,) = found.contradictions
-    assert contradiction.name == "on_bar_left"
-    # As far as a bent arm comes nearer to it.
-    assert 2.0 < contradiction.apart_m < 3.3
-
-
-def test_a_bar_that_is_too_wide_for_both_hands_names_what_would_give_way() -> None:
-    found = mobility(BODY, barbell(apart_m=2.6))
-    names = {contradiction.name for contradiction in found.contradictions}
-    assert names and names <= {"grip_left", "grip_right", "on_back"}
-    reach = 0.34 + 0.28 + 0.2  # forearm to the grip, upper arm, half the shoulders
-    for contradiction in found.contradictions:
-        assert contradiction.apart_m == pytest.approx(1.3 - reach, abs=0.1)
-        assert contradiction.against
-
-
-def test_unknown_lengths_close_what_else_would_not() -> None:
-    board = snowboard()
-    left, right = board.attachments
-    # Boots that are said to stand more than 4 m apart; the command's own test has such a board without unknowns.
-    apart = replace(right, on_equipment=right.on_equipment + [4.0, 0.0, 0.0])
-    unknown = replace(apart, unknown=np.array([5.0, 0.0, 0.0]))
-    found = mobility(BODY, replace(board, attachments=(left, unknown)))
-    assert not found.contradictions
-    longer, _ = found.longer["binding_right"]
-    assert longer[0] < -2.0 and abs(longer[1]) < 1e-3
-
-
-def test_what_is_held_to_the_ground_has_no_motion_and_no_rank_along_any() -> None:
-    grip = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]])
-    strapped = Attachment("strap", "pelvis", "chair", grip, grip, np.full(3, 0.01))
-    chair = Equipment("chair", "chair", {"chair": SegmentMotion(stands=True)}, (), (strapped,))
-    found = mobility(BodyModel("sitter", "pelvis", ("pelvis",), (), {}), chair)
-    assert found.freedoms == 0 and found.rank == 12
-    assert found.rank_along is None

@@ -1,19 +1,15 @@
 """Contours of balls and limbs against what geometry says of them, through OpenCV's lenses."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
-import trimesh
-from numpy.typing import NDArray
 from outside.painted_scene import Painted, opencv_pixels, painted_labels
 from outside.silhouettes import (
     LENSES,
     SHRINK,
     SPACING_PX,
-    TURNED,
     at,
     ball,
     beside,
@@ -32,11 +28,8 @@ from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.closed_surface import closed_surface
-from bodycam_ros.outside.contour_kernels import NOBODY, POINT, carry_contour
+from bodycam_ros.outside.contour_kernels import NOBODY, POINT
 from bodycam_ros.outside.limb_mesh import Ball, limb_mesh
-from bodycam_ros.outside.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(params=LENSES)
@@ -93,56 +86,6 @@ def test_the_derivative_is_that_of_the_pixel_along_the_normal(lens: CameraModel)
         np.testing.assert_allclose(points[:, 7 + axis], numeric, atol=1e-3 * np.abs(points[:, 7:10]).max())
 
 
-def test_the_contour_moves_with_the_segment_as_its_derivative_says(lens: CameraModel) -> None:
-    """Although other points of the surface are on it then."""
-    pose, radius = at(CENTRES[0]), 0.2
-    points, _, _ = contour(lens, surface_of(ball("ball", radius)), pose)
-    before = beside(opencv_pixels(lens, rim_of_ball(pose[0, :3, 3], radius)), points[:, :2])[0]
-    for shift in 0.004 * np.eye(3):
-        moved = opencv_pixels(lens, rim_of_ball(pose[0, :3, 3] + TURNED @ shift, radius))
-        seen = before - beside(moved, points[:, :2])[0]
-        expected = points[:, 7:10] @ shift
-        assert np.abs(seen - expected).max() < 0.06 * np.abs(points[:, 7:10]).max() * 0.004 + 0.02
-
-
-def test_a_contour_is_carried_on_with_its_segment(lens: CameraModel) -> None:
-    """Which has gone on by 3 cm and some degrees: to the rim that it has there, but for what it turned towards us."""
-    radius, before, after = 0.2, at(CENTRES[0]), at(CENTRES[0])
-    after[0] = after[0] @ rigid(exp_so3(np.array([0.03, -0.02, 0.04])), np.array([0.02, -0.02, 0.01]))
-    points, segments, _ = contour(lens, surface_of(ball("ball", radius)), before)
-    carried, remaining = carry_contour(lens.parameters, after, points, segments)
-    assert len(carried) == len(points) and (remaining == segments).all()
-    np.testing.assert_allclose(
-        carried[:, :2], opencv_pixels(lens, transform_points(after[0], points[:, 4:7])), atol=1e-6
-    )
-    np.testing.assert_array_equal(carried[:, 10:12], points[:, :2])
-    np.testing.assert_array_equal(carried[:, 2:7], points[:, 2:7])
-    rim = opencv_pixels(lens, rim_of_ball(after[0, :3, 3], radius))
-    assert np.abs(carried[:, :2] - points[:, :2]).max() > 5.0
-    assert np.abs(beside(rim, carried[:, :2])[0]).max() < 0.5
-    again, _ = carry_contour(lens.parameters, before, carried, remaining)
-    np.testing.assert_allclose(again, points, atol=1e-9 * np.abs(points).max())
-
-
-def test_a_contour_is_not_carried_behind_the_camera(lens: CameraModel) -> None:
-    surface = surface_of(ball("stays", 0.2), ball("leaves", 0.2))
-    points, segments, _ = contour(lens, surface, at(CENTRES[0], CENTRES[2]))
-    assert set(segments) == {0, 1}
-    away = at(CENTRES[0], (0.0, 0.0, -2.0))
-    carried, remaining = carry_contour(lens.parameters, away, points, segments)
-    np.testing.assert_allclose(carried, points[segments == 0], atol=1e-9 * np.abs(points).max())
-    assert (remaining == 0).all()
-
-
-def test_a_label_is_that_of_the_middle_of_its_pixels(lens: CameraModel) -> None:
-    _, _, labels = contour(lens, surface_of(ball("ball", 0.2)), at(CENTRES[0]))
-    rim = opencv_pixels(lens, rim_of_ball(np.array(CENTRES[0]), 0.2))
-    row, column = np.indices(labels.shape)
-    middles = SHRINK * np.column_stack([column.ravel(), row.ravel()]) + 0.5 * (SHRINK - 1)
-    depth = depth_within(rim, middles)
-    assert (labels.ravel()[depth > 0.3] == 0).all() and (labels.ravel()[depth < -0.1] == NOBODY).all()
-
-
 NEAR, FAR = (0.1, 0.05, 1.3), (-0.05, 0.0, 2.0)
 
 
@@ -167,13 +110,6 @@ def test_what_is_nearer_hides_a_contour_and_counts_where_it_stands_out(lens: Cam
     points, segments, _ = contour(lens, surface, poses, before=((0, 1),))  # which is never before the other
     assert depth_within(rims[0], points[segments == 1, :2]).max() < 2.0 * SHRINK
     assert not inside(rims[1], points[segments == 0, :2]).any()
-
-
-def test_no_more_points_than_asked_for(lens: CameraModel) -> None:
-    surface = surface_of(ball("ball", 0.2))
-    points, segments, _ = contour(lens, surface, at(CENTRES[0]), most=7)
-    assert points.shape == (7, POINT) and segments.shape == (7,)
-    np.testing.assert_array_equal(points, contour(lens, surface, at(CENTRES[0]))[0][:7])
 
 
 @pytest.fixture(scope="module")
@@ -229,52 +165,3 @@ def test_a_segment_behind_or_around_the_camera_does_no_harm(
         assert np.abs(alone[:, :2] - [x, y]).sum(axis=1).min() < 1e-9
     if place[2] < 0.1:
         assert len(seen) == len(alone)
-
-
-def test_a_segment_without_a_number_is_not_there(lens: CameraModel) -> None:
-    surface, poses = surface_of(ball("seen", 0.2), ball("lost", 0.2)), at(CENTRES[0], CENTRES[0])
-    poses[1] = np.nan
-    points, segments, labels = contour(lens, surface, poses)
-    alone, _, _ = contour(lens, surface, at(CENTRES[0], (0, 0, -9.0)))
-    np.testing.assert_array_equal(points, alone)
-    assert set(np.unique(labels)) == {0, NOBODY} and (segments == 0).all()
-
-
-def test_a_hole_ends_a_surface_like_a_border() -> None:
-    """A sheet has no other side: its rim is all contour, and its normals point away from it."""
-    sheet = trimesh.creation.box(extents=(0.4, 0.3, 0.1)).subdivide().subdivide()
-    keep = np.asarray(sheet.face_normals)[:, 2] < -0.5
-    camera = LENSES["plumb_bob"]
-    surface = surface_of(Surface("sheet", np.asarray(sheet.vertices), np.asarray(sheet.faces[keep], np.int32)))
-    points, _, _ = contour(camera, surface, rigid(np.eye(3), np.array([0.0, 0.0, 1.5]))[None])
-    x, y = points[:, 4], points[:, 5]
-    on_side = np.abs(np.abs(x) - 0.2) < 1e-9
-    np.testing.assert_allclose(np.abs(y[~on_side]), 0.15)
-    expected = np.where(on_side[:, None], np.column_stack([np.sign(x), 0 * x]), np.column_stack([0 * y, np.sign(y)]))
-    assert (points[:, 2:4] * expected).sum(axis=1).min() > 0.99
-
-
-def test_the_rim_of_a_sheet_that_looks_away_is_no_border() -> None:
-    """Of two sheets side by side, of which one is seen from behind, the other alone has a contour."""
-    vertices = np.array([[x, y, 0.0] for x in (-0.2, 0.0, 0.2) for y in (-0.15, 0.15)])
-    seen, away = [[0, 1, 3], [0, 3, 2]], [[2, 4, 5], [2, 5, 3]]
-    camera, pose = LENSES["plumb_bob"], rigid(np.eye(3), np.array([0.0, 0.0, 1.5]))[None]
-    alone, _, _ = contour(camera, surface_of(Surface("sheet", vertices, np.array(seen, np.int32))), pose)
-    apart = np.concatenate([vertices, vertices + [1e-6, 0.0, 0.0]])  # no edge in common
-    both = np.array([*(np.array(away) + len(vertices)), *seen], np.int32)
-    points, _, _ = contour(camera, surface_of(Surface("sheet", apart, both)), pose)
-    assert len(alone) > 50
-    for point in points:
-        assert np.abs(alone[:, :4] - point[:4]).max(axis=1).min() < 1.1 * SPACING_PX  # none with another normal
-    assert len(points) == pytest.approx(len(alone), abs=4)
-
-
-def test_replacing_a_mesh_by_itself_turned_changes_nothing() -> None:
-    """Whatever the segment's axes: pixels, normals, and the derivative turned."""
-    camera, surface = LENSES["plumb_bob"], ball("ball", 0.2)
-    turn = exp_so3(np.array([1.0, 0.4, -2.0]))
-    turned = replace(surface, vertices=surface.vertices @ turn.T)
-    points, _, _ = contour(camera, surface_of(surface), at(CENTRES[0]))
-    again, _, _ = contour(camera, surface_of(turned), at(CENTRES[0]) @ rigid(turn.T, np.zeros(3)))
-    np.testing.assert_allclose(again[:, :4], points[:, :4], atol=1e-9)
-    np.testing.assert_allclose(again[:, 7:10] @ turn, points[:, 7:10], atol=1e-6)

@@ -44,8 +44,8 @@ class Chain:
         back_end.update(self.factors(index), dict(zip(self.keys(index), start, strict=True)), stamp_s)
 
 
-@pytest.mark.parametrize("width", [1, 2, 13])
-@pytest.mark.parametrize(("lag_s", "step_s"), [(0.5, 1 / 30), (0.05, 1 / 30)])
+@pytest.mark.parametrize("width", [1, 13])
+@pytest.mark.parametrize(("lag_s", "step_s"), [(0.5, 1 / 120), (0.05, 1 / 30)])
 def test_agrees_with_the_batch_solution_at_every_rate(width: int, lag_s: float, step_s: float) -> None:
     """Few poses and many instants are more than CCOLAMD can tell apart one by one."""
     solutions = []
@@ -58,52 +58,12 @@ def test_agrees_with_the_batch_solution_at_every_rate(width: int, lag_s: float, 
     assert np.abs(log_se3(inverse(solutions[0]) @ solutions[1])).max() < 2e-3
 
 
-def test_a_new_instant_touches_its_neighbours_and_not_the_window() -> None:
-    back_end, chain = IncrementalBackEnd(1.0, 0, 0.2), Chain(13)
-    touched, slots = [], []
-    back_end._smoother = _Watched(back_end._smoother, touched)
-    for index in range(120):
-        chain.add_to(back_end, index, index / 30)
-        slots.append(back_end._smoother.getFactorsUnsafe().size())
-    # Of 390 poses; two instants share a block here.
-    assert max(touched[40:]) <= 4 * 13
-    assert max(slots) == max(slots[:60])
-
-
-class _Watched:
-    def __init__(self, smoother: gtsam.ISAM2, touched: list[int]) -> None:
-        self._smoother, self._touched = smoother, touched
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._smoother, name)
-
-    def update(self, *arguments: object) -> None:
-        self._touched.append(self._smoother.update(*arguments).getVariablesReeliminated())
-
-
 def test_what_left_the_window_cannot_be_asked_for() -> None:
     back_end, chain = IncrementalBackEnd(0.2, 0, 0.005), Chain(3)
     for index in range(30):
         chain.add_to(back_end, index, index / 30)
     with pytest.raises(BackEndError, match="moved on"):
         back_end.poses(chain.keys(5))
-
-
-@pytest.mark.parametrize("width", [1, 2])
-def test_ties_to_older_instants_come_and_go(width: int) -> None:
-    """They let CCOLAMD tell more blocks apart than the next instant does."""
-    solutions = []
-    for back_end in (IncrementalBackEnd(0.5, 1, 1e-4), BatchBackEnd(0.5)):
-        chain = Chain(width)
-        for index in range(60):
-            graph = chain.factors(index)
-            for since in range(max(0, index - 5), index - 1) if index % 7 == 0 else ():
-                step = gtsam.Pose3(inverse(chain.true(since)[0]) @ chain.true(index)[0])
-                graph.add(gtsam.BetweenFactorPose3(chain.keys(since)[0], chain.keys(index)[0], step, TIGHT))
-            back_end.update(graph, dict(zip(chain.keys(index), chain.true(index), strict=True)), index / 30)
-        back_end.settle()
-        solutions.append(back_end.poses(chain.keys(59)))
-    assert np.abs(log_se3(inverse(solutions[0]) @ solutions[1])).max() < 2e-3
 
 
 def test_an_instant_may_hang_on_nothing() -> None:
@@ -116,16 +76,3 @@ def test_an_instant_may_hang_on_nothing() -> None:
             alone.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(true), LOOSE))
         back_end.update(alone, dict(zip(chain.keys(index), chain.true(index), strict=True)), index / 30)
     assert np.abs(log_se3(inverse(back_end.poses(chain.keys(129))) @ chain.true(129))).max() < 1e-6
-
-
-def test_a_new_instant_may_be_tied_to_all_that_the_one_before_left() -> None:
-    back_end, chain = IncrementalBackEnd(0.11, 0, 0.005), Chain(2)
-    for index in range(30):
-        graph = chain.factors(index)
-        if index >= 4:
-            since = chain.keys(index - 4)[0]
-            step = gtsam.Pose3(inverse(chain.true(index - 4)[0]) @ chain.true(index)[0])
-            graph.add(gtsam.BetweenFactorPose3(since, chain.keys(index)[0], step, TIGHT))
-        back_end.update(graph, dict(zip(chain.keys(index), chain.true(index), strict=True)), index / 30)
-    with pytest.raises(BackEndError):
-        back_end.poses(chain.keys(25))

@@ -13,12 +13,10 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.contact import FootContacts
 from bodycam_ros.solving.contact_settings import ContactSettings
-from bodycam_ros.solving.resting_point import FIRM_NS, RestingPoint, Step
 from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 OFF = ContactSettings(enabled=False)
 ALL, SHIN_ALONE = ("shin", "foot"), ("shin",)
-ANKLE = np.zeros(3)
 
 
 @pytest.fixture(scope="module")
@@ -98,53 +96,6 @@ def test_a_foot_that_swings_is_free(body: BodyModel) -> None:
     assert place_errors(held)[swings].max() < 1.1 * place_errors(free)[swings].max()
 
 
-@pytest.mark.parametrize("levels", [(-0.5, -0.3), (0.0, -0.4, 0.0), (0.0, 0.17, 0.34)])
-def test_feet_stand_on_steps_down_and_up(body: BodyModel, levels: tuple[float, ...]) -> None:
-    rng = np.random.default_rng(0)
-    contacts = FootContacts(body)
-    smoother = BodySmoother(body, lenses(body), contacts=contacts)
-    for number, floor in enumerate(levels):
-        later_ns = number * FRAMES * STEP_NS
-        for frame in FLAT:
-            said = frame_of(body, frame, rng, ALL, floor)
-            later = {c: replace(m, stamp_ns=m.stamp_ns + later_ns) for c, m in said.matches.items()}
-            smoother.update(replace(said, stamp_ns=said.stamp_ns + later_ns, matches=later))
-        assert [point.since_ns is not None for point in contacts._points] == [True, True], floor
-
-
-def test_without_the_shin_a_blind_foot_is_a_guess_that_nothing_holds(body: BodyModel) -> None:
-    rng = np.random.default_rng(0)
-    contacts = FootContacts(body)
-    smoother = BodySmoother(body, lenses(body), contacts=contacts)
-    for frame in FLAT:
-        seen = frame_of(body, frame, rng, ALL if frame < 15 else (), 0.0)
-        smoother.update(seen)
-        standing = {point.since_ns is not None for point in contacts._points}
-        if frame in (14, 15):
-            assert standing == {True}
-    assert standing == {False}
-
-
-def test_a_foot_is_let_go_while_its_camera_is_not_believed(body: BodyModel) -> None:
-    rng = np.random.default_rng(0)
-    contacts = FootContacts(body)
-    smoother = BodySmoother(body, lenses(body), contacts=contacts)
-    standing = {}
-    for frame in FLAT:
-        said = frame_of(body, frame, rng, ALL, 0.0)
-        if frame == 12:
-            foot_camera = said.matches["foot"]
-            assert foot_camera.world_T_camera is not None
-            jumped = rigid(np.eye(3), np.array([0.5, 0.0, 0.0])) @ foot_camera.world_T_camera
-            said = replace(said, matches={**said.matches, "foot": replace(foot_camera, world_T_camera=jumped)})
-        smoother.update(said)
-        # Of the latest two instants before this one.
-        standing[frame - 1] = [point.since_ns is not None for point in contacts._points]
-    assert smoother.refusals.counts == {"foot": 1}
-    assert standing[11] == standing[15] == [True, True]
-    assert standing[12] == [False, False]
-
-
 def test_a_body_without_feet_has_nothing_that_stands(body: BodyModel) -> None:
     feet = ContactSettings(segments="foot_right")
     assert np.array_equal(solved(body, OFF), solved(body, feet))
@@ -162,41 +113,15 @@ def foot(pitch: float, x: float, height: float = 0.0) -> Array:
     return rigid(R, np.array([x, 0.0, height]) - R @ BALL)
 
 
-def test_a_point_comes_to_rest_later_than_it_is_let_go() -> None:
-    settings = ContactSettings()
-    point = RestingPoint(0, ANKLE, BALL, settings)
-
-    def goes_at(speed: float, stamp_ns: int, height: float = 0.0) -> bool:
-        point.follow(Step(foot(0.0, speed, height), foot(0.0, 0.0, height), 1.0, stamp_ns, True), 0.0)
-        return point.since_ns is not None
-
-    between = 0.5 * (settings.rest_speed + settings.leave_speed)
-    speeds = [between, 0.9 * settings.rest_speed, between, 1.1 * settings.leave_speed, between]
-    assert [goes_at(speed, stamp) for stamp, speed in enumerate(speeds)] == [False, True, True, False, False]
-    high = 1.1 * settings.max_height
-    assert [goes_at(0.0, stamp, high) for stamp in (9, 10, 10 + FIRM_NS)] == [False, False, True]
-
-
-def test_an_ankle_may_rise_about_the_ball_of_a_foot_that_is_not_seen_but_not_leave_it() -> None:
-    point = RestingPoint(0, ANKLE, BALL, ContactSettings())
-
-    def goes(before: Array, after: Array) -> bool:
-        point.follow(Step(after, before, 0.033, 1, False), 0.0)
-        return point.since_ns is not None
-
-    assert goes(foot(0.1, 0.0), foot(0.1, 0.0))
-    assert point.anchor is not None
-    # The ankle was at rest, so the foot is flat, whatever its guessed rotation.
-    assert point.anchor[2] == pytest.approx(foot(0.1, 0.0)[2, 3] + BALL[2])
-    assert goes(foot(0.1, 0.0), foot(0.2, 0.0))  # its ankle at 0.45 m/s
-    assert not goes(foot(0.2, 0.0), foot(0.2, 0.01))
-    assert point.anchor is None
-
-
-def test_a_blind_foot_does_not_spin_when_its_leg_is_carried_sideways() -> None:
-    point = RestingPoint(0, ANKLE, BALL, ContactSettings())
-    aside = rigid(np.eye(3), np.array([0.0, 0.01, 0.0]))
-    point.follow(Step(foot(0.0, 0.0), foot(0.0, 0.0), 0.033, 1, False), 0.0)
-    assert point.since_ns is not None
-    point.follow(Step(aside @ foot(0.0, 0.0), foot(0.0, 0.0), 0.033, 2, False), 0.0)
-    assert point.since_ns is None
+@pytest.mark.parametrize("levels", [(-0.5, -0.3), (0.0, -0.4, 0.0), (0.0, 0.17, 0.34)])
+def test_feet_stand_on_steps_down_and_up(body: BodyModel, levels: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(0)
+    contacts = FootContacts(body)
+    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    for number, floor in enumerate(levels):
+        later_ns = number * FRAMES * STEP_NS
+        for frame in FLAT:
+            said = frame_of(body, frame, rng, ALL, floor)
+            later = {c: replace(m, stamp_ns=m.stamp_ns + later_ns) for c, m in said.matches.items()}
+            smoother.update(replace(said, stamp_ns=said.stamp_ns + later_ns, matches=later))
+        assert [point.since_ns is not None for point in contacts._points] == [True, True], floor

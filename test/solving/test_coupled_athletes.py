@@ -1,14 +1,9 @@
 """Athletes solved with and without what they ride, stand on or lift: what the coupling is for (B 4)."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from athlete_frames import JUMPING, LEGS, Sight, boot_from_its_binding, leg_errors, solved
-from athletes import BODY, CRANK_M, Athlete, cyclist, lifter, snowboarder
-
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import log_so3, rigid
+from athletes import BODY, Athlete, cyclist, lifter, snowboarder
 
 pytestmark = pytest.mark.long
 
@@ -45,31 +40,6 @@ def rides() -> Athlete:
     return cyclist(THREE_TURNS_S + 0.1, CADENCE_RPM)
 
 
-def with_wrong_cranks(bike: Equipment, radius_m: float) -> Equipment:
-    """The bicycle of somebody who did not measure: to be learned."""
-    joints = tuple(
-        replace(j, parent_T_joint=rigid(np.eye(3), j.parent_T_joint[:3, 3] * [radius_m / CRANK_M, 1.0, 1.0]))
-        if j.name.startswith("spindle")
-        else j
-        for j in bike.joints
-    )
-    unknown = {f"spindle_{side}": np.array([0.03, 0.0, 0.0]) for side in ("left", "right")}
-    return replace(bike, joints=joints, unknown=unknown)
-
-
-def test_radius_and_centre_of_a_crank_are_learned_in_three_turns(rides: Athlete) -> None:
-    found = solved(rides, Sight(), with_wrong_cranks(rides.equipment, 0.15))
-    assert set(found.lengths) == {"spindle_left_x", "spindle_right_x"}
-    for value, sigma in found.lengths.values():
-        assert abs(value) == pytest.approx(CRANK_M, abs=0.003)
-        assert abs(abs(value) - CRANK_M) < 4.0 * sigma < 0.006
-    crank = list(rides.equipment.segments).index("crank")
-    centre, truth = found.equipment_poses[-1, crank], rides.equipment_poses[-1, crank]
-    assert np.linalg.norm((centre - truth)[:3, 3]) < 0.003
-    turned = np.degrees(np.linalg.norm(log_so3(centre[:3, :3].T @ truth[:3, :3])))
-    assert turned < 1.0
-
-
 def test_half_of_the_leg_cameras_are_enough_on_a_bicycle(rides: Athlete) -> None:
     half = Sight(blind=("thigh_left", "foot_left", "shin_right"))
     errors = leg_errors(solved(rides, half, rides.equipment))
@@ -85,18 +55,6 @@ def test_legs_that_no_camera_sees_any_more_go_on_with_the_crank(rides: Athlete) 
     bound, free = (leg_errors(solved(rides, gone, equipment))[unseen] for equipment in (rides.equipment, None))
     assert bound.mean() < 0.04
     assert bound.mean() < 0.5 * free.mean()
-
-
-def test_a_bar_three_metres_away_bends_nobody(rides: Athlete) -> None:
-    bike = rides.equipment
-    far = [
-        replace(a, on_equipment=a.on_equipment + [3.0, 0.0, 0.0]) if a.name.startswith("on_bar") else a
-        for a in bike.attachments
-    ]
-    bent = solved(rides, Sight(), replace(bike, attachments=tuple(far))).position_errors
-    plain = solved(rides, Sight()).position_errors
-    assert bent.max() < plain.max() + 0.001
-    assert bent.mean() < plain.mean() + 1e-4
 
 
 def test_hands_that_no_camera_sees_stay_on_a_bar_that_may_roll() -> None:

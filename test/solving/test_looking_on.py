@@ -14,8 +14,6 @@ from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.expected_joints import ExpectedJoints
-from bodycam_ros.solving.looking_on import LookingOn
 from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.solving.smoother_settings import OFFLINE, SmootherSettings
 
@@ -119,31 +117,6 @@ def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSet
     assert len(states) == FRAMES and np.degrees(np.linalg.norm(turned, axis=1)).max() < most_deg
 
 
-def test_images_are_asked_with_what_the_worn_cameras_know(body: BodyModel) -> None:
-    onlookers = ExactOnlookers(body, ARM)
-    solved(body, ("chest", "arm"), onlookers)
-    assert len(onlookers.asked) == FRAMES
-    assert [dt_s for _, dt_s, _ in onlookers.asked] == pytest.approx([0.0] + [1e-9 * STEP_NS] * (FRAMES - 1))
-    assert all(known == {"trunk", "upper_arm"} for _, _, known in onlookers.asked)
-    for number, (expected, _, _) in enumerate(onlookers.asked[2:], 2):  # once the velocity is known
-        off = np.linalg.norm(expected[:, :3, 3] - true_poses(body, number)[:, :3, 3], axis=1)
-        assert off.max() < 0.04, number
-
-
-def test_images_between_those_of_worn_cameras_are_asked_with_what_these_have_just_said(body: BodyModel) -> None:
-    """Nothing triggers both kinds together, so that each has instants of its own."""
-    worn, onlookers, rng = ("chest", "back"), ExactOnlookers(body, ARM), np.random.default_rng(0)
-    smoother = BodySmoother(body, lenses(body), onlookers=onlookers)
-    for number in range(12):
-        looks = number % 2 == 1 or number > 8  # at last worn cameras are blind
-        smoother.update(frame_at(body, number, () if looks else worn, looks, rng))
-    assert [known for _, _, known in onlookers.asked[:5]] == [{"trunk"}] * 5
-    assert onlookers.asked[-1][2] == {"trunk"}, "a tenth of a second after they spoke"
-    for number in range(12, 16):
-        smoother.update(frame_at(body, number, (), True, rng))
-    assert onlookers.asked[-1][2] == set(), "nobody knows it by now"
-
-
 def test_static_cameras_alone_follow_a_body_that_was_placed_by_hand(body: BodyModel) -> None:
     states = solved(body, (), ExactOnlookers(body, body.segments, places=("trunk",)))
     assert list(states) == list(range(FRAMES))
@@ -165,84 +138,3 @@ def test_without_images_the_states_are_those_without_static_cameras(body: BodyMo
         np.testing.assert_array_equal(state.world_T_segment, before[number].world_T_segment)
         np.testing.assert_array_equal(state.observed, before[number].observed)
         assert state.cameras_used == before[number].cameras_used == 2
-
-
-def test_what_an_image_shows_is_brought_from_its_time_to_the_instants(body: BodyModel) -> None:
-    """Six milliseconds are one instant, in which a wrist makes a centimetre."""
-    late_ns, wrist = 6_000_000, body.segment_index["forearm"]
-
-    class LateOnlookers(ExactOnlookers):
-        def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
-            then = true_poses(self.body, frame.images["door"].stamp_ns / STEP_NS - 1)
-            return SeenBody({"door": self._poses(ARM, then, SURE)}, [], then, {"door": np.ones(len(then))})
-
-    looking_on = LookingOn(body, LateOnlookers(body, ARM))
-    apart, brought = [], []
-    for number in range(20):
-        stamp_ns = (number + 1) * STEP_NS
-        frame = BodyFrame(stamp_ns, {}, {"door": CameraImage("door", stamp_ns + late_ns, b"")})
-        truth = true_poses(body, number)
-        looking_on.look(frame, truth, 1e-9 * STEP_NS if number else 0.0, [])
-        shown = true_poses(body, number + late_ns / STEP_NS)
-        apart.append(np.linalg.norm((shown - truth)[wrist, :3, 3]))
-        brought.append(np.linalg.norm((looking_on.evidence[1].world_T_segment - truth)[:3, 3]))
-    assert max(apart) > 0.01
-    assert max(brought[1:]) < 0.4 * max(apart)
-    assert np.mean(brought[1:]) < 0.3 * np.mean(apart)
-
-
-@pytest.fixture
-def expected() -> ExpectedJoints:
-    """Of the shoulder and the elbow."""
-    turns = np.tile(np.eye(3), (2, 1, 1))
-    return ExpectedJoints(np.arange(2), turns, np.full((2, 3), 0.7), turns, np.full(2, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("sees", "worn", "told"),
-    [
-        (ARM, (), [False, True]),
-        (("upper_arm",), ("trunk",), [True, False]),
-        (("upper_arm", "forearm"), ("trunk",), [True, True]),
-        (("forearm",), ("trunk",), [False, False]),
-    ],
-)
-def test_joints_are_expected_where_static_cameras_have_both_ends(
-    body: BodyModel, expected: ExpectedJoints, sees: tuple[str, ...], worn: tuple[str, ...], told: list[bool]
-) -> None:
-    looking = LookingOn(body, ExactOnlookers(body, sees))
-    looking.look(frame_at(body, 7, (), True, np.random.default_rng(0)), true_poses(body, 0), 0.03, [])
-    observed = np.isin(body.segments, worn)
-    ours, truth = expected.told(looking.told(observed)), body.joint_rotations(true_poses(body, 7))
-    for row, is_told in enumerate(told):
-        np.testing.assert_allclose(ours.rotations[row], truth[row] if is_told else np.eye(3), atol=1e-12)
-        assert (ours.sigmas[row] < 0.7).all() == is_told
-    np.testing.assert_array_equal(ours.lead, expected.lead)
-    where = looking.path(true_poses(body, 0), observed)
-    np.testing.assert_array_equal(where[observed], true_poses(body, 0)[observed])
-    np.testing.assert_array_equal(where[~observed], true_poses(body, 7)[~observed])
-
-
-def test_who_sees_nothing_changes_nothing(body: BodyModel, expected: ExpectedJoints) -> None:
-    frame, path = frame_at(body, 7, (), True, np.random.default_rng(0)), true_poses(body, 0)
-    for onlookers in (None, ExactOnlookers(body, ())):
-        looking = LookingOn(body, onlookers)
-        looking.look(frame, path, 0.03, [])
-        same = expected.told(looking.told(np.ones(3, bool)))
-        np.testing.assert_array_equal(same.rotations, expected.rotations)
-        np.testing.assert_array_equal(same.sigmas, expected.sigmas)
-        assert looking.path(path, np.zeros(3, bool)) is path
-        assert looking.evidence == [] and looking.speaking == 0 and not looking.rows.any()
-
-
-def test_worn_cameras_speak_for_their_own_segments(body: BodyModel) -> None:
-    looking = LookingOn(body, ExactOnlookers(body, body.segments))
-    looking.look(frame_at(body, 7, (), True, np.random.default_rng(0)), true_poses(body, 0), 0.03, [])
-    worn = {"chest": SegmentPose("trunk", np.eye(4), SURE)}
-    together = looking.with_worn(worn)
-    assert {camera: each.segment for camera, each in together.items()} == {
-        "chest": "trunk",
-        "outside upper_arm": "upper_arm",
-        "outside forearm": "forearm",
-    }
-    assert together["chest"] is worn["chest"]

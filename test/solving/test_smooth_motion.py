@@ -31,25 +31,3 @@ def test_derivatives_are_those_of_the_deviations() -> None:
     assert smooth.error(poses) == pytest.approx(0.5 * b @ b)
     # The gradient of half the squares; the derivatives are a series, exact to the fourth order of a step.
     np.testing.assert_allclose(-A.T @ b, numeric, rtol=2e-4, atol=1e-4 * np.abs(numeric).max())
-
-
-def test_a_velocity_that_fades_costs_nothing_but_its_beginning() -> None:
-    smooth, kept = SmoothMotion(MOTION, STAMPS_NS), MotionSettings().velocity_time
-    poses, dt_s = [np.tile(np.eye(4), (2, 1, 1))], 1e-9 * np.diff(STAMPS_NS)
-    velocity = np.array([1.0, 0.0, 2.0, 0.5, 0.0, 0.0])
-    for passed_s in dt_s:
-        poses.append(poses[-1] @ exp_se3(np.tile(passed_s * velocity, (2, 1))))
-        velocity = velocity * np.exp(-(dt_s[len(poses) - 1 :][:1].sum()) / kept)
-    only_beginning = SmoothMotion(MOTION, STAMPS_NS[:2]).error(np.array(poses[:2]))
-    assert smooth.error(np.array(poses)) == pytest.approx(only_beginning)
-    standing = np.tile(np.eye(4), (len(STAMPS_NS), 2, 1, 1))
-    assert smooth.error(standing) == 0.0
-
-
-def test_each_segment_has_its_own_sigmas() -> None:
-    poses = wandering(np.random.default_rng(2))
-    stiff = MotionLimits(MOTION.accelerations * np.array([[1.0], [0.1]]), MOTION.velocity_time)
-    ordinary = SmoothMotion(MOTION, STAMPS_NS)
-    alone = SmoothMotion(MotionLimits(MOTION.accelerations[1:], MOTION.velocity_time[1:]), STAMPS_NS)
-    more = SmoothMotion(stiff, STAMPS_NS).error(poses) - ordinary.error(poses)
-    assert more == pytest.approx(99.0 * alone.error(poses[:, 1:]))

@@ -31,8 +31,8 @@ def seen_frames(body: BodyModel, numbers: range, cameras: set[str]) -> list[Body
     ]
 
 
-@pytest.mark.parametrize("every", [1, 3, 5, 6, 15])
-@pytest.mark.parametrize("cameras", [{"chest"}, {"wrist"}, {"chest", "wrist"}, {"back", "arm"}])
+@pytest.mark.parametrize("every", [1, 5, 15])
+@pytest.mark.parametrize("cameras", [{"wrist"}, {"back", "arm"}])
 def test_no_rate_and_no_missing_camera_ends_it(every: int, cameras: set[str]) -> None:
     body = body_with_cameras()
     frames = seen_frames(body, range(0, 90, every), cameras)
@@ -46,9 +46,7 @@ def test_no_rate_and_no_missing_camera_ends_it(every: int, cameras: set[str]) ->
         assert {s for s, seen in zip(state.segments, state.observed, strict=True) if seen} == on_body
 
 
-@pytest.mark.parametrize(
-    ("linear", "angular"), [(100.0, 500.0), (1000.0, 5000.0), (0.1, 0.1), (0.1, 5000.0), (1000.0, 0.1)]
-)
+@pytest.mark.parametrize(("linear", "angular"), [(1000.0, 5000.0), (0.1, 0.1)])
 @pytest.mark.parametrize("cameras", [{"chest"}, {"chest", "back", "arm", "wrist"}])
 def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float, cameras: set[str]) -> None:
     body = body_with_cameras()
@@ -57,15 +55,6 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
     states = solve(BodySmoother(body, lenses(body), motion=motion), frames)
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
     assert np.isfinite([state.world_T_segment for state in states]).all()
-
-
-def test_joints_as_tight_as_can_be_written_end_nothing() -> None:
-    body = body_with_cameras()
-    tight = tuple(dataclasses.replace(joint, sigmas=(*joint.sigmas[:3], 1e-12, 1e-12, 1e-12)) for joint in body.joints)
-    body = dataclasses.replace(body, joints=tight)
-    frames = seen_frames(body, range(30), {"chest"})
-    states = solve(BodySmoother(body, lenses(body)), frames)
-    assert len(states) == 30 and np.isfinite([state.world_T_segment for state in states]).all()
 
 
 def test_a_failure_begins_the_window_anew_and_loses_no_instant(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +86,7 @@ class _Failing:
         raise RuntimeError("Indeterminant linear system detected while working near variable 7")
 
 
-@pytest.mark.parametrize("camera", ["chest", "wrist", "arm"])
+@pytest.mark.parametrize("camera", ["chest", "wrist"])
 def test_registrations_that_are_noise_are_survived(camera: str) -> None:
     body = body_with_cameras()
     rng = np.random.default_rng(1)

@@ -1,6 +1,5 @@
 """The whole recording solved from both sides: against the filter, against one block, and across borders of blocks."""
 
-import gtsam
 import numpy as np
 import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
@@ -9,7 +8,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.solving.back_end import BackEndError
-from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
 from bodycam_ros.solving.body_state import BodyState
@@ -84,23 +82,6 @@ def test_blocks_are_the_whole(body, cameras) -> None:
     assert waiting.max() < 1.1 * 30 * (IN_BLOCKS.block + 2 * IN_BLOCKS.overlap) and waiting.min() < 40
 
 
-def test_what_ties_an_instant_to_one_long_ago_ends_at_the_border(body, cameras, monkeypatch) -> None:
-    """A factor of another kind, which holds a segment where it was a second before, by next to nothing."""
-    original = BodyFactors.cameras
-
-    def tied_back(self: BodyFactors, index: int, evidence: object) -> gtsam.NonlinearFactorGraph:
-        graph = original(self, index, evidence)
-        if index % 40 == 39:
-            vague = gtsam.noiseModel.Isotropic.Sigma(6, 1e3)
-            graph.add(gtsam.BetweenFactorPose3(self.key(index - 30, 0), self.key(index, 0), gtsam.Pose3(), vague))
-        return graph
-
-    plain = run(body, cameras, IN_BLOCKS)
-    monkeypatch.setattr(BodyFactors, "cameras", tied_back)
-    tied = run(body, cameras, SmootherSettings(output_delay="offline", block=1.0, overlap=0.5, window=3.0))
-    assert max(np.abs(plain[f].world_T_segment - tied[f].world_T_segment).max() for f in range(FRAMES)) < 1e-4
-
-
 def test_a_border_is_no_jump(body, cameras) -> None:
     """Blind from before the border until after it, where a block knows least of what follows."""
 
@@ -130,12 +111,6 @@ def test_a_blind_limb_is_held_from_both_sides(body, cameras) -> None:
     smoothed = turned_wrong(body, whole, row, blind)
     assert smoothed.mean() < 0.5 * turned_wrong(body, forward, row, blind).mean()
     assert smoothed.max() < np.radians(1.0)
-
-
-def test_a_limb_that_is_found_late_is_known_from_the_start(body, cameras) -> None:
-    whole = run(body, cameras, OFFLINE, lost=lambda camera, frame: camera in ("arm", "wrist") and frame < 40)
-    for segment in ("upper_arm", "forearm"):
-        assert turned_wrong(body, whole, body.segment_index[segment], range(40)).max() < np.radians(2.0)
 
 
 def test_a_silence_is_bridged_between_smoothed_sides(body, cameras) -> None:

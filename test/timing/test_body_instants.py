@@ -1,9 +1,6 @@
 """The instants at which a body is solved, and what its cameras say of them."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from range_of_motion import START_NS, range_of_motion, wide_cameras
 from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
 
@@ -11,7 +8,6 @@ from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.timing.instant_sampler import InstantSampler
 
 DURATION_S = 8.0
 
@@ -40,13 +36,6 @@ def test_free_running_cameras_are_all_heard_at_every_instant() -> None:
     assert np.ptp(np.diff(instants)) <= 1
     counts = [sum(each.stamp_ns == stamp for each in said) for stamp in instants[2:-2].tolist()]
     assert set(counts) == {len(CAMERAS)}
-
-
-def test_the_rate_is_as_many_instants_as_are_asked_for() -> None:
-    for rate in (12.5, 60.0):
-        instants = stamps_ns(brought(Recording(DURATION_S), rate))
-        assert np.all(np.abs(np.diff(instants) - 1e9 / rate) <= 1)
-        assert abs(len(instants) - DURATION_S * rate) <= 2
 
 
 def test_what_they_say_of_an_instant_is_where_they_were_then() -> None:
@@ -80,36 +69,3 @@ def test_the_beat_goes_on_without_those_who_shared_it() -> None:
     said = brought(Recording(12.0, runs={c: r for c, r in runs.items() if c in alone or c in CAMERAS[4:]}))
     late = [each for each in said if each.stamp_ns > START_NS + 7_000_000_000]
     assert len(late) > 0.9 * len(alone) * 5.0 * 30.0
-
-
-def test_free_running_cameras_keep_how_they_turned() -> None:
-    images = [replace(image, rotation_inliers=30) for image in Recording(DURATION_S, runs=free_running()).images()]
-    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=False)
-    said = [each for image in images for each in instants.add(image)] + instants.flush()
-    assert np.mean([each.rotation_inliers > 0 for each in said]) > 0.95
-
-
-@pytest.mark.parametrize("heard_before", [1, 2, len(CAMERAS) + 1])
-def test_live_a_stall_after_the_first_images_costs_no_more_than_those(heard_before: int) -> None:
-    images = Recording(DURATION_S).images()
-    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=True)
-    before = [each for image in images[:heard_before] for each in instants.add(image)] + instants.flush()
-    after = [each for image in images[heard_before:] for each in instants.add(image)] + instants.flush()
-    assert instants.watch.sharing == set(CAMERAS)
-    assert len(before) + len(after) >= len(images) - heard_before
-    assert {id(each) for each in after} <= {id(image) for image in images}
-
-
-def test_live_one_camera_that_stalls_after_its_first_image_speaks_alone() -> None:
-    images = [image for image in Recording(1.9).images() if image.camera == CAMERAS[0]]
-    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=True)
-    said = instants.add(images[0]) + instants.flush()
-    said += [each for image in images[1:] for each in instants.add(image)] + instants.flush()
-    assert len(stamps_ns(said)) >= len(images) - 2
-
-
-def test_a_camera_that_never_speaks_is_no_burden() -> None:
-    sampler = InstantSampler(next(iter(wide_cameras(CAMERAS[:1]).values())), 0.12)
-    for number in range(20_000):
-        sampler.add_instant(START_NS + number * 33_333_333)
-    assert len(sampler._instants) < 1000

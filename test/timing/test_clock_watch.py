@@ -1,6 +1,5 @@
 """Clocks of cameras that were started by hand, learned from a body of which everything is known."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +16,6 @@ from started_by_hand import (
     watched,
 )
 
-from bodycam_ros.body.instant_elimination import EliminatedInstants, eliminate_instants
-from bodycam_ros.timing import clock_window
 from bodycam_ros.timing.clock_settings import ClockSettings
 from bodycam_ros.timing.clock_watch import ClockWatch
 
@@ -60,39 +57,6 @@ def test_a_camera_that_is_late_is_found_and_corrected_from_its_first_image_on(ah
     assert not watch.jumps
 
 
-def test_previous_stamps_are_those_of_the_images_before_to_the_nanosecond() -> None:
-    """Rotations since the image before are found by its stamp."""
-    recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02, drift=5e-5)})
-    watch, images = watched(recording.images())
-    assert watch.clocks["forearm_left"].drift != 0.0
-    passed = [image for image in images if image.camera == "forearm_left"]
-    assert [image.previous_stamp_ns for image in passed[1:]] == [image.stamp_ns for image in passed[:-1]]
-
-
-def test_a_pause_of_all_cameras_costs_nothing_that_was_said_before() -> None:
-    for runs in ({}, free_running()):
-        pause = {camera: replace(runs.get(camera, CameraRun()), off_s=(5.0, 11.5)) for camera in CAMERAS}
-        images = Recording(14.0, runs=pause).images()
-        passed = watched(images)[1]
-        assert len(passed) == len(images)
-        stamps = {camera: [each.stamp_ns for each in passed if each.camera == camera] for camera in CAMERAS}
-        assert all(own == sorted(own) for own in stamps.values())
-
-
-def test_one_that_begins_long_before_the_others_is_not_their_beat() -> None:
-    runs = {camera: CameraRun(on_s=(2.0, 1e9)) for camera in CAMERAS[1:]}
-    watch, _ = watched(Recording(10.0, runs=runs).images())
-    assert watch.sharing == set(CAMERAS)
-    runs |= {CAMERAS[0]: CameraRun(phase_s=0.011)}
-    watch, _ = watched(Recording(10.0, runs=runs).images())
-    assert watch.sharing == set(CAMERAS[1:])
-
-
-def test_a_clock_seconds_ahead_does_not_end_listening() -> None:
-    watch, _ = watched(Recording(10.0, runs=free_running(head=CameraRun(ahead_s=2.0))).images())
-    assert watch.sharing == frozenset() and watch.beat is not None and watch.beat.period_ns > 0
-
-
 def test_a_drift_of_100_ppm_is_found_over_a_minute() -> None:
     recording = Recording(duration_s=60.0, runs={"shin_left": CameraRun(drift=1e-4)})
     watch, _ = watched(recording.images(), ClockSettings(instants_alike=1.0))
@@ -101,13 +65,6 @@ def test_a_drift_of_100_ppm_is_found_over_a_minute() -> None:
     assert clock.drift_sigma < 1e-5
     assert abs(errors_s(watch, recording)["shin_left"]) < 0.001
     assert all(abs(watch.clocks[camera].drift) < 5e-6 for camera in set(CAMERAS) - {"shin_left"})
-
-
-def test_with_little_noise_a_drift_is_found_within_5_ppm() -> None:
-    recording = Recording(duration_s=60.0, noise=0.05, runs=free_running(shin_left=CameraRun(drift=1e-4)))
-    watch, _ = watched(recording.images(), ClockSettings(instants_alike=1.0))
-    drifts = {camera: clock.drift - recording.run(camera).drift for camera, clock in watch.clocks.items()}
-    assert max(abs(drift) for drift in drifts.values()) < 5e-6
 
 
 @pytest.mark.parametrize("by_s", [0.05, -0.05])
@@ -122,19 +79,6 @@ def test_a_clock_that_was_set_is_found_where_its_stamps_break(by_s: float, are_f
     corrected_ns = [image.stamp_ns for image in passed if image.camera == "shin_left"]
     off_ns = np.subtract(corrected_ns, recording.times_ns("shin_left"))
     assert np.abs(off_ns).max() < 5e6
-
-
-@pytest.mark.parametrize("are_free", [False, True])
-def test_the_references_clock_may_be_set_too(are_free: bool) -> None:
-    altered = {REFERENCE: CameraRun(jumps=((7.0, 0.05),))}
-    recording = Recording(runs=free_running(**altered) if are_free else altered)
-    watch, passed = watched(recording.images())
-    (jump,) = watch.jumps
-    assert jump.camera == REFERENCE
-    assert jump.by_s == pytest.approx(0.05, abs=3.0 * watch.clocks[REFERENCE].offset_sigma)
-    others = {camera: error for camera, error in errors_s(watch, recording).items() if camera != REFERENCE}
-    assert max(abs(error) for error in others.values()) < 0.003
-    assert all(np.isfinite(clock.drift_sigma) for clock in watch.clocks.values())
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -162,45 +106,6 @@ def test_offsets_are_as_good_as_they_say() -> None:
     assert 0.5 < np.mean(squared) < 2.5
 
 
-def test_a_camera_that_joins_late_goes_with_the_others_if_it_shares_their_stamps() -> None:
-    recording = Recording(runs={"shin_left": CameraRun(on_s=(5.0, 99.0))})
-    watch, passed = watched(recording.images())
-    assert "shin_left" in watch.sharing
-    assert sum(image.camera == "shin_left" for image in passed) == 9 * 30
-
-
-def test_a_camera_that_joins_late_with_a_clock_of_its_own_is_learned() -> None:
-    recording = Recording(runs={"shin_left": CameraRun(on_s=(3.0, 99.0), ahead_s=0.013)})
-    watch, _ = watched(recording.images())
-    assert "shin_left" not in watch.sharing
-    assert abs(errors_s(watch, recording)["shin_left"]) < 3.0 * watch.clocks["shin_left"].offset_sigma < 0.01
-
-
-def test_a_camera_that_dies_and_returns_keeps_its_clock() -> None:
-    runs = free_running(shin_left=CameraRun(off_s=(4.0, 8.0), ahead_s=0.02))
-    recording = Recording(runs=runs)
-    images = recording.images()
-    watch, passed = watched(images)
-    assert not watch.jumps and len(passed) == len(images)
-    assert abs(errors_s(watch, recording)["shin_left"]) < 3.0 * watch.clocks["shin_left"].offset_sigma
-
-
-def test_when_time_begins_anew_everything_comes_again_and_clocks_stay_known() -> None:
-    recording = Recording(duration_s=6.0, runs={"forearm_left": CameraRun(ahead_s=0.02)})
-    images = recording.images()
-    watch, passed = watched([*images, *images])
-    assert len(passed) == 2 * len(images)
-    assert abs(errors_s(watch, recording)["forearm_left"]) < 0.005
-    assert not watch.jumps
-
-
-def test_it_says_the_same_twice() -> None:
-    images = Recording(runs=free_running(shin_left=CameraRun(jumps=((7.0, 0.05),)))).images()
-    (first, passed), (second, again) = watched(images), watched(copy.copy(images))
-    assert first.clocks == second.clocks and first.jumps == second.jumps
-    assert [(i.camera, i.stamp_ns) for i in passed] == [(i.camera, i.stamp_ns) for i in again]
-
-
 def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
     recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
     watch = ClockWatch(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
@@ -212,17 +117,6 @@ def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
             last_ns = image.stamp_ns - passed[-1].stamp_ns if passed else 0
     assert sum(held) == 0 and max(np.cumsum(held)) <= 1.05 * 30 * len(CAMERAS)
     assert 1e-9 * last_ns == pytest.approx(0.02, abs=0.004)
-
-
-def test_memory_stays_bounded() -> None:
-    settings = ClockSettings()
-    watch = ClockWatch(BODY, CAMERAS, settings, FLOOR, live=False)
-    count, most = 0, 0
-    for image in Recording(duration_s=60.0, runs=free_running()).images():
-        count += 1 - len(watch.add(image))
-        most = max(most, count)
-    assert most < 1.2 * (settings.lookahead + settings.window) * 30 * len(CAMERAS)
-    assert sum(len(heard.images) for heard in watch._heard.values()) < 2 * settings.window * 30 * len(CAMERAS)
 
 
 @pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
@@ -243,30 +137,3 @@ def test_a_clock_that_was_never_set_costs_the_others_nothing(ahead_s: float, liv
     clock = watch.clocks["forearm_left"]
     assert clock.offset == pytest.approx(0.02, abs=3.0 * clock.offset_sigma) and clock.offset_sigma < 0.003
     assert not watch.jumps
-
-
-@pytest.mark.parametrize("runs", [{}, free_running()])
-def test_live_nobody_waits_while_a_window_is_learned(
-    runs: dict[str, CameraRun], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One step at an instant, and in the end the same is known as if it had been learned at once."""
-    steps = 0
-
-    def counted(*arguments: np.ndarray) -> EliminatedInstants:
-        nonlocal steps
-        steps += 1
-        return eliminate_instants(*arguments)
-
-    monkeypatch.setattr(clock_window, "eliminate_instants", counted)
-    images = Recording(12.0, runs=runs).images()
-    at_once, _ = watched(images)
-    taken_at_once, steps = steps, 0
-    live = ClockWatch(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
-    most = 0
-    for image in images:
-        before = steps
-        live.add(image)
-        most = max(most, steps - before)
-    live.flush()
-    assert most == 1 and steps == taken_at_once > 4
-    assert live.clocks == at_once.clocks

@@ -1,7 +1,5 @@
 """What a free-running camera says of instants at which it took no image."""
 
-from dataclasses import replace
-
 import numpy as np
 from range_of_motion import START_NS, wide_cameras
 
@@ -81,13 +79,6 @@ def test_the_rotation_since_the_instant_before_is_what_the_camera_turned() -> No
         np.testing.assert_allclose(now.current_R_previous, turned, atol=1e-6)
 
 
-def test_an_instant_of_an_image_is_said_as_it_was_seen() -> None:
-    images = [image(number) for number in range(6)]
-    (said,) = said_of([images[3].stamp_ns], images)
-    assert np.array_equal(said.pixels, images[3].pixels)
-    assert said.world_T_camera is images[3].world_T_camera
-
-
 def test_an_unregistered_image_speaks_with_its_landmarks_turned_as_the_camera_did() -> None:
     images = [image(number, known=number != 5) for number in range(10)]
     instant_ns = START_NS + round(5.2 * FRAME_NS)
@@ -107,16 +98,3 @@ def test_into_a_gap_it_speaks_from_its_nearest_image_and_says_that_it_knows_less
     np.testing.assert_allclose(log_se3(inverse(pose_at(near)) @ said.world_T_camera), 0.0, atol=1e-9)
     assert np.all(np.diag(said.pose_covariance) > np.diag(images[0].pose_covariance))
     assert np.sqrt(said.pose_covariance[0, 0]) > 0.02
-
-
-def test_when_time_begins_anew_it_does_too() -> None:
-    images = [image(number) for number in range(6)]
-    sampler = InstantSampler(CAMERA, 0.12)
-    instant_ns = START_NS + round(2.5 * FRAME_NS)
-    spoken = []
-    for _ in range(2):
-        for each in images:
-            if each is images[3]:
-                spoken += sampler.add_instant(instant_ns)
-            spoken += sampler.add(replace(each))
-    assert [each.stamp_ns for each in spoken] == [instant_ns, instant_ns]
