@@ -4,7 +4,7 @@
 #   make test-all  those and the long ones: fault campaign, browser, shared recordings, Snakemake, more of the live graph
 #   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
 #   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
-#   make faults  everything that a user can give is damaged, every node killed; what comes of it is counted
+#   make faults  everything that a user can give is damaged; what comes of it is counted
 #   make lint    ruff, mypy, and hadolint for the Dockerfile
 #   make docs    the pages of docs/ as a site: out/site/index.html
 #   make figures the table that nothing may worsen: accuracy, speed, memory; QUICK=1 for its main rows in 3 minutes

@@ -1,24 +1,21 @@
-"""Breaks everything that a user can give, and every node, and counts what comes of it."""
+"""Breaks everything that a user can give, and counts what comes of it."""
 
 import argparse
 import os
 import shutil
 import tempfile
-from importlib.util import find_spec
 from pathlib import Path
 
 from faults.cases import KINDS, Case, chosen, named
 from faults.outcome import Outcome, snapshot
-from faults.recovery import Recovery, recovery_table
 from faults.run import warm_up
 from faults.table import by_kind, failures, on_paper
 from faults.trials import run_cases
 from faults.work import make_stock
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-NODES = "nodes"
-_SHORT, _KILLS_SHORT, _KILLS = 30, 1, 5
-"""Cases of the short form, and kills of each node in either."""
+_SHORT = 30
+"""Cases of the short form."""
 
 
 def main() -> int:
@@ -31,20 +28,18 @@ def main() -> int:
     # No TemporaryDirectory: the cases are forked from this process, and the first that ends would remove it.
     folder = Path(tempfile.mkdtemp(prefix="bodycam_faults."))
     try:
-        results = _all_run(cases, folder, arguments) if cases else []
-        recoveries = _nodes_killed(folder, arguments)
+        results = _all_run(cases, folder, arguments)
     finally:
         shutil.rmtree(folder)
-    for table in (*([by_kind(results)] if results else []), *([recovery_table(recoveries)] if recoveries else [])):
-        on_paper().print(table)
-    return int(any(outcome.faults for _, outcome in results) or any(recovery.fault for recovery in recoveries))
+    on_paper().print(by_kind(results))
+    return int(any(outcome.faults for _, outcome in results))
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="test/faults", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="of all random numbers (default: %(default)s)")
     parser.add_argument("--cases", type=int, help="how many (default: each damage once)")
-    parser.add_argument("--only", action="append", choices=(*KINDS, NODES), help="this kind; repeatable")
+    parser.add_argument("--only", action="append", choices=KINDS, help="this kind; repeatable")
     parser.add_argument("--case", metavar="TITLE", help="this case alone, and show what it printed")
     parser.add_argument("--list", action="store_true", help="list the cases, and run nothing")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time (default: %(default)s)")
@@ -82,26 +77,6 @@ def _all_run(cases: list[Case], folder: Path, arguments: argparse.Namespace) -> 
         if snapshot(stock) != untouched:
             raise RuntimeError("a command changed a file that it was given as input, outside of its case's folder")
     return results
-
-
-def _nodes_killed(folder: Path, arguments: argparse.Namespace) -> list[Recovery]:
-    if arguments.case or NODES not in (arguments.only or [NODES]):
-        return []
-    if find_spec("rclpy") is None:
-        on_paper().print("no nodes are killed: rclpy is not installed; 'make faults' installs it")
-        return []
-    from faults.killed_nodes import kill_nodes
-
-    times = _KILLS_SHORT if arguments.short else _KILLS
-    with Progress(
-        TextColumn("{task.description}"), TimeElapsedColumn(), console=on_paper(), transient=True
-    ) as progress:
-        task = progress.add_task("starting a graph", total=None)
-        recoveries = kill_nodes(folder, times, lambda name: progress.update(task, description=f"killed {name}"))
-        for recovery in recoveries:
-            if recovery.fault:
-                progress.console.print(f"{recovery.node}: {recovery.fault}", markup=False)
-    return recoveries
 
 
 def _show(command: tuple[str, ...], printed: bytes, outcome: Outcome) -> None:
