@@ -15,7 +15,7 @@ from bodycam_ros.calibration.anatomy import LEFT, RIGHT, SegmentName
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.outside.usual_limits import with_usual_limits
 
-BEGIN, END = "<!-- made by test/joint_table.py -->", "<!-- end of what is made -->"
+BEGIN, END = "<!-- made by python -m benchmarks.joint_table -->", "<!-- end of what is made -->"
 
 _A_LITTLE_RAD = 0.2
 _ALONG = {"torso": (0.0, 0.0, 1.0), "head": (0.0, 0.0, 1.0), "foot": (1.0, 0.0, 0.0)}
@@ -205,3 +205,10 @@ def _rep155(name: SegmentName, axis: str) -> str:
     mirrored = name.side == RIGHT and (name.kind, axis) in _MIRRORED
     sign = "+" if (sum(direction) > 0.0) != mirrored else "−"
     return f"{sign}`{joint}`"
+
+
+if __name__ == "__main__":
+    _REPOSITORY = Path(__file__).parents[1]
+    _PAGE = _REPOSITORY / "docs/joints.md"
+    _before, _rest = _PAGE.read_text().split(BEGIN)
+    _PAGE.write_text(_before + BEGIN + "\n\n" + joint_table(_REPOSITORY).strip("\n") + "\n\n" + END + _rest.split(END)[1])
