@@ -211,4 +211,5 @@ if __name__ == "__main__":
     _REPOSITORY = Path(__file__).parents[1]
     _PAGE = _REPOSITORY / "docs/joints.md"
     _before, _rest = _PAGE.read_text().split(BEGIN)
-    _PAGE.write_text(_before + BEGIN + "\n\n" + joint_table(_REPOSITORY).strip("\n") + "\n\n" + END + _rest.split(END)[1])
+    _after = _rest.split(END)[1]
+    _PAGE.write_text(f"{_before}{BEGIN}\n\n{joint_table(_REPOSITORY).strip()}\n\n{END}{_after}")
