@@ -16,7 +16,7 @@ import yaml
 
 from bodycam_ros.body.body_file import write_body
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
+from bodycam_ros.kinematics.joint import Joint
 
 LONG_AXIS_X = "yxz"  # a foot lies along x in the N-pose
 LYING_SEGMENTS = ("foot_left", "foot_right")

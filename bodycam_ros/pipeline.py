@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.readout import Readout
@@ -20,6 +19,7 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings

@@ -9,9 +9,9 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from two_link_limb import two_links
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 

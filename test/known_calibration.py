@@ -8,7 +8,6 @@ import numpy as np
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones
 from bodycam_ros.calibration.diagnosis import (
@@ -17,6 +16,7 @@ from bodycam_ros.calibration.diagnosis import (
     JointDiagnosis,
     RefinementGain,
 )
+from bodycam_ros.kinematics.joint import Joint
 
 SAMPLE_BODY = Path(__file__).parent.parent / "bags" / "body.yaml"
 SHORT_THIGH, STIFF_JOINT, SLIPPED_CAMERA = "thigh_left", "elbow_right", "shin_right"

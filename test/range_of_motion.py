@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3, inverse, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 
 def pose(rotation_vector: list[float], position: list[float]) -> NDArray[np.float64]:

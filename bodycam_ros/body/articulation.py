@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import (
     exp_se3,
     exp_so3,
@@ -25,6 +24,7 @@ from bodycam_ros.geometry import (
     robust_average_pose,
     transform_points,
 )
+from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 

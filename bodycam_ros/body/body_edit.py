@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 
 def move_mount(body: BodyModel, camera: str, segment_T_camera: Array) -> BodyModel:
@@ -87,7 +87,7 @@ def joint_named(body: BodyModel, name: str) -> Joint:
 
 def n_pose(body: BodyModel, world_T_root: Array) -> Array:
     """Poses world_T_segment (S, 4, 4) of the body standing with its arms down."""
-    return body.forward_kinematics(world_T_root, np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+    return body.n_pose(world_T_root)
 
 
 def _with_joints(body: BodyModel, corrected: Callable[[Joint], Joint]) -> BodyModel:

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joints_text
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf_document import LOOPS, STANDING
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint import Joint
 
 CAMERA_SUFFIX = "_optical_frame"
 """End of the name of a camera's link."""

@@ -16,11 +16,11 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.body_yaml import joints_from_yaml
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, UNKNOWN_LIMITS
 from bodycam_ros.body.urdf_document import LOOPS, UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.kinematics.joint import Joint
 
 _EXACT = 1e-9  # rounding of the document
 _INNER_LINK, _CHILD_FRAME = "_link", "_joint_frame"

@@ -5,7 +5,7 @@ Only names of the default body (DESIGN 3) say anything; others are taken as they
 
 from dataclasses import dataclass
 
-from bodycam_ros.body.joint import LONG_AXIS_Z
+from bodycam_ros.kinematics.joint import LONG_AXIS_Z
 
 LEFT, RIGHT = "_left", "_right"
 

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import joints_in_cameras
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.anthropometry import (
     AnthropometrySettings,
@@ -21,6 +20,7 @@ from bodycam_ros.calibration.findings import Findings
 from bodycam_ros.calibration.strap_slip import slip_warning
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse, log_se3, transform_points
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]

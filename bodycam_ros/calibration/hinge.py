@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.body_edit import joint_named, move_joint
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import hat, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
+from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]

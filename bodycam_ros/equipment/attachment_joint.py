@@ -8,9 +8,9 @@ or more weld.
 
 import numpy as np
 
-from bodycam_ros.body.joint import LOOSE_RAD, Joint, JointType
 from bodycam_ros.equipment.equipment import Attachment
 from bodycam_ros.geometry import Array, nearest_rotation, rigid
+from bodycam_ros.kinematics.joint import LOOSE_RAD, Joint, JointType
 
 _LEAST_LEVER_M = 1e-4
 """Points that are nearer to each other than this tell nothing of a rotation."""

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.checked_fields import check_keys, name_of, number_of, numbers_of, truth_of
-from bodycam_ros.body.joint import FARTHEST_M, TIGHT_M
 from bodycam_ros.equipment.equipment import Attachment, Interval
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint import FARTHEST_M, TIGHT_M
 from bodycam_ros.shown import shown
 
 LEAST_UNKNOWN_MM = 1.0

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.equipment.supplied_equipment import equipment_path
 from bodycam_ros.errors import BodyError
+from bodycam_ros.kinematics.joint import Joint
 
 
 def held_equipment(name_or_path: str | Path, body: BodyModel) -> Equipment:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import CameraMount
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.kinematics.joint import Joint
 
 Interval = tuple[float, float]
 """From and until, seconds since the recording's first image; the end may be infinite."""

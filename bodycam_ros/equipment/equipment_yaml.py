@@ -66,12 +66,12 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joint_of, mount_of
 from bodycam_ros.body.checked_fields import check_keys, name_of, number_of, numbers_of, table_of, truth_of
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_yaml import LEAST_UNKNOWN_MM, attachment_of, lengths_of
 from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
 from bodycam_ros.equipment.supplied_equipment import equipment_path
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.yaml_file import read_yaml
 
 _MOST_PARTS = 100  # segments, joints, attachments, cameras

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
+from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint, JointType
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.kinematics.joint import Joint, JointType
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.settings import SettingsGroups

@@ -8,11 +8,11 @@ show, is crossed straight. Lengths are metres unless ``--scale`` says otherwise,
 
 import numpy as np
 
-from bodycam_ros.body.joint_angles import EulerOrder
 from bodycam_ros.export.figure import Figure
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.sampled_motion import SampledMotion
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.euler_angles import EulerOrder
 
 MARK = "HIERARCHY"
 

@@ -20,13 +20,13 @@ import numpy as np
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import EulerOrder
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf import optical_frame, xml_numbers
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
-from bodycam_ros.mobility.joint_gap import held_rows, row_axes
+from bodycam_ros.kinematics.euler_angles import EulerOrder
+from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.joint_gap import held_rows, row_axes
 
 _LEVER_M = 0.05  # from a hinge's middle to each of the two points that hold its axis
 _CARRIAGE_RADIUS_M = 0.02  # of what slides where a loop's joint is loose: it needs some mass

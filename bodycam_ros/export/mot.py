@@ -6,13 +6,13 @@ crossed straight.
 
 import numpy as np
 
-from bodycam_ros.body.joint_angles import EulerOrder
 from bodycam_ros.export.axes import OPENSIM_R_OURS, turned
 from bodycam_ros.export.markers import markers_on
 from bodycam_ros.export.options import MotionOptions
 from bodycam_ros.export.osim import ROOT_ORDER, ROOT_PLACES, ROOT_TURNS, osim
 from bodycam_ros.export.sampled_motion import SampledMotion
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.euler_angles import EulerOrder
 
 MARK = "inDegrees=yes"
 OSIM_SUFFIX = ".osim"

@@ -9,12 +9,12 @@ from textwrap import indent
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joints_from_yaml, joints_text
-from bodycam_ros.body.joint import Joint, default_sigmas
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body.urdf_document import LOOPS, said_loops
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.export.mjcf import mjcf_text
+from bodycam_ros.kinematics.joint import Joint, default_sigmas
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.topics import ROBOT, ROBOT_TYPE, published_robot
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.solved.solved_body import SolvedBody, plain_name
 from bodycam_ros.solved.solved_recording import GAP_FRAMES
 from bodycam_ros.solved.trajectory import between_neighbours, interpolated

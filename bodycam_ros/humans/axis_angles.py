@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from bodycam_ros.body.joint import hinge_angle
-from bodycam_ros.body.joint_angles import nearest_turn
 from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.kinematics.euler_angles import nearest_turn
+from bodycam_ros.kinematics.joint import hinge_angle
 
 _FROZEN = 0.02
 """Nearer than this to the singularity [rad], the first angle stays. An arm that hangs is there all the time, and noise

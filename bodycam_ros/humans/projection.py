@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles, nearest_turn
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.calibration.anthropometry import PROPORTIONS
 from bodycam_ros.errors import BodyError
@@ -19,6 +18,8 @@ from bodycam_ros.geometry import Array, log_so3, rigid
 from bodycam_ros.humans.axis_angles import composed, nearest_angles
 from bodycam_ros.humans.bent_limb import hinge_towards, turned_to_bend
 from bodycam_ros.humans.kinematic_model import BODY, CHAINS, TORSO, Chain
+from bodycam_ros.kinematics.euler_angles import nearest_turn
+from bodycam_ros.kinematics.joint_angles import JointAngles
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 _LENGTHS = {segment: proportion.middle for (segment, _), proportion in PROPORTIONS.items()}

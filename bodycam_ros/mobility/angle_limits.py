@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint, hinge_angle
-from bodycam_ros.body.joint_angles import EulerOrder
 from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.kinematics.euler_angles import EulerOrder
+from bodycam_ros.kinematics.joint import Joint, hinge_angle
 
 _SINGULAR = 1e-3
 

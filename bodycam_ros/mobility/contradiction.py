@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_gap import joint_gap
 from bodycam_ros.mobility.closing import closed, closes, nearest, placed
-from bodycam_ros.mobility.joint_gap import joint_gap
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism
 from bodycam_ros.mobility.open_loops import open_loops
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, log_so3
+from bodycam_ros.kinematics.joint_gap import turn_jacobian
 from bodycam_ros.mobility.angle_limits import AngleLimits
-from bodycam_ros.mobility.joint_gap import turn_jacobian
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism
 
 _POSTURE_RAD, _LEAN_RAD = 1.0, 0.5  # how far joints are bent, and the root leans, from the N-pose

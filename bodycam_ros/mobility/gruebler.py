@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bodycam_ros.mobility.joint_gap import held_rows
+from bodycam_ros.kinematics.joint_gap import held_rows
 from bodycam_ros.mobility.mechanism import Mechanism
 
 

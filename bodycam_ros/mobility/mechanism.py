@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, rigid
-from bodycam_ros.mobility.joint_gap import GIVES_M, GIVES_RAD, gap_jacobians, held_rows, joint_gap
+from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.joint_gap import GIVES_M, GIVES_RAD, gap_jacobians, held_rows, joint_gap
 
 STIFF = 1e-4  # [rad] and [m] sigma of what stands still
 

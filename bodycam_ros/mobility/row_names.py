@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.mobility.joint_gap import row_axes
+from bodycam_ros.kinematics.joint_gap import row_axes
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism, Rows
 
 _DIRECTIONS = ("forward", "sideways", "up")

@@ -8,8 +8,8 @@ import numpy as np
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.link_transforms import LinkTransform, LinkTransforms
+from bodycam_ros.body.seen_limits import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.equipment import Equipment

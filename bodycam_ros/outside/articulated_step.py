@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
-from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits, within_limits
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.limits import JointLimits
 
 _ROOT = 6
 _STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
@@ -60,12 +60,9 @@ class ArticulatedStep:
         unknowns = _ROOT + np.arange(3 * len(joints)).reshape(-1, 3)
         self._blocks = unknowns[:, :, None], unknowns[:, None]
         self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
-        self._middle = middle_of_limits(body)[self._rows]
-        self._joint_angles = JointAngles(body)
-        self._low, self._high = angle_limits(body)
-        if not obeys_limits:
-            self._low, self._high = np.full_like(self._low, -np.inf), np.full_like(self._high, np.inf)
-        self._at_zero = np.clip(np.zeros(len(self._low)), self._low, self._high)
+        limits = JointLimits(body)
+        self._limits = limits if obeys_limits else None
+        self._middle = limits.middle()[self._rows]
 
     def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
         """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
@@ -123,7 +120,7 @@ class ArticulatedStep:
         turned, turned_before = rotations[self._rows], rotations_before[self._rows]
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        within = within_limits(self._joint_angles, rotations, self._low, self._high, self._at_zero)[self._rows]
+        within = (rotations if self._limits is None else self._limits.clamp(rotations))[self._rows]
         of = np.swapaxes([within, turned_before, self._middle], 2, 3)
         beyond, since_before, off_middle = log_so3(turned @ of)
         far = np.linalg.norm(beyond, axis=1)[:, None]

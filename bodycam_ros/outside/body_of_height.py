@@ -12,10 +12,10 @@ the centres of the hips, and of the shoulders, which tables have from skin to sk
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import LEFT, RIGHT, SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.outside.girths import BONES
 from bodycam_ros.outside.hands import with_hands
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.outside import girths
 
 _WRIST_LIMITS = ((-1.3, 1.3), (-0.3, 0.3), (-0.7, 0.7))

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles, angle_limits
 from bodycam_ros.calibration.anatomy import mirrored
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.limits import JointLimits
 
 _POSES = 400  # that are tried of a limb: 2 x 2 ms each
 _REFINED = 3  # best ones that are refined
@@ -51,10 +51,10 @@ class LimbSearch:
         random: np.random.Generator,
     ) -> None:
         self._body, self._energy, self._refine = body, energy, refine
-        self._angles = JointAngles(body)
-        low, high = angle_limits(body)
-        self._low = np.where(np.isfinite(low), low, -_UNKNOWN_RANGE)
-        self._high = np.where(np.isfinite(high), high, _UNKNOWN_RANGE)
+        limits = JointLimits(body)
+        self._angles = limits.angles
+        self._low = np.where(np.isfinite(limits.low), limits.low, -_UNKNOWN_RANGE)
+        self._high = np.where(np.isfinite(limits.high), limits.high, _UNKNOWN_RANGE)
         self._random = random
 
     def find(self, poses: Array, lost: Mask) -> Array:

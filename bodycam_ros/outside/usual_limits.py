@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.calibration.anatomy import SegmentName
+from bodycam_ros.kinematics.joint import Joint
 
 _USUAL = {
     "torso": {"x": (-0.6, 0.6), "y": (-0.5, 1.0), "z": (-0.8, 0.8)},

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import SeenLimits
+from bodycam_ros.body.seen_limits import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog

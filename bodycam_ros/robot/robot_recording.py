@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.body.joint_angles import JointAngles
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.factory import Message, MessageFactory

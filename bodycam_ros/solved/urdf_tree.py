@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_yaml import joints_from_yaml
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
 from bodycam_ros.drawing.stick_figure import Bone, bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import adjoint, inverse
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
 from bodycam_ros.solving.expected_joints import ExpectedJoints

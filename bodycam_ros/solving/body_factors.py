@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.camera_evidence import SegmentPose, SegmentTurn
 from bodycam_ros.solving.expected_joints import ExpectedJoints
 from bodycam_ros.solving.held_joint import HeldJoint

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import hinge_angle
-from bodycam_ros.body.joint_angles import nearest_turn
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, log_so3, rigid
+from bodycam_ros.kinematics.euler_angles import nearest_turn
+from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.solving.body_covariance import BodyUncertainty
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_state import BodyState

@@ -14,10 +14,10 @@ import gtsam
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.sole import sole_points
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, adjoint, inverse, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.shown import shown
 from bodycam_ros.solving.body_window import BodyWindow, Instant
 from bodycam_ros.solving.contact_settings import ContactSettings

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.solving.camera_evidence import SegmentPose, poses_as_seen
 from bodycam_ros.solving.coupling_settings import CouplingSettings

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import LOOSE_M, LOOSE_RAD, TIGHT_M, TIGHT_RAD, Joint
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.geometry import adjoint, exp_se3, inverse, nearest_rotation
+from bodycam_ros.kinematics.joint import LOOSE_M, LOOSE_RAD, TIGHT_M, TIGHT_RAD, Joint
 
 Array = NDArray[np.float64]
 

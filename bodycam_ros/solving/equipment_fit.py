@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.geometry import hat, inverse, log_se3
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.equipment_chain import EquipmentChain
 
 Array = NDArray[np.float64]

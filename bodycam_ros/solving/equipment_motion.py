@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.kinematics.joint import Joint, hinge_angle
 from bodycam_ros.solving.equipment_chain import closed_but_sliding
 from bodycam_ros.solving.motion import MotionSettings
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import exp_so3, inverse, nearest_rotation, rigid, transform_points
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.camera_evidence import SegmentPose
 from bodycam_ros.solving.equipment_chain import closed_but_sliding
 from bodycam_ros.solving.equipment_fit import BODY_M, EquipmentFit, FittedEquipment, HeldPoints, Prior

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.coupling_settings import CouplingSettings
 from bodycam_ros.solving.held_joint import HeldJoint, held_joint

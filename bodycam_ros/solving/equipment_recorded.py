@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import hinge_angle
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.geometry import transform_points
+from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.solving.attachment_watch import Holding
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.coupling import Coupling

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import middle_of_limits
 from bodycam_ros.geometry import inverse
+from bodycam_ros.kinematics.limits import JointLimits
 from bodycam_ros.solving.body_factors import BodyFactors
 from bodycam_ros.solving.body_window import BodyWindow
 from bodycam_ros.solving.camera_evidence import SegmentPose
@@ -43,7 +43,7 @@ class GoingOn:
     ) -> None:
         self._body, self._window, self._factors = body, window, factors
         self._settings, self._coupling = settings, coupling
-        self._bent = middle_of_limits(body)
+        self._bent = JointLimits(body).middle()
 
     def begin(self, evidence: Collection[SegmentPose]) -> Array:
         """Poses (S, 4, 4) of a body that begins, its equipment beside it.

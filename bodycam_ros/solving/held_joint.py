@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.joint import Joint
+from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 

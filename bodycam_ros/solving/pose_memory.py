@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint, hinge_angle
-from bodycam_ros.body.joint_angles import JointAngles, angle_limits, middle_of_limits, within_limits
 from bodycam_ros.geometry import exp_so3, log_so3
+from bodycam_ros.kinematics.joint import Joint, hinge_angle
+from bodycam_ros.kinematics.limits import JointLimits
 from bodycam_ros.settings import setting
 from bodycam_ros.solving.expected_joints import ExpectedJoints
 
@@ -87,11 +87,8 @@ class PoseMemory:
             row for row, joint in enumerate(body.tree_joints) if self._machine[row] and joint.type == "hinge"
         ]
         self._axes = [body.tree_joints[row].axis for row in self._turning_rows]
-        self._joint_angles = JointAngles(body)
-        low, high = angle_limits(body)
-        self._low, self._high = low, high
-        self._rest_angles = np.clip(np.zeros(len(low)), low, high)
-        self._middle_R = middle_of_limits(body)
+        self._limits = JointLimits(body)
+        self._middle_R = self._limits.middle()
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_spans(joint, settings.sigma) for joint in body.tree_joints]).reshape(-1, 3)
         spans[self._machine] = 1.0
@@ -147,10 +144,7 @@ class PoseMemory:
         self._learned = None
         seen = seen | (self._machine & self.machine_is_known)
         kept = np.exp(-dt_s / self._settings.forget_after)
-        angles = self._joint_angles.angles(rotations, self._rest_angles)
-        moved = seen[self._joint_angles.joint_rows]
-        self._low = np.where(moved, np.minimum(self._low, angles), self._low)
-        self._high = np.where(moved, np.maximum(self._high, angles), self._high)
+        self._limits = self._limits.widened(rotations, seen)
         x = self.vectors(rotations)
         mask = np.repeat(seen, 3).astype(float)
         both = dt_s * np.outer(mask, mask)
@@ -211,7 +205,7 @@ class PoseMemory:
 
     def within_limits(self, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joint rotations (J, 3, 3) with every angle put back into its limits, or as far as it has been seen."""
-        return within_limits(self._joint_angles, rotations, self._low, self._high, self._rest_angles)
+        return self._limits.clamp(rotations)
 
     def _gaussian(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean (3J) and covariance (3J, 3J) of what was seen, begun with what is assumed."""

@@ -48,13 +48,7 @@ def led(rotations: Array, before: Array, expected: ExpectedJoints) -> Array:
 
 def hung(body: BodyModel, poses: Array, rotations: Array, known: NDArray[np.bool_]) -> Array:
     """Poses (S, 4, 4) in which every segment that is not known (S,) hangs on its joint, turned by it (J, 3, 3)."""
-    hanging = poses.copy()
-    for row, joint in enumerate(body.tree_joints):
-        parent, child = body.segment_index[joint.parent], body.segment_index[joint.child]
-        if not known[child]:
-            turn = rigid(rotations[row], np.zeros(3))
-            hanging[child] = hanging[parent] @ joint.parent_T_joint @ turn @ joint.joint_T_child
-    return orthonormal(hanging)
+    return orthonormal(body.hang(poses, rotations, known))
 
 
 def seated(path: Array, seats: Mapping[int, Array]) -> Array:

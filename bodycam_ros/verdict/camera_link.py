@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.kinematics.joint import Joint
 
 LEVER_M = 0.3
 """From a camera to the joint of its segment that is next: what a wrong turn of the segment costs."""

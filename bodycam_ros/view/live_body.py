@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.view.motion import Motion
 
 

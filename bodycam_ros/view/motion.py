@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.drawing.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import transform_from_pose

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
+from bodycam_ros.kinematics.joint import Joint
 
 
 def test_forward_kinematics_closes_every_joint_of_the_tree(body: BodyModel, random: np.random.Generator) -> None:

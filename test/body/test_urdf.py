@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import optical_frame, urdf_text
+from bodycam_ros.kinematics.joint_angles import JointAngles
 
 
 def frames_in_root(body: BodyModel, angles: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.body.joint import LOOSE_RAD
 from bodycam_ros.equipment.attachment_joint import attachment_joint
 from bodycam_ros.equipment.equipment import Attachment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
+from bodycam_ros.kinematics.joint import LOOSE_RAD
 
 EQUIPMENT_T_BODY = exp_se3(np.array([0.7, -1.9, 0.4, 0.3, -0.2, 0.9]))
 ONE = np.array([[0.12, 0.03, -0.08]])

@@ -21,11 +21,11 @@ from known_walk import (
 )
 
 from bodycam_ros.body.body_model import CameraMount
-from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.messages.clocks import timing_messages
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.timing.clock_history import ClockHistory

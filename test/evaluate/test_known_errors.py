@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from known_walk import FRAMES, Walk, write_solved, write_truth
 
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 
 ROUNDING = 1e-6  # [cm], [deg]
 

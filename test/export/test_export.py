@@ -10,9 +10,9 @@ from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.cli.main import main
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.messages.status import text_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages

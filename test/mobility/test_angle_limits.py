@@ -4,8 +4,8 @@ import numpy as np
 from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.geometry import exp_so3
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.mobility.angle_limits import AngleLimits
 
 

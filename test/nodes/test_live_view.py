@@ -9,10 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.view.live_session import LiveSession
 from bodycam_ros.view.local_server import LocalServer
 from bodycam_ros.view.scene_nodes import LOST, REGISTERED, rgb, segment_name

@@ -10,8 +10,8 @@ from said_by_solver import SaidBySolver
 from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
 
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.nodes.graph import follower

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from outside.painted_scene import Painted, clutter, grained, paint
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.surface import Surface
 

@@ -6,9 +6,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import find_contour
 from bodycam_ros.outside.surface import Surface

@@ -6,8 +6,8 @@ import trimesh
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.geometry import rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.surface import OPEN
 

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint
 from bodycam_ros.errors import BodyError
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.outside.surface_folder import read_surfaces
 
 

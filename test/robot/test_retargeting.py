@@ -10,9 +10,9 @@ from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot

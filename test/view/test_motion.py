@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.solved.solved_recording import read_solved
 from bodycam_ros.solved.trajectory import nearest
 from bodycam_ros.view.motion import Motion, read_motion

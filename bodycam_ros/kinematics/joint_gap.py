@@ -6,8 +6,8 @@ forbids, about the rows' axes, then the place of the one frame in the other.
 
 import numpy as np
 
-from bodycam_ros.body.joint import Joint, hinge_angle
 from bodycam_ros.geometry import Array, adjoint, hat, inverse, log_so3
+from bodycam_ros.kinematics.joint import Joint, hinge_angle
 
 GIVES_RAD, GIVES_M = 1.0, 0.25
 """A sigma of this size or more holds nothing: a seat that slides has one, a strap or a soft sole does not."""

@@ -4,9 +4,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bodycam_ros.body.joint import Joint, JointType, hinge_angle
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_so3, rigid
+from bodycam_ros.kinematics.joint import Joint, JointType, hinge_angle
 
 PARENT_T_JOINT = rigid(exp_so3(np.array([0.4, -0.3, 0.2])), np.array([0.02, 0.2, -0.38]))
 CHILD_T_JOINT = rigid(exp_so3(np.array([-0.1, 0.7, 0.5])), np.array([0.12, -0.03, -0.08]))
