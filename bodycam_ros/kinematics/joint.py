@@ -109,6 +109,23 @@ class Joint:
             return angles if self.type == "ball" else (*(f"{self.name}_at_{axis}" for axis in "xyz"), *angles)
         return (self.name,) if self.type == "hinge" else ()
 
+    def free_rows(self, slide_m: float = LOOSE_M) -> tuple[int, ...]:
+        """Which of its six rows, those of ``sigmas``, are free: rotations by the type, and what slides.
+
+        Args:
+            slide_m: a joint slides along the axes whose sigma is this or more [m]; a free joint along all.
+        """
+        assert self.sigmas is not None  # set when it was made
+        slides = (row for row in range(3, 6) if self.type == "free" or self.sigmas[row] >= slide_m)
+        return (*range(_LOOSE_ROTATIONS[self.type]), *slides)
+
+    def free_twists(self, slide_m: float = LOOSE_M) -> Array:
+        """(6, F) twists xi of its free rows in its frame, rotation first: motion = exp(sum theta xi) (B eq. 2)."""
+        axes = np.eye(6)
+        axes[:3, :3] = self.axes_of_rotation.T
+        twists: Array = axes[:, self.free_rows(slide_m)]
+        return twists
+
     @cached_property
     def joint_T_child(self) -> Array:
         """(4, 4) inverse of ``child_T_joint``."""

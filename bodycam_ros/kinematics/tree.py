@@ -6,8 +6,8 @@ weld, anything for a free joint. ``JointAngles`` has the same as one vector of a
 
     world_T_segment = world_T_root prod (parent_T_joint exp(theta_j xi_j) joint_T_child)
 
-over the joints from the root to it: the product of exponentials of B eq. 3-4, the fixed transforms between the joints
-written out instead of absorbed in the twists.
+over the joints from the root to it: the product of exponentials of B eq. 3, its twists xi_j in the joints' own frames
+instead of the world's.
 """
 
 from collections.abc import Iterable
@@ -98,7 +98,10 @@ class KinematicTree:
 
     @cached_property
     def moves(self) -> NDArray[np.bool_]:
-        """(S, J) whether a joint of the tree is between the root and a segment: its motion moves the segment."""
+        """(S, J) whether a joint of the tree is between the root and a segment: its motion moves the segment.
+
+        The set of joints that affect a point, in B eq. 7.
+        """
         moves = np.zeros((len(self.segments), len(self.tree_joints)), bool)
         for row, (parent, child) in enumerate(self.joint_ends):
             moves[child] = moves[parent]
@@ -133,7 +136,7 @@ class KinematicTree:
         return rows
 
     def forward_kinematics(self, world_T_root: Array, joint_motion: Array) -> Array:
-        """Poses world_T_segment (..., S, 4, 4) of all segments, in the order of ``segments`` (A eq. 3-4, B eq. 3-4).
+        """Poses world_T_segment (..., S, 4, 4) of all segments, in the order of ``segments`` (A eq. 3-4, B eq. 3).
 
         Args:
             world_T_root: (..., 4, 4) pose of the root segment [m].
@@ -142,7 +145,7 @@ class KinematicTree:
         """
         poses = np.empty((*joint_motion.shape[:-3], len(self.segments), 4, 4))
         poses[..., self.segment_index[self.root], :, :] = world_T_root
-        return self.hang(poses, joint_motion)
+        return self._hang(poses, joint_motion, None)
 
     def hang(self, world_T_segment: Array, joint_motion: Array, fixed: NDArray[np.bool_] | None = None) -> Array:
         """Poses (..., S, 4, 4) in which all segments but the root, and some that are fixed, follow from their parents.
@@ -152,14 +155,16 @@ class KinematicTree:
             joint_motion: (..., J, 3, 3) or (..., J, 4, 4) as in ``forward_kinematics``.
             fixed: (S) which segments keep their pose; None: the root alone.
         """
+        return self._hang(world_T_segment.copy(), joint_motion, fixed)
+
+    def _hang(self, poses: Array, joint_motion: Array, fixed: NDArray[np.bool_] | None) -> Array:
         if joint_motion.shape[-1] == 3:
             joint_motion = rigid(joint_motion, np.zeros(3))
         _, _, parent_T_joint, joint_T_child = self._frames
         parent_T_child = parent_T_joint @ joint_motion @ joint_T_child
-        poses = world_T_segment.copy()
         for row, (parent, child) in enumerate(self.joint_ends.tolist()):
             if fixed is None or not fixed[child]:
-                np.matmul(poses[..., parent, :, :], parent_T_child[..., row, :, :], out=poses[..., child, :, :])
+                poses[..., child, :, :] = poses[..., parent, :, :] @ parent_T_child[..., row, :, :]
         return poses
 
     def n_pose(self, world_T_root: Array) -> Array:
@@ -188,8 +193,7 @@ class KinematicTree:
             slides: (J, 3) along which of its axes a joint may slide; None: free joints along all, others along none.
         """
         motion = rigid(self.joint_rotations(world_T_segment), np.zeros(3))
-        of_free = np.array([[joint.type == "free"] * 3 for joint in self.tree_joints]).reshape(-1, 3)
-        slides = of_free if slides is None else slides
+        slides = self._slides_of_free if slides is None else slides
         for row in np.flatnonzero(slides.any(axis=1)):
             joint, (parent, child) = self.tree_joints[row], self.joint_ends[row]
             world_T_joint = world_T_segment[..., parent, :, :] @ joint.parent_T_joint
@@ -210,6 +214,10 @@ class KinematicTree:
         joint_T_child = np.array([joint.joint_T_child for joint in joints]).reshape(-1, 4, 4)
         child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
         return np.swapaxes(parent_T_joint[:, :3, :3], 1, 2), child_R_joint, parent_T_joint, joint_T_child
+
+    @cached_property
+    def _slides_of_free(self) -> NDArray[np.bool_]:
+        return np.array([[joint.type == "free"] * 3 for joint in self.tree_joints], bool).reshape(-1, 3)
 
     @cached_property
     def _restricted(self) -> list[tuple[int, Joint]]:

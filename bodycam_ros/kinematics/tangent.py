@@ -1,0 +1,80 @@
+"""Jacobians of a tree: how poses, points and gaps of loops change with a local increment of its coordinates.
+
+An increment (K) is a twist of the root, then of each joint of the tree the amounts along its free twists (B eq. 4). It
+acts on the right, in moving frames: ``world_T_root @ exp_se3(step[:6])`` and ``joint_motion @ exp_se3(twists @ part)``.
+Tangents of segments are on the right as well, in the segments' axes, rotation first [rad], then translation [m].
+
+In the world's axes a joint moves all that hangs on it by one and the same twist, Ad(world_T_joint) xi: B eq. 7 with
+exp(theta xi) linearised, its set of joints that affect a point being ``KinematicTree.moves``.
+"""
+
+import numpy as np
+
+from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, nearest_rotation
+from bodycam_ros.kinematics.joint import LOOSE_M, Joint
+from bodycam_ros.kinematics.joint_gap import gap_jacobians, joint_gap
+from bodycam_ros.kinematics.tree import KinematicTree
+
+
+class TreeTangent:
+    """Increments of the coordinates of a tree, and their Jacobians.
+
+    Args:
+        tree: segments and joints.
+        slide_m: a joint slides along the axes whose sigma is this or more [m].
+
+    Attributes:
+        tree: as given.
+        twists: of each joint of the tree, (6, F) in its frame.
+        columns: of each joint of the tree, its columns of an increment; the root's are the first six.
+        count: K.
+    """
+
+    def __init__(self, tree: KinematicTree, slide_m: float = LOOSE_M) -> None:
+        self.tree = tree
+        self.twists = [joint.free_twists(slide_m) for joint in tree.tree_joints]
+        ends = 6 + np.cumsum([0, *(twists.shape[1] for twists in self.twists)])
+        self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
+        self.count = int(ends[-1])
+        self._joint_of_column = np.repeat(np.arange(len(self.twists)), np.diff(ends))
+        self._moves = np.concatenate([np.ones((len(tree.segments), 6), bool), tree.moves[:, self._joint_of_column]], 1)
+        child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
+        self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
+        root = tree.segment_index[tree.root]
+        self._child_of_column = np.append(np.full(6, root), tree.joint_ends[self._joint_of_column, 1])
+
+    def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
+        """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""
+        tangents = [(xi @ step[..., at, None])[..., 0] for xi, at in zip(self.twists, self.columns, strict=True)]
+        poses = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
+        poses = poses @ exp_se3(np.stack([step[..., :6], *tangents], axis=-2))
+        poses[..., :3, :3] = nearest_rotation(poses[..., :3, :3])
+        return poses[..., 0, :, :], poses[..., 1:, :, :]
+
+    def world_twists(self, world_T_segment: Array) -> Array:
+        """(..., 6, K) twist of each column in the world's axes about its origin, at poses (..., S, 4, 4)."""
+        world_T_child = world_T_segment[..., self._child_of_column, :, :]
+        twists = (adjoint(world_T_child) @ self._child_twists.T[..., None])[..., 0]
+        return np.swapaxes(twists, -1, -2)
+
+    def segment_jacobians(self, world_T_segment: Array) -> Array:
+        """(..., S, 6, K) how the poses (..., S, 4, 4) change: tangents in the segments' own axes."""
+        moving = self.world_twists(world_T_segment)[..., None, :, :] * self._moves[:, None]
+        jacobians: Array = adjoint(inverse(world_T_segment)) @ moving
+        return jacobians
+
+    def point_jacobians(self, world_T_segment: Array, segment_row: int, points: Array) -> Array:
+        """(..., N, 3, K) how points (N, 3) of a segment move in the world [m], at poses (..., S, 4, 4)."""
+        pose = world_T_segment[..., segment_row, :, :]
+        world = points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
+        twists = (self.world_twists(world_T_segment) * self._moves[segment_row])[..., None, :, :]
+        jacobians: Array = twists[..., 3:, :] - hat(world) @ twists[..., :3, :]
+        return jacobians
+
+    def gap(self, joint: Joint, world_T_segment: Array) -> tuple[Array, Array]:
+        """The gap (..., 6) of a joint that closes a loop (``joint_gap``), and its Jacobian (..., 6, K)."""
+        parent, child = (self.tree.segment_index[segment] for segment in (joint.parent, joint.child))
+        ends = world_T_segment[..., parent, :, :], world_T_segment[..., child, :, :]
+        J = self.segment_jacobians(world_T_segment)
+        by_parent, by_child = gap_jacobians(joint, *ends)
+        return joint_gap(joint, *ends), by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]
