@@ -9,7 +9,7 @@ from rich.text import Text
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.mobility.contradiction import Contradiction
+from bodycam_ros.mobility.closing import Contradiction
 from bodycam_ros.mobility.mobility import Mobility
 from bodycam_ros.terminal import Terminal
 

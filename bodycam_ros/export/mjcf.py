@@ -26,7 +26,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
 from bodycam_ros.kinematics.euler_angles import EulerOrder
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.kinematics.joint_gap import held_rows, row_axes
+from bodycam_ros.kinematics.joint_gap import held_rows
 
 _LEVER_M = 0.05  # from a hinge's middle to each of the two points that hold its axis
 _CARRIAGE_RADIUS_M = 0.02  # of what slides where a loop's joint is loose: it needs some mass
@@ -145,7 +145,7 @@ def _add_carriage(child: ET.Element, joint: Joint, loose: list[int]) -> ET.Eleme
     """A body in the joint's frame on its child that moves along those of the joint's six rows that are loose."""
     carriage = ET.SubElement(child, "body", {"name": f"{joint.name}_carriage", **_pose(joint.child_T_joint)})
     ET.SubElement(carriage, "geom", type="sphere", size=str(_CARRIAGE_RADIUS_M))
-    axes = np.vstack([row_axes(joint), np.eye(3)])
+    axes = np.vstack([joint.axes_of_rotation, np.eye(3)])
     for row in sorted(loose, reverse=True):  # places first: they are along the child's axes, however it is turned
         kind, way = ("slide", f"along_{'xyz'[row - 3]}") if row > 2 else ("hinge", f"about_{row}")
         ET.SubElement(carriage, "joint", name=f"{joint.name}_{way}", type=kind, axis=xml_numbers(axes[row]))

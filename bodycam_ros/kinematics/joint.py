@@ -208,7 +208,7 @@ class Joint:
         pose: Array = self.parent_T_joint @ self.joint_T_child
         return pose
 
-    @property
+    @cached_property
     def axes_of_rotation(self) -> Array:
         """(3, 3) rows: the hinge's axis and two directions across it; the joint's own axes for other types."""
         if self.type != "hinge":

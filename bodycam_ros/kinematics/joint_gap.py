@@ -20,28 +20,21 @@ def held_rows(joint: Joint) -> tuple[int, ...]:
     return tuple(row for row in range(6) if row not in free and joint.sigmas[row] < gives[row])
 
 
-def row_axes(joint: Joint) -> Array:
-    """(3, 3) axes of its three rotation rows, as rows, in the joint's frame."""
-    scaled = joint.square_root_information[:3, :3] @ joint.child_T_joint[:3, :3]
-    axes: Array = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    return axes
-
-
 def joint_gap(joint: Joint, world_T_parent: Array, world_T_child: Array) -> Array:
-    """The gap (..., 6), [rad] and [m], of the poses (..., 4, 4) of its segments."""
-    gap, _ = _gap(joint, world_T_parent, world_T_child)
-    return np.concatenate([_forbidden(joint, gap)[0] @ row_axes(joint).T, -inverse(gap)[..., :3, 3]], axis=-1)
+    """The gap (..., 6), [rad] and [m], of the poses (..., 4, 4) of its segments; rows as in ``Joint.sigmas``."""
+    return gap_jacobians(joint, world_T_parent, world_T_child)[0]
 
 
-def gap_jacobians(joint: Joint, world_T_parent: Array, world_T_child: Array) -> tuple[Array, Array]:
-    """How ``joint_gap`` changes with the tangents of parent and child in their own axes: (..., 6, 6) each."""
-    gap, joint_T_parent = _gap(joint, world_T_parent, world_T_child)
+def gap_jacobians(joint: Joint, world_T_parent: Array, world_T_child: Array) -> tuple[Array, Array, Array]:
+    """``joint_gap``, and how it changes with the tangents of parent and child in their own axes: (..., 6, 6) each."""
+    joint_T_parent = inverse(joint.parent_T_joint)
+    gap = joint_T_parent @ inverse(world_T_parent) @ world_T_child @ joint.child_T_joint
+    gap_inverse, (forbidden, by_turn) = inverse(gap), _forbidden(joint, gap[..., :3, :3])
     by_gap = np.zeros((*gap.shape[:-2], 6, 6))
-    by_gap[..., :3, :3] = row_axes(joint) @ _forbidden(joint, gap)[1]
-    by_gap[..., 3:, :3], by_gap[..., 3:, 3:] = hat(-inverse(gap)[..., :3, 3]), np.eye(3)
-    by_parent: Array = -by_gap @ adjoint(inverse(gap) @ joint_T_parent)
-    by_child: Array = by_gap @ adjoint(joint.joint_T_child)
-    return by_parent, by_child
+    by_gap[..., :3, :3] = joint.axes_of_rotation @ by_turn
+    by_gap[..., 3:, :3], by_gap[..., 3:, 3:] = hat(-gap_inverse[..., :3, 3]), np.eye(3)
+    residual = np.concatenate([forbidden @ joint.axes_of_rotation.T, -gap_inverse[..., :3, 3]], axis=-1)
+    return residual, -by_gap @ adjoint(gap_inverse @ joint_T_parent), by_gap @ adjoint(joint.joint_T_child)
 
 
 def turn_jacobian(rotation_vector: Array) -> Array:
@@ -52,15 +45,8 @@ def turn_jacobian(rotation_vector: Array) -> Array:
     return series
 
 
-def _gap(joint: Joint, world_T_parent: Array, world_T_child: Array) -> tuple[Array, Array]:
-    """parent_joint_T_child_joint, and joint_T_parent."""
-    joint_T_parent = inverse(joint.parent_T_joint)
-    return joint_T_parent @ inverse(world_T_parent) @ world_T_child @ joint.child_T_joint, joint_T_parent
-
-
-def _forbidden(joint: Joint, gap: Array) -> tuple[Array, Array]:
+def _forbidden(joint: Joint, R: Array) -> tuple[Array, Array]:
     """Rotation vector (..., 3) of what the type forbids, and how it changes with a turn (..., 3, 3) of the child."""
-    R = gap[..., :3, :3]
     if joint.type in ("ball", "free"):
         return np.zeros(R.shape[:-1]), np.zeros(R.shape)
     swing = R if joint.type == "weld" else joint.hinge_rotation(-hinge_angle(R, joint.axis)) @ R

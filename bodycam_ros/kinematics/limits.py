@@ -38,19 +38,19 @@ class JointLimits:
 
     def clamp(self, rotations: Array) -> Array:
         """Joint rotations (J, 3, 3) with every angle put back into its limits; themselves if none is beyond."""
-        angles = self._angles_of(rotations)
+        angles = self.nearest_angles(rotations)
         if not self.excess(angles).any():
             return rotations
         return self.angles.rotations(np.clip(angles, self.low, self.high))
 
     def widened(self, rotations: Array, seen: NDArray[np.bool_]) -> "JointLimits":
         """Limits that hold the angles of some joints (J,) of rotations (J, 3, 3) as well."""
-        angles, widened = self._angles_of(rotations), copy(self)
+        angles, widened = self.nearest_angles(rotations), copy(self)
         chosen = seen[self.angles.joint_rows]
         widened.low = np.where(chosen, np.minimum(self.low, angles), self.low)
         widened.high = np.where(chosen, np.maximum(self.high, angles), self.high)
         return widened
 
-    def _angles_of(self, rotations: Array) -> Array:
-        """Angles (A) [rad] of joint rotations (J, 3, 3), of all triples and turns those nearest to the range."""
+    def nearest_angles(self, rotations: Array) -> Array:
+        """Angles (A) [rad] of joint motions (J, 3, 3) or (J, 4, 4), of all triples and turns those nearest to zero."""
         return self.angles.angles(rotations, self._at_rest)

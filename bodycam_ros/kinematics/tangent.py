@@ -12,7 +12,7 @@ import numpy as np
 
 from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, nearest_rotation
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint
-from bodycam_ros.kinematics.joint_gap import gap_jacobians, joint_gap
+from bodycam_ros.kinematics.joint_gap import gap_jacobians
 from bodycam_ros.kinematics.tree import KinematicTree
 
 
@@ -71,10 +71,15 @@ class TreeTangent:
         jacobians: Array = twists[..., 3:, :] - hat(world) @ twists[..., :3, :]
         return jacobians
 
-    def gap(self, joint: Joint, world_T_segment: Array) -> tuple[Array, Array]:
-        """The gap (..., 6) of a joint that closes a loop (``joint_gap``), and its Jacobian (..., 6, K)."""
+    def gap(self, joint: Joint, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
+        """The gap (..., 6) of a joint that closes a loop (``joint_gap``), and its Jacobian (..., 6, K).
+
+        Args:
+            joint: between two segments of the tree.
+            world_T_segment: (..., S, 4, 4) poses.
+            J: (..., S, 6, K) their ``segment_jacobians``.
+        """
         parent, child = (self.tree.segment_index[segment] for segment in (joint.parent, joint.child))
         ends = world_T_segment[..., parent, :, :], world_T_segment[..., child, :, :]
-        J = self.segment_jacobians(world_T_segment)
-        by_parent, by_child = gap_jacobians(joint, *ends)
-        return joint_gap(joint, *ends), by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]
+        gap, by_parent, by_child = gap_jacobians(joint, *ends)
+        return gap, by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]

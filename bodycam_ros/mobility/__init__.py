@@ -1,1 +1,1 @@
-"""What a closed chain can do before anything is solved: freedoms, rank, what is said twice and what cannot be (B 3)."""
+"""The mobility of a body with equipment: degrees of freedom, rank, redundant and conflicting constraints (B 3)."""

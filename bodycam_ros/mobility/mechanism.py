@@ -1,8 +1,11 @@
-"""A body and its equipment as a mechanism: the freedoms of its tree, and the rows that close its loops (B 3.2)."""
+"""A body and its equipment as one tree with loops, and the constraint rows that close the loops (B 3.2).
 
-from collections.abc import Collection
+An unknown length of the equipment is a sliding joint: a joint with an unknown place slides, and an attachment with an
+unknown place is on a small segment of its own that slides on the equipment's.
+"""
+
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,42 +14,25 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, rigid
-from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.kinematics.joint_gap import GIVES_M, GIVES_RAD, gap_jacobians, held_rows, joint_gap
+from bodycam_ros.geometry import Array, hat, inverse, log_se3, log_so3
+from bodycam_ros.kinematics.joint import LOOSE_M, Joint
+from bodycam_ros.kinematics.joint_gap import GIVES_M, GIVES_RAD, held_rows, turn_jacobian
+from bodycam_ros.kinematics.limits import JointLimits
+from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import KinematicTree
 
-STIFF = 1e-4  # [rad] and [m] sigma of what stands still
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """Columns that belong together.
-
-    Attributes:
-        name: of the root segment, of the joint, or of what has an unknown place.
-        kind: "place" of a segment that hangs on nothing, "joint", or "length" of the equipment.
-        columns: where they stand among all.
-    """
-
-    name: str
-    kind: str
-    columns: slice
+_GROUND_SIGMA = 1e-4  # [rad] and [m] of a segment that stands still
+_LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
+_POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
+_KNOWN_M = 1e-6  # least sigma of a length along an axis
 
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """Where everything is.
-
-    Attributes:
-        world_T_root: (4, 4).
-        joint_motion: (J, 4, 4) of the tree's joints; the place in it is that of free and sliding joints, and what an
-            unknown length is longer than said.
-        shifts: attachment -> (3) by how much its points on the equipment are elsewhere than said [m].
-    """
+    """The coordinates: pose of the root (4, 4) and joint motions (J, 4, 4)."""
 
     world_T_root: Array
     joint_motion: Array
-    shifts: dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,217 +40,164 @@ class Rows:
     """Constraint rows in units of sigma.
 
     Attributes:
-        owners: (R) the joint, or what stands, that each row is of.
-        kinds: (R) index 0 to 5 of each among its owner's: rotations, then places.
+        owners: (R) the joint, or the segment on the ground, that each row is of.
+        directions: (R, 3) of each row in the world.
+        turns: (R) whether it constrains a rotation.
         residuals: (R).
         jacobian: (R, K).
     """
 
     owners: tuple[str, ...]
-    kinds: tuple[int, ...]
+    directions: Array
+    turns: NDArray[np.bool_]
     residuals: Array
     jacobian: Array
 
+    @classmethod
+    def stack(cls, parts: Iterable["Rows"], columns: int) -> "Rows":
+        """Several rows of so many columns as one."""
+        parts = [cls((), np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0), np.zeros((0, columns))), *parts]
+        owners = tuple(owner for part in parts for owner in part.owners)
+        arrays = [(part.directions, part.turns, part.residuals, part.jacobian) for part in parts]
+        return cls(owners, *(np.concatenate(of_all) for of_all in zip(*arrays, strict=True)))
+
 
 class Mechanism:
-    """The columns and rows of a body, with equipment or alone.
+    """Columns and rows of a body, with equipment or alone.
 
     Attributes:
         body: both as one (``coupled_body``).
         equipment: as far as the body can hold it, or None.
-        freedoms: all groups of columns, the root's place first, lengths last.
+        tree: the body's, with a segment for each attachment of unknown place.
+        lengths: joint of the tree that slides by an unknown length -> (3) its sigmas, in the parent's axes [m].
+        names: (K) of the joint, or of the root segment, that each column is of.
+        kinds: (K) "place" of a segment that hangs on nothing, "joint" or "length".
+        units: (K) 1 for a rotation, a limb's length [m] for a translation: in these units columns are alike.
+        grounded: segments of the equipment that do not move in the world.
 
     Raises:
         BodyError: the equipment does not fit the body.
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        equipment = None if equipment is None else fitted_equipment(equipment, body)
-        self.equipment = equipment
-        self.body = body if equipment is None else coupled_body(body, equipment)
-        self.tangents_of_joints = [free_tangents(joint) for joint in self.body.tree_joints]
-        lengths = {} if equipment is None else dict(equipment.unknown)
+        self.equipment = equipment = None if equipment is None else fitted_equipment(equipment, body)
+        self.body = coupled_body(body, equipment)
         attachments = () if equipment is None else equipment.attachments
-        lengths |= {attachment.name: attachment.unknown for attachment in attachments}
-        self.length_sigmas = {name: np.asarray(sigma) for name, sigma in lengths.items() if np.any(sigma)}
-        groups = [(self.body.root, "place", 6)]
-        for joint, tangents in zip(self.body.tree_joints, self.tangents_of_joints, strict=True):
-            groups.append((joint.name, "place" if joint.type == "free" else "joint", tangents.shape[1]))
-        groups += [(name, "length", 3) for name in self.length_sigmas]
-        freedoms, start = [], 0
-        for name, kind, count in groups:
-            freedoms.append(Freedom(name, kind, slice(start, start + count)))
-            start += count
-        self.freedoms, self.column_count = tuple(freedoms), start
-        self.loops = self.body.loop_joints
+        unknown = {a.name: a.unknown for a in attachments} | dict(equipment.unknown if equipment else {})
+        self.lengths = {name: np.asarray(sigma) for name, sigma in unknown.items() if np.any(sigma)}
+        on_own = {joint.name for joint in self.body.loop_joints if joint.name in self.lengths}
+        joints, places = [], []
+        for joint in self.body.joints:
+            if joint.name in on_own:
+                place = f"{joint.name} place"
+                places.append(_sliding(Joint(joint.name, joint.parent, place, "weld", np.eye(4))))
+                joints.append(replace(joint, name=f"{joint.name} loop", parent=place))
+            else:
+                joints.append(_sliding(joint) if joint.name in self.lengths else joint)
+        segments = (*self.body.segments, *(joint.child for joint in places))
+        self.tree = KinematicTree(self.body.name, self.body.root, segments, (*joints, *places))
+        self.tangent = TreeTangent(self.tree, GIVES_M)
+        self.loops = {joint.name.removesuffix(" loop"): joint for joint in self.tree.loop_joints}
+        twists = [(self.body.root, "place", np.eye(6))]
+        for joint, xi in zip(self.tree.tree_joints, self.tangent.twists, strict=True):
+            twists.append((joint.name, "place" if joint.type == "free" else "joint", xi))
+        sliding = np.concatenate([xi[3:].any(axis=0) for _, _, xi in twists])
+        self.names = np.array([name for name, _, xi in twists for _ in xi.T])
+        kinds = np.array([kind for _, kind, xi in twists for _ in xi.T])
+        self.kinds = np.where(sliding & np.isin(self.names, list(self.lengths)), "length", kinds)
+        self.units = np.where(sliding, _LIMB_M, 1.0)
+        beside = equipment.segments if equipment else {}
+        self.grounded = tuple(name for name, motion in beside.items() if motion.stands)
+        self.is_upright = equipment is not None and equipment.upright_sigma < GIVES_RAD
+        self.only_upright = self.is_upright and equipment is not None and equipment.root not in self.grounded
+        self.limits = JointLimits(self.tree)
+        own = {*self.lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
+        self._posture = [r for r, j in enumerate(self.tree.tree_joints) if j.type != "free" and j.name not in own]
 
-    @cached_property
-    def loops_through(self) -> dict[str, tuple[str, ...]]:
-        """Joint of the tree -> the loops that it is in."""
-        above = {joint.child: joint for joint in self.body.tree_joints}
-
-        def chain(segment: str) -> set[str]:
-            names = set()
-            while joint := above.get(segment):
-                names.add(joint.name)
-                segment = joint.parent
-            return names
-
-        within = {loop.name: chain(loop.parent) ^ chain(loop.child) for loop in self.loops}
-        return {
-            joint.name: tuple(loop for loop, joints in within.items() if joint.name in joints)
-            for joint in self.body.tree_joints
-        }
-
-    @cached_property
-    def stands(self) -> tuple[str, ...]:
-        """Segments of the equipment that do not move in the world."""
-        segments = {} if self.equipment is None else self.equipment.segments
-        return tuple(name for name, motion in segments.items() if motion.stands)
-
-    @cached_property
-    def is_upright(self) -> bool:
-        """Whether the equipment's root may not lean."""
-        return self.equipment is not None and self.equipment.upright_sigma < GIVES_RAD
-
-    @cached_property
-    def only_upright(self) -> bool:
-        """Whether the equipment's root may not lean and does not stand still either."""
-        return self.is_upright and self.equipment is not None and self.equipment.root not in self.stands
-
-    @cached_property
-    def column_units(self) -> Array:
-        """(K) 1 for a rotation, a limb's length [m] for a place: by these, columns are alike."""
-        units = np.ones(self.column_count)
-        for freedom, tangents in zip(self.freedoms, [np.eye(6), *self.tangents_of_joints], strict=False):
-            units[freedom.columns] = np.where(np.abs(tangents[3:]).any(axis=0), 0.4, 1.0)
-        units[self.columns("length")] = 0.4
-        return units
-
-    def columns(self, *kinds: str, names: Collection[str] | None = None) -> NDArray[np.int_]:
+    def columns(self, *kinds: str, names: Collection[str] | None = None) -> NDArray[np.intp]:
         """Indices of the columns of some kinds, and of some names."""
-        chosen = [f for f in self.freedoms if f.kind in kinds and (names is None or f.name in names)]
-        return np.concatenate([np.zeros(0, int), *(np.arange(f.columns.start, f.columns.stop) for f in chosen)])
+        chosen = np.isin(self.kinds, kinds)
+        return np.flatnonzero(chosen if names is None else chosen & np.isin(self.names, list(names)))
 
-    def resting(self) -> Configuration:
-        """The N-pose, the equipment's root where the body's is."""
-        motion = np.tile(np.eye(4), (len(self.body.tree_joints), 1, 1))
-        attachments = [name for name in self.length_sigmas if name in {joint.name for joint in self.loops}]
-        return Configuration(np.eye(4), motion, {name: np.zeros(3) for name in attachments})
+    def resting(self, bent: float = 0.0) -> Configuration:
+        """The N-pose, or joints bent by a share of the way to the middle of their limits; the roots at one place."""
+        motion = np.tile(np.eye(4), (len(self.tree.tree_joints), 1, 1))
+        motion[:, :3, :3] = self.limits.middle(bent)
+        return Configuration(np.eye(4), motion)
 
     def moved(self, configuration: Configuration, step: Array) -> Configuration:
-        """After a step (K): tangents of root, joints and free segments, and lengths along the parent's axes [m]."""
-        motion = configuration.joint_motion.copy()
-        row_of = {joint.name: row for row, joint in enumerate(self.body.tree_joints)}
-        shifts = dict(configuration.shifts)
-        for freedom in self.freedoms[1:]:
-            part = step[freedom.columns]
-            if freedom.kind != "length":
-                row = row_of[freedom.name]
-                motion[row] = motion[row] @ exp_se3(self.tangents_of_joints[row] @ part)
-            elif freedom.name in shifts:
-                shifts[freedom.name] = shifts[freedom.name] + part
-            else:
-                row = row_of[freedom.name]
-                motion[row, :3, 3] += self.body.tree_joints[row].parent_T_joint[:3, :3].T @ part
-        root = configuration.world_T_root @ exp_se3(step[self.freedoms[0].columns])
-        return Configuration(root, motion, shifts)
-
-    def longer_by(self, configuration: Configuration, name: str) -> Array:
-        """(3) by how much an unknown length is more than said, along the axes of the equipment's segment [m]."""
-        if name in configuration.shifts:
-            return configuration.shifts[name]
-        row, joint = next((row, joint) for row, joint in enumerate(self.body.tree_joints) if joint.name == name)
-        longer: Array = joint.parent_T_joint[:3, :3] @ configuration.joint_motion[row, :3, 3]
-        return longer
+        """After an increment (K) of the columns."""
+        return Configuration(*self.tangent.moved(configuration.world_T_root, configuration.joint_motion, step))
 
     def poses(self, configuration: Configuration) -> Array:
-        """world_T_segment (S, 4, 4)."""
-        return self.body.forward_kinematics(configuration.world_T_root, configuration.joint_motion)
+        """world_T_segment (S, 4, 4) of the tree, the body's segments first."""
+        return self.tree.forward_kinematics(configuration.world_T_root, configuration.joint_motion)
 
-    def segment_jacobians(self, configuration: Configuration) -> Array:
-        """(S, 6, K) how each segment's pose moves, a tangent in its own axes."""
-        body, index = self.body, self.body.segment_index
-        J = np.zeros((len(body.segments), 6, self.column_count))
-        J[index[body.root], :, :6] = np.eye(6)
-        lengths = {freedom.name: freedom.columns for freedom in self.freedoms if freedom.kind == "length"}
-        for row, (joint, freedom) in enumerate(zip(body.tree_joints, self.freedoms[1:], strict=False)):
-            motion = configuration.joint_motion[row]
-            child_T_parent = inverse(joint.parent_T_joint @ motion @ joint.joint_T_child)
-            J_child = adjoint(child_T_parent) @ J[index[joint.parent]]
-            J_child[:, freedom.columns] += adjoint(joint.child_T_joint) @ self.tangents_of_joints[row]
-            if joint.name in lengths:
-                J_child[:, lengths[joint.name]] += adjoint(child_T_parent)[:, 3:]
-            J[index[joint.child]] = J_child
-        return J
+    def longer_by(self, configuration: Configuration) -> dict[str, Array]:
+        """Unknown length -> by how much (3) it is more than given, along the axes of the equipment's segment [m]."""
+        rows = [(name, self.tree.joint_row[name]) for name in self.lengths]
+        joints, motion = self.tree.tree_joints, configuration.joint_motion
+        return {name: joints[row].parent_T_joint[:3, :3] @ motion[row, :3, 3] for name, row in rows}
 
-    def loop(self, joint: Joint, configuration: Configuration) -> Joint:
-        """A joint that closes a loop, where the unknown place of the equipment's points puts it."""
-        shift = configuration.shifts.get(joint.name)
-        return joint if shift is None else replace(joint, parent_T_joint=rigid(np.eye(3), shift) @ joint.parent_T_joint)
+    def constraints(
+        self, configuration: Configuration, without: Collection[str] = (), ground: Array | None = None
+    ) -> Rows:
+        """Rows of the loops but some, of what may not lean and, given poses (S, 4, 4), of segments that stand there."""
+        poses = self.poses(configuration)
+        J, index, parts = self.tangent.segment_jacobians(poses), self.tree.segment_index, []
+        for name, joint in self.loops.items():
+            if name not in without:
+                gap, by_step = self.tangent.gap(joint, poses, J)
+                world_R_joint = poses[index[joint.child], :3, :3] @ joint.child_T_joint[:3, :3]
+                axes = np.concatenate([joint.axes_of_rotation @ world_R_joint.T, world_R_joint.T])
+                parts.append(_rows(name, gap, by_step, np.array(joint.sigmas), axes, held_rows(joint)))
+        for segment in self.grounded if ground is not None else ():
+            assert ground is not None
+            row = index[segment]
+            away, axes = log_se3(inverse(ground[row]) @ poses[row]), np.tile(poses[row, :3, :3].T, (2, 1))
+            parts.append(_rows(segment, away, J[row], np.full(6, _GROUND_SIGMA), axes, range(6)))
+        if self.equipment is not None and (self.is_upright if ground is None else self.only_upright):
+            row = index[self.equipment.root]
+            up = poses[row, 2, :3]
+            lean, sigmas = (hat(up) @ J[row, :3])[:2], np.full(2, self.equipment.upright_sigma)
+            parts.append(_rows(self.equipment.root, up[:2], lean, sigmas, np.eye(3)[[1, 0]], range(2)))
+        return Rows.stack(parts, self.tangent.count)
 
-    def loop_rows(self, configuration: Configuration) -> Rows:
-        """Rows of all joints that close loops."""
-        poses, J = self.poses(configuration), self.segment_jacobians(configuration)
-        index = self.body.segment_index
-        parts = []
-        for joint in self.loops:
-            placed = self.loop(joint, configuration)
-            parent, child = index[joint.parent], index[joint.child]
-            gap = joint_gap(placed, poses[parent], poses[child])
-            by_parent, by_child = gap_jacobians(placed, poses[parent], poses[child])
-            jacobian = by_parent @ J[parent] + by_child @ J[child]
-            if joint.name in configuration.shifts:
-                jacobian[:, self.columns("length", names=[joint.name])] += by_parent[:, 3:]
-            assert joint.sigmas is not None  # set when it was made
-            parts.append(_rows(joint.name, held_rows(joint), gap, jacobian, np.array(joint.sigmas)))
-        return stacked(parts, self.column_count)
+    def expectations(self, configuration: Configuration) -> tuple[Array, Array]:
+        """Posture, limits and lengths: residuals in sigmas, and their Jacobian."""
+        motion, joints, twists = configuration.joint_motion, self.tree.tree_joints, self.tangent.twists
+        residuals, blocks = [], []
 
-    def standing_rows(self, configuration: Configuration, standing: Array) -> Rows:
-        """Rows of the segments that stand in the world at poses (S, 4, 4)."""
-        poses, J = self.poses(configuration), self.segment_jacobians(configuration)
-        parts = []
-        for segment in self.stands:
-            row = self.body.segment_index[segment]
-            away = log_se3(inverse(standing[row]) @ poses[row])
-            parts.append(_rows(segment, range(6), away, J[row], np.full(6, STIFF)))
-        return stacked(parts, self.column_count)
+        def add(values: Array, columns: slice, by_columns: Array, sigma: Array | float) -> None:
+            block = np.zeros((len(values), self.tangent.count))
+            block[:, columns] = by_columns / np.reshape(sigma, (-1, 1))
+            residuals.append(values / sigma)
+            blocks.append(block)
 
-    def upright_rows(self, configuration: Configuration) -> Rows:
-        """Two rows if the equipment's root may not lean, else none."""
-        if not self.is_upright or self.equipment is None:
-            return stacked([], self.column_count)
-        row = self.body.segment_index[self.equipment.root]
-        world_R_root = self.poses(configuration)[row, :3, :3]
-        up, turns = world_R_root[2], self.segment_jacobians(configuration)[row, :3]
-        sigmas = np.full(2, self.equipment.upright_sigma)
-        return _rows(self.equipment.root, (0, 1), up[:2], (hat(up) @ turns)[:2], sigmas)
-
-
-def free_tangents(joint: Joint) -> Array:
-    """(6, F) tangents of a tree joint's motion that it leaves free."""
-    if joint.type == "free":
-        return np.eye(6)
-    assert joint.sigmas is not None
-    turns = {"ball": np.eye(3), "hinge": joint.axis[:, None], "weld": np.zeros((3, 0))}[joint.type]
-    slides = np.eye(3)[:, [axis for axis in range(3) if joint.sigmas[3 + axis] >= GIVES_M]]
-    tangents = np.zeros((6, turns.shape[1] + slides.shape[1]))
-    tangents[:3, : turns.shape[1]], tangents[3:, turns.shape[1] :] = turns, slides
-    return tangents
+        lean = log_so3(configuration.world_T_root[:3, :3])
+        add(lean, slice(0, 3), turn_jacobian(lean), _LEAN_RAD)
+        turned = log_so3(motion[:, :3, :3])
+        by_turn = turn_jacobian(turned)
+        angles = self.limits.nearest_angles(motion)
+        excess, rates = self.limits.excess(angles), self.limits.angles.rates(angles)
+        for row in self._posture:
+            add(turned[row], self.tangent.columns[row], by_turn[row] @ twists[row][:3], _POSTURE_RAD)
+        for angle in np.flatnonzero(excess):
+            row = self.limits.angles.joint_rows[angle]
+            add(excess[[angle]], self.tangent.columns[row], rates[[angle]] @ twists[row][:3], _LIMIT_RAD)
+        for name, longer in self.longer_by(configuration).items():
+            row, sigma = self.tree.joint_row[name], np.maximum(self.lengths[name], _KNOWN_M)
+            parent_R_child = joints[row].parent_T_joint[:3, :3] @ motion[row, :3, :3]
+            add(longer, self.tangent.columns[row], parent_R_child @ twists[row][3:], sigma)
+        return np.concatenate(residuals), np.vstack(blocks)
 
 
-def stacked(parts: list[Rows], columns: int) -> Rows:
-    """Several rows of so many columns as one."""
-    parts = [*parts, Rows((), (), np.zeros(0), np.zeros((0, columns)))]
-    return Rows(
-        tuple(owner for part in parts for owner in part.owners),
-        tuple(kind for part in parts for kind in part.kinds),
-        np.concatenate([part.residuals for part in parts]),
-        np.vstack([part.jacobian for part in parts]),
-    )
+def _sliding(joint: Joint) -> Joint:
+    assert joint.sigmas is not None  # set when it was made
+    return replace(joint, sigmas=(*joint.sigmas[:3], LOOSE_M, LOOSE_M, LOOSE_M))
 
 
-def _rows(owner: str, held: Collection[int], gap: Array, jacobian: Array, sigmas: Array) -> Rows:
-    chosen = list(held)
-    scale = 1.0 / sigmas[chosen]
-    return Rows((owner,) * len(chosen), tuple(chosen), scale * gap[chosen], scale[:, None] * jacobian[chosen])
+def _rows(owner: str, gap: Array, jacobian: Array, sigmas: Array, axes: Array, chosen: Iterable[int]) -> Rows:
+    rows = list(chosen)
+    scaled = (gap / sigmas)[rows], (jacobian / sigmas[:, None])[rows]
+    return Rows((owner,) * len(rows), axes[rows], np.array(rows) < 3, *scaled)

@@ -24,9 +24,8 @@ from bodycam_ros.export.mjcf import mjcf_text
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, quaternion_xyzw, rigid
 from bodycam_ros.kinematics.joint import Joint, JointType
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.mobility.closing import closed, placed
+from bodycam_ros.mobility.closing import closed_configuration, projected
 from bodycam_ros.mobility.mechanism import Mechanism
-from bodycam_ros.mobility.projection import projected
 
 Poses = NDArray[np.float64]
 
@@ -187,7 +186,7 @@ def held(name: str) -> tuple[BodyModel, Poses]:
     """A body that holds supplied equipment whose lengths are those of the file: as one, and poses that close all."""
     equipment = known(read_equipment(name))
     mechanism = Mechanism(BODY, equipment)
-    start = closed(mechanism, placed(mechanism))
+    start, _ = closed_configuration(mechanism)
     return mechanism.body, mechanism.poses(projected(mechanism, start, mechanism.columns("place", "joint")))
 
 

@@ -37,14 +37,14 @@ def test_jacobians_are_the_numeric_ones(body: BodyModel, coordinates: tuple[Arra
     J, foot = tangent.segment_jacobians(poses), body.segment_index["foot"]
     J_points = tangent.point_jacobians(poses, foot, POINTS)
     (pedal,) = body.loop_joints
-    _, J_gap = tangent.gap(pedal, poses)
+    _, J_gap = tangent.gap(pedal, poses, J)
     for column in range(tangent.count):
         before, after = (poses_after(tangent, coordinates, column, step) for step in (-H, H))
         numeric = log_se3(inverse(before) @ after) / (2.0 * H)
         np.testing.assert_allclose(J[..., column], numeric, atol=1e-8)
         numeric = transform_points(after[:, foot], POINTS) - transform_points(before[:, foot], POINTS)
         np.testing.assert_allclose(J_points[..., column], numeric / (2.0 * H), atol=1e-8)
-        numeric = tangent.gap(pedal, after)[0] - tangent.gap(pedal, before)[0]
+        numeric = tangent.gap(pedal, after, J)[0] - tangent.gap(pedal, before, J)[0]
         np.testing.assert_allclose(J_gap[..., column], numeric / (2.0 * H), atol=1e-8)
 
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.mobility.closing import projected
 from bodycam_ros.mobility.mechanism import Configuration, Mechanism
-from bodycam_ros.mobility.projection import projected
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def end_by_two_turns(theta_1: float, theta_2: float) -> Array:
 
 def closed_at(mechanism: Mechanism, theta_1: float, near: tuple[float, float]) -> Configuration:
     """The chain with the first angle given, closed by the other two from a guess of them."""
-    guess = np.zeros(mechanism.column_count)
+    guess = np.zeros(mechanism.tangent.count)
     guess[mechanism.columns("joint")] = theta_1, *near
     others = mechanism.columns("joint", names=["theta_2", "crank"])
     return projected(mechanism, mechanism.moved(mechanism.resting(), guess), others)

@@ -38,30 +38,28 @@ def mechanism() -> Mechanism:
 def anywhere(mechanism: Mechanism, seed: int) -> Configuration:
     """Nothing closed, everything turned, lengths other than said."""
     random = np.random.default_rng(seed)
-    return mechanism.moved(mechanism.resting(), 0.5 * random.normal(size=mechanism.column_count))
+    return mechanism.moved(mechanism.resting(), 0.5 * random.normal(size=mechanism.tangent.count))
 
 
-def rows(mechanism: Mechanism, configuration: Configuration, standing: Array) -> tuple[Array, Array]:
-    parts = (
-        mechanism.loop_rows(configuration),
-        mechanism.standing_rows(configuration, standing),
-        mechanism.upright_rows(configuration),
-    )
-    return np.concatenate([part.residuals for part in parts]), np.vstack([part.jacobian for part in parts])
+def rows(mechanism: Mechanism, configuration: Configuration, ground: Array) -> tuple[Array, Array]:
+    constraints = mechanism.constraints(configuration, ground=ground)
+    expected, by_expected = mechanism.expectations(configuration)
+    return np.append(constraints.residuals, expected), np.vstack([constraints.jacobian, by_expected])
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_jacobian_is_the_numeric_one_in_every_column(mechanism: Mechanism, seed: int) -> None:
     configuration = anywhere(mechanism, seed)
-    standing = mechanism.poses(configuration)
-    _, analytic = rows(mechanism, configuration, standing)
-    assert analytic.shape[1] == mechanism.column_count == 6 + 36 + 6 + 3 + 1 + 3 * 7
+    ground = mechanism.poses(configuration)
+    _, analytic = rows(mechanism, configuration, ground)
+    assert analytic.shape[1] == mechanism.tangent.count == 6 + 36 + 6 + 3 + 1 + 3 * 7
+    assert len(mechanism.columns("length")) == 3 * 7
     h = 1e-6
-    for column in range(mechanism.column_count):
-        step = np.zeros(mechanism.column_count)
+    for column in range(mechanism.tangent.count):
+        step = np.zeros(mechanism.tangent.count)
         step[column] = h
-        after, _ = rows(mechanism, mechanism.moved(configuration, step), standing)
-        before, _ = rows(mechanism, mechanism.moved(configuration, -step), standing)
+        after, _ = rows(mechanism, mechanism.moved(configuration, step), ground)
+        before, _ = rows(mechanism, mechanism.moved(configuration, -step), ground)
         numeric = (after - before) / (2.0 * h)
         scale = 1.0 + np.abs(numeric)
         np.testing.assert_allclose(analytic[:, column] / scale, numeric / scale, atol=1e-6, err_msg=str(column))

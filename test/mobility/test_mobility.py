@@ -9,10 +9,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.equipment import Attachment
 from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.mobility.closing import closed, placed
+from bodycam_ros.mobility.closing import closed_configuration, projected
 from bodycam_ros.mobility.mechanism import Mechanism
 from bodycam_ros.mobility.mobility import Mobility, mobility
-from bodycam_ros.mobility.projection import constraints, projected
 
 
 def four_bar() -> BodyModel:
@@ -77,15 +76,15 @@ def told(found: Mobility) -> int:
 def test_null_motions_keep_the_loops_closed() -> None:
     mechanism = Mechanism(BODY, bicycle())
     columns = mechanism.columns("place", "joint")
-    configuration = projected(mechanism, closed(mechanism, placed(mechanism)), columns)
-    rows = constraints(mechanism, configuration, standing=mechanism.poses(configuration))
+    configuration = projected(mechanism, closed_configuration(mechanism)[0], columns)
+    rows = mechanism.constraints(configuration, ground=mechanism.poses(configuration))
     np.testing.assert_allclose(rows.residuals, 0.0, atol=1e-9)
     free = np.linalg.svd(rows.jacobian[:, columns])[2][rows.jacobian.shape[0] :]
-    step = np.zeros(mechanism.column_count)
+    step = np.zeros(mechanism.tangent.count)
     for size in (1e-3, 1e-4):
         for direction in free:
             step[columns] = size * direction
-            gaps = mechanism.loop_rows(mechanism.moved(configuration, step)).residuals
+            gaps = mechanism.constraints(mechanism.moved(configuration, step)).residuals
             # Closed to first order: what opens is of the order of the square [sigma of some mm].
             assert np.abs(gaps).max() < 2e3 * size**2
 
