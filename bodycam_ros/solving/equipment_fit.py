@@ -136,10 +136,10 @@ class EquipmentFit:
     def _normal_equations(
         self,
         root: Array,
-        motions: Sequence[Array],
+        motions: Array,
         lengths: Array,
         held: HeldPoints,
-        expected: tuple[Prior, Sequence[Array]] | None,
+        expected: tuple[Prior, Array] | None,
     ) -> tuple[Array, Array, float]:
         """Hessians (T, n, n), gradients (T, n) and the robust cost."""
         poses, moves = self.chain.poses(root, motions, lengths)
@@ -178,34 +178,32 @@ class EquipmentFit:
             cost += self._add_prior(H, g, root, motions, expected)
         return H, g, cost
 
-    def _add_joints(self, H: Array, g: Array, motions: Sequence[Array]) -> float:
+    def _add_joints(self, H: Array, g: Array, motions: Array) -> float:
         """What joints say that are neither free nor held."""
         cost = 0.0
-        for f, motion in zip(self.chain.freedoms, motions, strict=True):
+        for row, f in enumerate(self.chain.freedoms):
             if np.isfinite(f.sigmas).any():
                 weights = np.where(np.isfinite(f.sigmas), 1.0 / f.sigmas**2, 0.0)
-                off = log_se3(motion) @ f.twists
-                H[:, f.columns, f.columns] += weights
+                off = log_se3(motions[:, row]) @ f.twists
+                _diagonal(H, f.columns)[...] += weights
                 g[:, f.columns] += weights * off
                 cost += float(np.sum(weights * off**2))
         return cost
 
-    def _add_prior(
-        self, H: Array, g: Array, root: Array, motions: Sequence[Array], expected: tuple[Prior, Sequence[Array]]
-    ) -> float:
+    def _add_prior(self, H: Array, g: Array, root: Array, motions: Array, expected: tuple[Prior, Array]) -> float:
         prior, expected_motions = expected
 
-        def add(columns: NDArray[np.intp], off: Array, sigmas: Array) -> float:
-            H[:, columns, columns] += 1.0 / sigmas**2
+        def add(columns: slice, off: Array, sigmas: Array) -> float:
+            _diagonal(H, columns)[...] += 1.0 / sigmas**2
             g[:, columns] += off / sigmas**2
             return float(np.sum((off / sigmas) ** 2))
 
         off = log_se3(inverse(prior.poses[self.chain.root]) @ root)
-        cost = add(np.arange(6), off, prior.sigmas[self.chain.root])
-        for f, motion, before in zip(self.chain.freedoms, motions, expected_motions, strict=True):
-            if len(f.columns):
-                sigmas = np.abs(f.twists).T @ prior.sigmas[self.row[f.joint.child]]
-                cost += add(f.columns, log_se3(inverse(before) @ motion) @ f.twists, sigmas)
+        cost = add(slice(0, 6), off, prior.sigmas[self.chain.root])
+        away = log_se3(inverse(expected_motions) @ motions)
+        for row, f in enumerate(self.chain.freedoms):
+            sigmas = np.abs(f.twists).T @ prior.sigmas[self.row[f.joint.child]]
+            cost += add(f.columns, away[:, row] @ f.twists, sigmas)
         return cost
 
     def _pairs(
@@ -263,3 +261,9 @@ class EquipmentFit:
         variances[self._moving] += np.einsum("mk,kl,ml->m", by_lasting[0], lasting, by_lasting[0])
         sigmas: Array = np.sqrt(np.maximum(variances, 0.0))
         return sigmas
+
+
+def _diagonal(H: Array, columns: slice) -> Array:
+    """View (T, F) of the diagonals of matrices (T, n, n) in some columns."""
+    diagonal: Array = np.einsum("tii->ti", H[:, columns, columns])
+    return diagonal

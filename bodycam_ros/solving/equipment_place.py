@@ -10,7 +10,6 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.geometry import exp_so3, inverse, nearest_rotation, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.equipment_chain import closed_but_sliding
 from bodycam_ros.solving.equipment_fit import BODY_M, EquipmentFit, FittedEquipment, HeldPoints, Prior
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class EquipmentPlace:
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint], fit: EquipmentFit) -> None:
-        self._equipment, self._tree, self._fit = equipment, tuple(tree), fit
+        self._equipment, self._fit = equipment, fit
         endless = [joint for joint in tree if joint.type == "hinge" and joint.limits is None]
         # Pedals follow the foot once their crank is found.
         outer = {joint.child for joint in endless}
@@ -60,13 +59,8 @@ class EquipmentPlace:
 
     def nominal(self, world_T_root: Array, angles: Mapping[str, float] | None = None) -> Array:
         """Poses (E, 4, 4) with all joints at zero, but hinges at angles [rad]."""
-        row = self._fit.row
-        poses = np.empty((len(row), 4, 4))
-        poses[row[self._equipment.root]] = world_T_root
-        for joint in self._tree:
-            turn = _turn(joint, (angles or {}).get(joint.name, 0.0))
-            poses[row[joint.child]] = poses[row[joint.parent]] @ joint.parent_T_joint @ turn @ joint.joint_T_child
-        return poses
+        motions = np.tile(np.eye(4), (len(self._fit.chain.freedoms), 1, 1))
+        return self._bent(world_T_root, motions, angles or {})
 
     def anywhere(self, held: HeldPoints, lengths: Array) -> Placed | None:
         """The best fit of all; None while what is held does not say where the equipment is."""
@@ -119,13 +113,16 @@ class EquipmentPlace:
 
     def _turned(self, poses: Array, angles: Mapping[str, float]) -> Array:
         """Poses (E, 4, 4) with some hinges at angles [rad], and what hangs on them."""
-        row, start = self._fit.row, poses.copy()
-        for joint in self._tree:
-            parent_T_child = inverse(poses[row[joint.parent]]) @ poses[row[joint.child]]
-            if joint.name in angles:
-                parent_T_child = joint.parent_T_joint @ _turn(joint, angles[joint.name]) @ joint.joint_T_child
-            start[row[joint.child]] = start[row[joint.parent]] @ closed_but_sliding(joint, parent_T_child)
-        return start
+        chain = self._fit.chain
+        return self._bent(poses[chain.root], chain.tree.joint_poses(poses, chain.slides), angles)
+
+    def _bent(self, world_T_root: Array, motions: Array, angles: Mapping[str, float]) -> Array:
+        """Poses (E, 4, 4) of the root's (4, 4) and joint motions (J, 4, 4), with some hinges at angles [rad]."""
+        tree = self._fit.chain.tree
+        for name, angle in angles.items():
+            row = tree.joint_row[name]
+            motions[row] = rigid(tree.tree_joints[row].hinge_rotation(np.array(angle)), np.zeros(3))
+        return tree.forward_kinematics(world_T_root, motions)
 
     def _angles(self, endless: Joint | None) -> list[dict[str, float]]:
         if endless is None:
@@ -154,11 +151,6 @@ class EquipmentPlace:
             R = nearest_rotation(scatter)
         moved: Array = rigid(R, b_mean - R @ a_mean) @ nominal
         return moved
-
-
-def _turn(joint: Joint, angle: float) -> Array:
-    """(4, 4) turn of a hinge by an angle [rad]; of any other joint none."""
-    return rigid(joint.hinge_rotation(np.array(angle)) if joint.type == "hinge" else np.eye(3), np.zeros(3))
 
 
 def _cost(fitted: FittedEquipment) -> float:

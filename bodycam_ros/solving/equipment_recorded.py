@@ -89,12 +89,12 @@ class RecordedEquipment:
         # By what holds it at each instant alone: the forward pass takes some to believe what it did not expect.
         fitted = self._coupling.fit.solve(start[:, rows], lengths, self._held(instants, poses))
         motions = chain.motions(fitted.poses, fitted.lengths)
-        for f, motion in zip(chain.freedoms, motions, strict=True):
+        for row, f in enumerate(chain.freedoms):
             if f.joint.name in self._coupling.keeping_joints:
                 driven = np.array([self._coupling.drives(f.joint, self._holding(i)) for i in instants], bool)
-                angles = np.unwrap(hinge_angle(motion[:, :3, :3], f.joint.axis))
+                angles = np.unwrap(hinge_angle(motions[:, row, :3, :3], f.joint.axis))
                 stamps_s = 1e-9 * np.array([i.state.stamp_ns - instants[0].state.stamp_ns for i in instants])
-                motion[:, :3, :3] = f.joint.hinge_rotation(on_the_way(angles, stamps_s, driven))
+                motions[:, row, :3, :3] = f.joint.hinge_rotation(on_the_way(angles, stamps_s, driven))
         start[:, rows] = chain.poses(start[:, rows[chain.root]], motions, lengths)[0]
         return start
 

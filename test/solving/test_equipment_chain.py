@@ -57,20 +57,20 @@ def chain() -> EquipmentChain:
 
 
 @pytest.fixture
-def moving(chain: EquipmentChain) -> tuple[Array, list[Array], Array]:
-    """Root (T, 4, 4), joints (T, 4, 4) that stand somehow, and lengths (L)."""
+def moving(chain: EquipmentChain) -> tuple[Array, Array, Array]:
+    """Root (T, 4, 4), joint motions (T, J, 4, 4), and lengths (L)."""
     random = np.random.default_rng(7)
-    motions = [exp_se3(random.normal(0.0, 0.8, (INSTANTS, len(f.columns))) @ f.twists.T) for f in chain.freedoms]
-    return exp_se3(random.normal(0.0, 1.0, (INSTANTS, 6))), motions, random.normal(0.0, 0.05, 5)
+    motions = [exp_se3(random.normal(0.0, 0.8, (INSTANTS, f.twists.shape[1])) @ f.twists.T) for f in chain.freedoms]
+    return exp_se3(random.normal(0.0, 1.0, (INSTANTS, 6))), np.stack(motions, axis=1), random.normal(0.0, 0.05, 5)
 
 
-def test_poses_are_those_of_the_coupled_body(chain: EquipmentChain, moving: tuple[Array, list[Array], Array]) -> None:
+def test_poses_are_those_of_the_coupled_body(chain: EquipmentChain, moving: tuple[Array, Array, Array]) -> None:
     root, motions, _ = moving
     poses, _ = chain.poses(root, motions, np.zeros(5))
     coupled = coupled_body(BODY, MACHINE)
     joint_poses = np.tile(np.eye(4), (INSTANTS, len(coupled.tree_joints), 1, 1))
-    stand = {"machine": root, **{f.joint.name: motion for f, motion in zip(chain.freedoms, motions, strict=True)}}
-    by_name = {joint.name: row for row, joint in enumerate(coupled.tree_joints)}
+    stand = {"machine": root, **{f.joint.name: motions[:, row] for row, f in enumerate(chain.freedoms)}}
+    by_name = coupled.joint_row
     for name in ("machine", "axle", "knob", "beside"):
         joint_poses[:, by_name[name]] = stand[name]
     by_body = coupled.forward_kinematics(np.broadcast_to(np.eye(4), root.shape), joint_poses)
@@ -78,11 +78,11 @@ def test_poses_are_those_of_the_coupled_body(chain: EquipmentChain, moving: tupl
         np.testing.assert_allclose(poses[:, chain.row[name]], by_body[:, coupled.segment_index[name]], atol=1e-12)
     # A body's welds do not slide; a machine's do.
     slid = inverse(poses[:, chain.row["crank"]] @ SLIDE.parent_T_joint) @ poses[:, chain.row["sleeve"]]
-    np.testing.assert_allclose(slid @ SLIDE.child_T_joint, motions[1], atol=1e-12)
+    np.testing.assert_allclose(slid @ SLIDE.child_T_joint, motions[:, 1], atol=1e-12)
 
 
 def test_what_follows_from_each_unknown_is_what_a_small_step_of_it_does(
-    chain: EquipmentChain, moving: tuple[Array, list[Array], Array]
+    chain: EquipmentChain, moving: tuple[Array, Array, Array]
 ) -> None:
     root, motions, lengths = moving
     poses, J = chain.poses(root, motions, lengths)
@@ -100,7 +100,6 @@ def test_what_follows_from_each_unknown_is_what_a_small_step_of_it_does(
         assert (np.abs(numeric).max() > 0.1) == (column != chain.length_columns[0])
 
 
-def test_motions_are_read_from_poses(chain: EquipmentChain, moving: tuple[Array, list[Array], Array]) -> None:
+def test_motions_are_read_from_poses(chain: EquipmentChain, moving: tuple[Array, Array, Array]) -> None:
     root, motions, lengths = moving
-    for read, motion in zip(chain.motions(chain.poses(root, motions, lengths)[0], lengths), motions, strict=True):
-        np.testing.assert_allclose(read, motion, atol=1e-12)
+    np.testing.assert_allclose(chain.motions(chain.poses(root, motions, lengths)[0], lengths), motions, atol=1e-12)
