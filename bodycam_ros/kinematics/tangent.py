@@ -37,7 +37,7 @@ class TreeTangent:
         self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
         self.count = int(ends[-1])
         self._joint_of_column = np.repeat(np.arange(len(self.twists)), np.diff(ends))
-        self._moves = np.concatenate([np.ones((len(tree.segments), 6), bool), tree.moves[:, self._joint_of_column]], 1)
+        self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
         root = tree.segment_index[tree.root]
@@ -59,9 +59,7 @@ class TreeTangent:
 
     def segment_jacobians(self, world_T_segment: Array) -> Array:
         """(..., S, 6, K) how the poses (..., S, 4, 4) change: tangents in the segments' own axes."""
-        moving = self.world_twists(world_T_segment)[..., None, :, :] * self._moves[:, None]
-        jacobians: Array = adjoint(inverse(world_T_segment)) @ moving
-        return jacobians
+        return segment_tangents(world_T_segment, self.world_twists(world_T_segment), self._moves)
 
     def point_jacobians(self, world_T_segment: Array, segment_row: int, points: Array) -> Array:
         """(..., N, 3, K) how points (N, 3) of a segment move in the world [m], at poses (..., S, 4, 4)."""
@@ -83,3 +81,15 @@ class TreeTangent:
         ends = world_T_segment[..., parent, :, :], world_T_segment[..., child, :, :]
         gap, by_parent, by_child = gap_jacobians(joint, *ends)
         return gap, by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]
+
+
+def segment_tangents(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
+    """(..., S, 6, K) tangents of segments, in their own axes, that twists in the world's axes make.
+
+    Args:
+        world_T_segment: (..., S, 4, 4) poses.
+        world_twists: (..., 6, K) about the world's origin.
+        moves: (S, K) 1 where a twist moves a segment, 0 elsewhere.
+    """
+    tangents: Array = adjoint(inverse(world_T_segment)) @ (world_twists[..., None, :, :] * moves[:, None])
+    return tangents

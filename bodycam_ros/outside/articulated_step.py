@@ -12,6 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.limits import JointLimits
+from bodycam_ros.kinematics.tangent import segment_tangents
 
 _ROOT = 6
 _STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
@@ -51,12 +52,10 @@ class ArticulatedStep:
             (row, joint) for row, joint in enumerate(body.tree_joints) if joint.child not in body.equipment_segments
         ]
         self._rows = [row for row, _ in joints]
-        self._parents = [body.segment_index[joint.parent] for _, joint in joints]
-        self._parent_T_joint = np.array([joint.parent_T_joint for _, joint in joints]).reshape(-1, 4, 4)
-        self._turns = np.zeros((len(body.segments), len(joints)))
-        for column, (_, joint) in enumerate(joints):
-            self._turns[body.rows_below[body.segment_index[joint.child]], column] = 1.0
-        self._with_root = self._turns_of_root()
+        in_body = np.ones(len(body.segments))
+        in_body[self._beside] = 0.0
+        self._turns = in_body[:, None] * body.moves[:, self._rows]
+        self._moves = np.concatenate([np.outer(in_body, np.ones(_ROOT)), self._turns.repeat(3, axis=1)], axis=1)
         unknowns = _ROOT + np.arange(3 * len(joints)).reshape(-1, 3)
         self._blocks = unknowns[:, :, None], unknowns[:, None]
         self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
@@ -88,25 +87,11 @@ class ArticulatedStep:
 
     def jacobians(self, poses: Array) -> Array:
         """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
-        centre = poses[self._root, :3, 3]
-        # In the world's axes, of a point at the centre: a turn w about a pivot p moves it by p x w.
-        pivots = hat(self._world_T_joint(poses)[:, :3, 3] - centre)
-        turns = self._with_root.copy()
-        turns[:, 3:, _ROOT:] = (self._turns[:, None, :, None] * np.swapaxes(pivots, 0, 1)).reshape(len(poses), 3, -1)
-        segment_R_world = np.swapaxes(poses[:, :3, :3], 1, 2)
-        to_segment = np.zeros((len(poses), 6, 6))
-        to_segment[:, :3, :3] = to_segment[:, 3:, 3:] = segment_R_world
-        to_segment[:, 3:, :3] = -segment_R_world @ hat(poses[:, :3, 3] - centre)
-        J: Array = to_segment @ turns
-        return J
-
-    def _turns_of_root(self) -> Array:
-        """(S, 6, 6 + 3 J) what the root's twist does to segments, and what the joints' turns do to their rotations."""
-        turns = np.zeros((*self._turns.shape[:1], 6, _ROOT + 3 * len(self._rows)))
-        turns[:, range(_ROOT), range(_ROOT)] = 1.0
-        turns[self._beside] = 0.0
-        turns[:, :3, _ROOT:] = (self._turns[:, None, :, None] * np.eye(3)[:, None]).reshape(len(turns), 3, -1)
-        return turns
+        # A turn w about a pivot p moves the point at the world's origin by p x w.
+        pivots = hat(np.concatenate([poses[None, self._root, :3, 3], self._world_T_joint(poses)[:, :3, 3]]))
+        twists = np.concatenate([np.broadcast_to(np.eye(3), pivots.shape), pivots], axis=1)
+        shifts = np.concatenate([np.zeros((3, 3)), np.eye(3)])
+        return segment_tangents(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
 
     def expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
         """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
@@ -134,8 +119,7 @@ class ArticulatedStep:
         b[_ROOT:] -= pull.ravel()
 
     def _world_T_joint(self, poses: Array) -> Array:
-        world_T_joint: Array = poses[self._parents] @ self._parent_T_joint
-        return world_T_joint
+        return self._body.world_T_joint(poses)[self._rows]
 
     def _applied(self, poses: Array, step: Array) -> Array:
         """Poses (S, 4, 4) moved by the unknowns, joints closed: turns add up along the chain, places follow."""

@@ -54,9 +54,7 @@ class ShapeEvidence:
         self._parents = [row_of[joint.parent] for joint, _ in shape.lengths]
         self._axes = [axis for _, axis in shape.lengths]
         self._begun = np.array([joint.parent_T_joint[axis, 3] for joint, axis in shape.lengths])
-        self._moves = np.zeros((len(row_of), len(shape.lengths)))
-        for column, (joint, _) in enumerate(shape.lengths):
-            self._moves[self.body.rows_below[row_of[joint.child]], column] = 1.0
+        self._moves = self.body.moves[:, [self.body.joint_row[joint.name] for joint, _ in shape.lengths]]
 
     def of_instant(
         self, views: Mapping[str, StationView], images: Mapping[str, Image], poses: Array
