@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import (
     exp_se3,
@@ -58,9 +57,8 @@ class ArticulatedMotion:
     @cached_property
     def parent_rows(self) -> tuple[int, ...]:
         """(S) row of each segment's parent; -1 for the root."""
-        index = self.body.segment_index
-        joints = [self.body.joint_to_parent(segment) for segment in self.body.segments]
-        return tuple(-1 if joint is None else index[joint.parent] for joint in joints)
+        parent_of = {child: parent for parent, child in self.body.joint_ends.tolist()}
+        return tuple(parent_of.get(row, -1) for row in range(len(self.body.segments)))
 
     @cached_property
     def carriers(self) -> tuple[int, ...]:
@@ -94,12 +92,9 @@ class ArticulatedMotion:
     def world_T_segment(self) -> Array:
         """Poses (T, S, 4, 4) (A eq. 3-4)."""
         positions = np.empty((*self.rotations.shape[:2], 3))
-        for row, parent in self._parents_first():
-            positions[:, row] = (
-                self.root_positions
-                if parent < 0
-                else positions[:, parent] + self.rotations[:, parent] @ self.offsets[row]
-            )
+        positions[:, self.body.segment_index[self.body.root]] = self.root_positions
+        for parent, child in self.body.joint_ends.tolist():
+            positions[:, child] = positions[:, parent] + self.rotations[:, parent] @ self.offsets[child]
         return rigid(self.rotations, positions)
 
     def world_T_camera(self) -> Array:
@@ -203,7 +198,7 @@ class ArticulatedMotion:
     def joints_at_zero(self, joints: Iterable[Joint]) -> dict[str, Array]:
         """Joint -> (3,) where it is when all segments have the root's axes, in those of the root [m]."""
         body = self.body_with_geometry()
-        world_T_segment = n_pose(body, np.eye(4))
+        world_T_segment = body.n_pose(np.eye(4))
         return {joint.name: world_T_segment[body.segment_index[joint.child], :3, 3] for joint in joints}
 
     def hinge_axis(self, child: str) -> Array:
@@ -238,11 +233,6 @@ class ArticulatedMotion:
         row = self.body.segment_index[child]
         rotations: Array = np.swapaxes(self.rotations[:, self.parent_rows[row]], -1, -2) @ self.rotations[:, row]
         return rotations
-
-    def _parents_first(self) -> list[tuple[int, int]]:
-        index = self.body.segment_index
-        rows = [index[self.body.root], *(index[joint.child] for joint in self.body.tree_joints)]
-        return [(row, self.parent_rows[row]) for row in rows]
 
 
 def articulated(

@@ -85,11 +85,6 @@ def joint_named(body: BodyModel, name: str) -> Joint:
     raise BodyError(f"no joint {name} in this body; there are {', '.join(j.name for j in body.joints) or 'none'}")
 
 
-def n_pose(body: BodyModel, world_T_root: Array) -> Array:
-    """Poses world_T_segment (S, 4, 4) of the body standing with its arms down."""
-    return body.n_pose(world_T_root)
-
-
 def _with_joints(body: BodyModel, corrected: Callable[[Joint], Joint]) -> BodyModel:
     return replace(body, joints=tuple(corrected(joint) for joint in body.joints))
 

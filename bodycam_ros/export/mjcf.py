@@ -18,7 +18,6 @@ from itertools import product
 
 import numpy as np
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf import optical_frame, xml_numbers
@@ -60,7 +59,7 @@ def mjcf_text(body: BodyModel) -> str:
 
 
 def _add_bodies(world: ET.Element, body: BodyModel) -> None:
-    standing = dict(zip(body.segments, n_pose(body, np.eye(4)), strict=True))
+    standing = dict(zip(body.segments, body.n_pose(np.eye(4)), strict=True))
     elements = {body.root: _add_body(world, body, body.root, standing[body.root])}
     ET.SubElement(elements[body.root], "freejoint", name=f"{body.root}_in_world")
     levels = {body.root: 1}

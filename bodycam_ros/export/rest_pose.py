@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import LEFT, RIGHT
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
@@ -21,7 +20,7 @@ def rest_pose(body: BodyModel, name: str) -> Array:
     Arms are raised about the axis that points forward, palms then face down. A body without arms stands as in the
     N-pose.
     """
-    poses = n_pose(body, np.eye(4))
+    poses = body.n_pose(np.eye(4))
     for side, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
         row = body.segment_index.get(f"{_ARM}{side}")
         if row is None:

@@ -121,8 +121,6 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
     nearest = _nearest(stamps, at_ns)
     joints = [interpolated(stamps, joint_poses[:, row], at_ns) for row in range(joint_poses.shape[1])]
     poses = np.stack(joints, axis=1) if joints else np.zeros((len(at_ns), 0, 4, 4))
-    own = motion.joint_angles[nearest]
-    angles = np.stack([joint_angles.angles(*at) for at in zip(poses, own, strict=True)])
     return SampledMotion(
         name=_name(solved),
         body=body,
@@ -132,7 +130,7 @@ def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion
         rate=rate or 1e9 / step_ns,
         world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
         joint_poses=poses,
-        angles=angles,
+        angles=joint_angles.angles(poses, motion.joint_angles[nearest]),
     )
 
 

@@ -19,7 +19,6 @@ from bodycam_ros.humans.axis_angles import composed, nearest_angles
 from bodycam_ros.humans.bent_limb import hinge_towards, turned_to_bend
 from bodycam_ros.humans.kinematic_model import BODY, CHAINS, TORSO, Chain
 from bodycam_ros.kinematics.euler_angles import nearest_turn
-from bodycam_ros.kinematics.joint_angles import JointAngles
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 _LENGTHS = {segment: proportion.middle for (segment, _), proportion in PROPORTIONS.items()}
@@ -60,8 +59,7 @@ class HumanSkeleton:
 
     def __init__(self, body: BodyModel) -> None:
         self._body = body
-        zero = JointAngles(body)
-        standing = body.forward_kinematics(np.eye(4), zero.poses(np.zeros(len(zero.names))))
+        standing = body.n_pose(np.eye(4))
         self._stands_R = standing[:, :3, :3]
         places = {segment: standing[row, :3, 3] for segment, row in body.segment_index.items()}
         links = {BODY}

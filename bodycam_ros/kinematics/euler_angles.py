@@ -11,9 +11,6 @@ _SINGULAR = 1e-3  # cosine of the middle angle, about, below which the rates of 
 # and what is lost of the rotation is at most as much as this.
 _FROZEN = 1e-4
 
-_BOTH = np.array([[0.0], [np.pi]])
-"""First angles of the two triples of a rotation."""
-
 _PARITY = {"xyz": 1.0, "yzx": 1.0, "zxy": 1.0, "xzy": -1.0, "yxz": -1.0, "zyx": -1.0}
 _GENERATORS = hat(np.eye(3))
 
@@ -52,26 +49,25 @@ class EulerOrder:
         return np.asarray(np.linalg.pinv(np.stack(turns, axis=2), rcond=_SINGULAR), np.float64)
 
     def decompose(self, rotations: Array, previous: Array) -> Array:
-        """Angles (N, 3) [rad] of rotations (N, 3, 3), nearest to the previous angles (N, 3) [rad].
+        """Angles (..., N, 3) [rad] of rotations (..., N, 3, 3), nearest to the previous angles (..., N, 3) [rad].
 
         Given the first angle, the other two follow without a singularity from R_i(first)^-1 R = R_j(middle) R_k(last).
         """
         first, middle, last = self._axes.T
-        y, x = -self._parity * rotations[self._rows, middle, last], rotations[self._rows, last, last]
+        y, x = -self._parity * rotations[..., self._rows, middle, last], rotations[..., self._rows, last, last]
         frozen = np.hypot(x, y) < _FROZEN  # the cosine of the middle angle
-        principal = np.where(frozen, previous[:, 0], np.arctan2(y, x))
-        candidates = self._with_first(rotations, principal + _BOTH, previous)
-        distances = np.sum((candidates - previous) ** 2, axis=-1)
-        nearest: Array = candidates[np.argmin(distances, axis=0), self._rows]
-        return nearest
+        principal = np.where(frozen, previous[..., 0], np.arctan2(y, x))
+        triples = self._with_first(rotations, np.stack([principal, principal + np.pi]), previous)
+        distances = np.sum((triples - previous) ** 2, axis=-1)
+        return np.where((distances[0] <= distances[1])[..., None], triples[0], triples[1])
 
     def _with_first(self, rotations: Array, first_angle: Array, previous: Array) -> Array:
-        """Angles (K, N, 3) whose first are given (K, N)."""
+        """Angles (K, ..., N, 3) whose first are given (K, ..., N)."""
         rows, (i, j, k), parity = self._rows, self._axes.T, self._parity
         cosine, sine = np.cos(first_angle)[..., None], (parity * np.sin(first_angle))[..., None]
-        row_j = cosine * rotations[rows, j] + sine * rotations[rows, k]
-        row_k = cosine * rotations[rows, k] - sine * rotations[rows, j]
-        middle_angle = np.arctan2(parity * rotations[rows, i, k], row_k[..., rows, k])
+        row_j = cosine * rotations[..., rows, j, :] + sine * rotations[..., rows, k, :]
+        row_k = cosine * rotations[..., rows, k, :] - sine * rotations[..., rows, j, :]
+        middle_angle = np.arctan2(parity * rotations[..., rows, i, k], row_k[..., rows, k])
         last_angle = np.arctan2(parity * row_j[..., rows, i], row_j[..., rows, j])
         return nearest_turn(np.stack([first_angle, middle_angle, last_angle], axis=-1), previous)
 

@@ -55,19 +55,22 @@ class JointAngles:
         places[..., self._free, :] = angles[..., self._place_columns]
         return poses
 
-    def angles(self, joint_motion: Array, previous: Array) -> Array:
-        """Angles (A) of joint rotations (J, 3, 3) or poses (J, 4, 4), nearest to the previous angles (A).
+    def forward_kinematics(self, world_T_root: Array, angles: NDArray[np.floating]) -> Array:
+        """Poses world_T_segment (..., S, 4, 4) of the root's (..., 4, 4) and of angles (..., A)."""
+        return self.tree.forward_kinematics(world_T_root, self.poses(angles))
 
-        Rotations say nothing of where the child of a free joint is: it stays where it was.
+    def angles(self, joint_motion: Array, previous: Array) -> Array:
+        """Angles (..., A) of joint motions (..., J, 3, 3) or (..., J, 4, 4), nearest to previous angles (..., A).
+
+        Rotations do not have the place of the child of a free joint: it stays where it was.
         """
-        joint_rotations = joint_motion[:, :3, :3]
-        angles = np.empty(len(self.names))
-        has_places = joint_motion.shape[-1] == 4
-        angles[self._place_columns] = joint_motion[self._free, :3, 3] if has_places else previous[self._place_columns]
-        balls = self._order.decompose(joint_rotations[self._balls], previous[self._ball_columns])
-        angles[self._ball_columns] = balls
-        hinges = hinge_angle(joint_rotations[self._hinges], self._hinge_axes)
-        angles[self._hinge_columns] = nearest_turn(hinges, previous[self._hinge_columns])
+        rotations, angles = joint_motion[..., :3, :3], np.empty((*joint_motion.shape[:-3], len(self.names)))
+        places = joint_motion[..., :3, 3][..., self._free, :] if joint_motion.shape[-1] == 4 else None
+        angles[..., self._place_columns] = previous[..., self._place_columns] if places is None else places
+        balls = self._order.decompose(rotations[..., self._balls, :, :], previous[..., self._ball_columns])
+        angles[..., self._ball_columns] = balls
+        hinges = hinge_angle(rotations[..., self._hinges, :, :], self._hinge_axes)
+        angles[..., self._hinge_columns] = nearest_turn(hinges, previous[..., self._hinge_columns])
         return angles
 
     def rates(self, angles: Array) -> Array:

@@ -84,8 +84,7 @@ def write_robot(
     robot = Robot(urdf, read_mapping(mapping_path))
     solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot, settings)
-    joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
-    poses = solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
+    poses = JointAngles(solved.body).forward_kinematics(solved.motion.world_T_root, solved.motion.joint_angles)
     summary, make = RobotSummary(following.scale), recorded_messages()
     stamps_ns = solved.motion.stamps_ns.tolist()
     with write_recording(output, force, check, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:

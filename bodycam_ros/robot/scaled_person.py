@@ -60,7 +60,7 @@ class ScaledPerson:
         wanted += [f"{kind}_{side}" for side in mapping.arms for kind in _ARM]
         if missing := [segment for segment in wanted if segment not in self._index]:
             raise BodyError(f"body {body.name} has no {', '.join(missing)}, which {mapping.path} lets a robot follow")
-        at_rest = body.forward_kinematics(np.eye(4), np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
+        at_rest = body.n_pose(np.eye(4))
         self._in_n = {link: robot.link_in_n_pose(link) for link in mapping.links}
         hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
         if hips[2] <= ankles[2]:

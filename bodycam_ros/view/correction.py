@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount, n_pose
+from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
@@ -152,11 +152,11 @@ class Correction:
 
     @cached_property
     def _original_n_pose(self) -> Array:
-        return n_pose(self.original, np.eye(4))
+        return self.original.n_pose(np.eye(4))
 
     @cached_property
     def _n_pose(self) -> Array:
-        return n_pose(self.body, np.eye(4))
+        return self.body.n_pose(np.eye(4))
 
 
 def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.drawing.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
@@ -54,7 +53,7 @@ class Motion:
     def standing(cls, body: BodyModel) -> "Motion":
         """The N-pose at the map's origin, the lowest end of a bone on the floor."""
         names = JointAngles(body).names
-        standing = body_bones(body, n_pose(body, np.eye(4)))
+        standing = body_bones(body, body.n_pose(np.eye(4)))
         lowest = min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
         world_T_root = np.eye(4)
         world_T_root[2, 3] = -lowest
@@ -79,7 +78,7 @@ class Motion:
         joint_angles = JointAngles(body)
         column = {name: column for column, name in enumerate(self.angle_names)}
         angles = self.angles[instant, [column[name] for name in joint_angles.names]]
-        return body.forward_kinematics(self.world_T_root[instant], joint_angles.poses(angles))
+        return joint_angles.forward_kinematics(self.world_T_root[instant], angles)
 
     def equipment_at(self, instant: int) -> list[Bone]:
         """The lines of what stands beside the body at one instant; none while nobody knows where it is."""

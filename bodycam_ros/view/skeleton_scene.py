@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from viser import CylinderHandle, FrameHandle, IcosphereHandle, SceneApi
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_shape import bone_ends
 from bodycam_ros.drawing.picture_style import EQUIPMENT
@@ -85,7 +84,7 @@ def _rod(body: BodyModel, segment: str) -> tuple[float, float, tuple[int, int, i
 
 def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
     """Segment, start (3,) and end (3,) of each line of the body, in that segment's frame [m]."""
-    root_T_segment = n_pose(body, np.eye(4))
+    root_T_segment = body.n_pose(np.eye(4))
     lines = []
     for bone in body_bones(body, root_T_segment):
         segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])

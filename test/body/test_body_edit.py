@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount, n_pose
+from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_so3, rigid
@@ -21,7 +21,7 @@ Poses = dict[str, NDArray[np.float64]]
 
 def cameras(body: BodyModel) -> Poses:
     """World poses of the cameras in the N-pose."""
-    world_T_segment = n_pose(body, ROOT)
+    world_T_segment = body.n_pose(ROOT)
     return {
         name: world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera
         for name, mount in body.mounts.items()
@@ -30,7 +30,7 @@ def cameras(body: BodyModel) -> Poses:
 
 def joints(body: BodyModel, side: str = "parent") -> Poses:
     """World poses of the joints' frames in the N-pose, by the parent or by the child."""
-    world_T_segment = n_pose(body, ROOT)
+    world_T_segment = body.n_pose(ROOT)
     return {
         joint.name: world_T_segment[body.segment_index[getattr(joint, side)]] @ getattr(joint, f"{side}_T_joint")
         for joint in body.joints
@@ -51,7 +51,7 @@ def test_a_joint_moves_alone(rider: BodyModel, name: str) -> None:
     assert_same(cameras(moved), cameras(rider))
     for side in ("parent", "child"):
         assert_same(joints(moved, side), joints(rider, side), name)
-    parent = n_pose(rider, ROOT)[rider.segment_index[was.parent]]
+    parent = rider.n_pose(ROOT)[rider.segment_index[was.parent]]
     for side in ("parent", "child"):
         assert_allclose(joints(moved, side)[name], parent @ wanted, rtol=0.0, atol=EXACT)
 
@@ -59,7 +59,7 @@ def test_a_joint_moves_alone(rider: BodyModel, name: str) -> None:
 def test_a_loop_joint_moves_no_segment_but_its_place_on_both(rider: BodyModel) -> None:
     step = rigid(TURN, SHIFT)
     moved = move_joint(rider, "pedal", joint_named(rider, "pedal").parent_T_joint @ step)
-    assert_allclose(n_pose(moved, ROOT), n_pose(rider, ROOT), rtol=0.0, atol=EXACT)
+    assert_allclose(moved.n_pose(ROOT), rider.n_pose(ROOT), rtol=0.0, atol=EXACT)
     assert_same(cameras(moved), cameras(rider))
     for side in ("parent", "child"):
         assert_same(joints(moved, side), joints(rider, side), "pedal")

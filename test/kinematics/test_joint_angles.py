@@ -63,3 +63,13 @@ def test_a_swing_through_the_singularity_is_continuous(order: str) -> None:
         found = euler.decompose(euler.compose(wanted[None]), previous)
         np.testing.assert_allclose(found[0], wanted, atol=2e-4)
         previous = found
+
+
+def test_all_instants_at_once_are_each_alone(body: BodyModel, random: np.random.Generator) -> None:
+    joint_angles = JointAngles(body)
+    truth = random.uniform(-7.0, 7.0, (5, len(joint_angles.names)))
+    poses = joint_angles.poses(truth)
+    found = joint_angles.angles(poses, truth + random.uniform(-0.1, 0.1, truth.shape))
+    np.testing.assert_allclose(found, truth, atol=1e-9)
+    alone = [joint_angles.angles(*each) for each in zip(poses, truth, strict=True)]
+    np.testing.assert_allclose(found, alone, atol=1e-9)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.view.correction import Correction, Move, Part, can_turn, place_of
@@ -69,7 +68,7 @@ def test_reset_takes_back_one_part_only_and_can_be_undone(rider: BodyModel) -> N
     assert_move(reset.move_of(SHIN), MOVE)
     assert_move(reset.undone().move_of(KNEE), MOVE)
     untouched = Correction(rider).moved_by(SHIN, MOVE).body
-    assert_allclose(n_pose(reset.body, np.eye(4)), n_pose(untouched, np.eye(4)), rtol=0.0, atol=1e-12)
+    assert_allclose(reset.body.n_pose(np.eye(4)), untouched.n_pose(np.eye(4)), rtol=0.0, atol=1e-12)
 
 
 def test_ball_joints_do_not_turn(rider: BodyModel) -> None:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.body.body_edit import n_pose
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.drawing.stick_figure import Bone, body_bones
@@ -40,7 +39,7 @@ class StandingBody:
     @classmethod
     def of(cls, body: BodyModel) -> "StandingBody":
         """Stand a body up."""
-        root_T_segment = n_pose(body, np.eye(4))
+        root_T_segment = body.n_pose(np.eye(4))
         poses = dict(zip(body.segments, root_T_segment, strict=True))
         lines = body_bones(body, root_T_segment)
         drawn = {bone.segment for bone in lines} | body.equipment_segments
