@@ -59,7 +59,8 @@ class EulerOrder:
         principal = np.where(frozen, previous[..., 0], np.arctan2(y, x))
         triples = self._with_first(rotations, np.stack([principal, principal + np.pi]), previous)
         distances = np.sum((triples - previous) ** 2, axis=-1)
-        return np.where((distances[0] <= distances[1])[..., None], triples[0], triples[1])
+        nearest: Array = np.where((distances[0] <= distances[1])[..., None], triples[0], triples[1])
+        return nearest
 
     def _with_first(self, rotations: Array, first_angle: Array, previous: Array) -> Array:
         """Angles (K, ..., N, 3) whose first are given (K, ..., N)."""
