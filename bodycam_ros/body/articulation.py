@@ -243,11 +243,13 @@ def articulated(
     twists: Array,
     triggered: NDArray[np.bool_],
 ) -> ArticulatedMotion:
-    """The arrays of a body whose segments begin at their joints, and of its motion; see ``ArticulatedMotion``."""
-    offsets = np.zeros((len(body.segments), 3))
-    for joint in body.tree_joints:
-        offsets[body.segment_index[joint.child]] = joint.parent_T_joint[:3, 3]
+    """The arrays of a body, its segments' origins moved to their joints, and of its motion (``ArticulatedMotion``)."""
+    origins, offsets = np.zeros((2, len(body.segments), 3))
+    for joint, (parent, child) in zip(body.tree_joints, body.joint_ends.tolist(), strict=True):
+        origins[child] = joint.child_T_joint[:3, 3]
+        offsets[child] = joint.parent_T_joint[:3, 3] - origins[parent]
     mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
+    mounts[:, :3, 3] -= origins[[body.segment_index[body.mounts[camera].segment] for camera in cameras]]
     delays = np.zeros(len(cameras))
     return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations, delays, twists, triggered)
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
-from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.body.urdf_document import UrdfDocument
+from bodycam_ros.geometry import Array, exp_se3
 
 LinkTransform = tuple[str, str, Array]
 """Parent link, child link, parent_T_child (4, 4) [m]."""
@@ -30,10 +30,8 @@ class LinkTransforms:
         self.fixed: tuple[LinkTransform, ...] = tuple(
             (joint.parent, joint.child, joint.parent_T_joint) for joint in joints if joint.axis is None
         )
-        moving: list[tuple[UrdfJoint, Array]] = [(joint, joint.axis) for joint in joints if joint.axis is not None]
-        self._joints = tuple(joint for joint, _ in moving)
-        self._axes = np.array([axis for _, axis in moving]).reshape(-1, 3)
-        self._slides = np.array([joint.slides for joint in self._joints], dtype=bool)
+        self._joints = tuple(joint for joint in joints if joint.axis is not None)
+        self._twists = np.array([joint.twist for joint in self._joints]).reshape(-1, 6)
         self._parent_T_joint = np.array([joint.parent_T_joint for joint in self._joints]).reshape(-1, 4, 4)
 
     def moving(self, names: Sequence[str], positions: NDArray[np.float64]) -> list[LinkTransform]:
@@ -48,7 +46,5 @@ class LinkTransforms:
         """
         row = {name: number for number, name in enumerate(names)}
         rows = np.array([row[joint.name] for joint in self._joints], dtype=int)
-        along = positions[rows, None] * self._axes
-        turns, shifts = np.where(self._slides[:, None], 0.0, along), np.where(self._slides[:, None], along, 0.0)
-        parent_T_child = self._parent_T_joint @ rigid(exp_so3(turns), shifts)
+        parent_T_child = self._parent_T_joint @ exp_se3(positions[rows, None] * self._twists)
         return [(joint.parent, joint.child, pose) for joint, pose in zip(self._joints, parent_T_child, strict=True)]

@@ -54,6 +54,12 @@ class UrdfJoint:
     limits: tuple[float, float] | None
     slides: bool = False
 
+    @property
+    def twist(self) -> Array:
+        """(6,) its twist in the joint's axes, rotation first: it moves its child by ``exp_se3(position * twist)``."""
+        axis = np.zeros(3) if self.axis is None else self.axis
+        return np.concatenate([np.zeros(3), axis] if self.slides else [axis, np.zeros(3)])
+
     @classmethod
     def read(cls, element: ET.Element) -> "UrdfJoint":
         """The joint of an element.

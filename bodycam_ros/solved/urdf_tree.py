@@ -15,7 +15,7 @@ from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
 from bodycam_ros.drawing.stick_figure import Bone, bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError
-from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.geometry import Array, exp_se3
 from bodycam_ros.kinematics.joint import Joint
 
 
@@ -117,9 +117,7 @@ class UrdfTree:
         for joint in self.joints:
             parent_T_child = joint.parent_T_joint
             if joint.axis is not None:
-                along = angles[joint.name][:, None] * joint.axis
-                motion = rigid(np.eye(3), along) if joint.slides else rigid(exp_so3(along), np.zeros(3))
-                parent_T_child = joint.parent_T_joint @ motion
+                parent_T_child = joint.parent_T_joint @ exp_se3(angles[joint.name][:, None] * joint.twist)
             world_T_link[joint.child] = world_T_link[joint.parent] @ parent_T_child
         return world_T_link
 

@@ -133,8 +133,8 @@ def _follow(
     body: BodyModel, cameras: tuple[str, ...], poses: Array, twists: Array, told: NDArray[np.bool_]
 ) -> ArticulatedMotion:
     """A body whose segments turn as their cameras do, its root where the cameras that hang on it nearest put it."""
-    offsets, mounts = _from_joints(body, cameras)
-    world_R_carrier = poses[..., :3, :3] @ np.swapaxes(mounts[:, :3, :3], 1, 2)
+    camera_R_segment = np.stack([body.mounts[camera].segment_T_camera[:3, :3].T for camera in cameras])
+    world_R_carrier = poses[..., :3, :3] @ camera_R_segment
     index = body.segment_index
     rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
     for segment in [body.root, *(joint.child for joint in body.tree_joints)]:
@@ -146,23 +146,8 @@ def _follow(
             rotations[:, row] = _filled(world_R_carrier[:, columns], told[:, columns], rotations[:, row])
     nobody = np.zeros(len(cameras), bool)
     motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, nobody)
-    motion = replace(motion, offsets=offsets, mounts=mounts)
     shifts = np.where(told[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
     return replace(motion, root_positions=np.nanmedian(shifts, axis=1))
-
-
-def _from_joints(body: BodyModel, cameras: tuple[str, ...]) -> tuple[Array, Array]:
-    """Offsets (S, 3) and mounts (C, 4, 4) of a body whose segments begin at their joints."""
-    places = np.zeros((len(body.segments), 3))
-    for joint in body.tree_joints:
-        places[body.segment_index[joint.child]] = joint.child_T_joint[:3, 3]
-    offsets = np.zeros((len(body.segments), 3))
-    for joint in body.tree_joints:
-        offset = joint.parent_T_joint[:3, 3] - places[body.segment_index[joint.parent]]
-        offsets[body.segment_index[joint.child]] = offset
-    mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
-    mounts[:, :3, 3] -= places[[body.segment_index[body.mounts[camera].segment] for camera in cameras]]
-    return offsets, mounts
 
 
 def _filled(rotations: Array, told: NDArray[np.bool_], otherwise: Array) -> Array:
