@@ -92,8 +92,11 @@ class FootContacts:
 
     @property
     def _floor(self) -> float:
-        """The lowest level [m] at which a point stood when it last stood firmly; at first z = 0."""
-        return min((point.level for point in self._points if point.level is not None), default=0.0)
+        """The lowest level [m] at which a point stood when it last stood firmly; z = 0 where all stood higher.
+
+        Who stands on pedals or on stairs does not raise the floor: a foot there rests once it stands firmly.
+        """
+        return min((0.0, *(point.level for point in self._points if point.level is not None)))
 
     def _since(self, window: BodyWindow, latest: Instant) -> Instant:
         """The instant that speeds are taken from."""
