@@ -1,8 +1,19 @@
 """The parameters of the nodes, each with unit, range and reason. Imports neither ROS nor NumPy."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from bodycam_ros.settings import setting
+
+TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
+REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter", "doubt")
+REGION_GROUPS: Final = ("region", "motion")
+SOLVER_GROUPS: Final = (
+    *("readout", "clock", "assembler", "smoother", "motion", "trust", "memory", "covariance", "contact", "evidence"),
+    *("coupling", "region", "verdict", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
+    *("rest_pose", "refinement", "joint_limits", "assessment", "anthropometry"),
+)
+"""The groups of settings that each node uses."""
 
 
 @dataclass(frozen=True)
@@ -12,7 +23,7 @@ class CommonParameters:
     frame_prefix: str = setting(
         "",
         reason="before the names of all frames but the map's, such as 'anna/', as robot_state_publisher has it: so "
-        "several people share one map and one /tf; a namespace alone does not keep their frames apart",
+        "several people share one map and one /tf; the node's namespace and a slash if empty, '/' for none",
     )
     moments: str = setting(
         "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"

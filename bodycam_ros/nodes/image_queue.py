@@ -12,8 +12,8 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import ImageSource
-from bodycam_ros.nodes.flow_of_frames import Ordered, OrderOfTime
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.live.flow_of_frames import Ordered, OrderOfTime
+from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 from bodycam_ros.video.video_decoder import VideoDecoder
 
@@ -33,7 +33,7 @@ class ImageQueue:
     """Reads a camera's images; the oldest go when too many wait.
 
     Args:
-        node: reads them.
+        stage: uses them.
         camera: its name.
         transport: of ``camera_topics.TRANSPORTS``.
         longest: images that may wait.
@@ -51,7 +51,7 @@ class ImageQueue:
 
     def __init__(
         self,
-        node: StageNode[Any],
+        stage: Stage[Any],
         camera: str,
         transport: str,
         longest: int,
@@ -59,10 +59,10 @@ class ImageQueue:
         on_more: Callable[[], None],
         what_is_lacking: Callable[[], str],
     ) -> None:
-        self._camera, self._longest, self._skipped, self._moments = camera, longest, node.skipped, node.moments
+        self._camera, self._longest, self._skipped, self._moments = camera, longest, stage.skipped, stage.moments
         self._thinning, self._on_more, self._what_is_lacking = thinning, on_more, what_is_lacking
         self.forget()
-        self.source = ImageSource(node, camera, transport, longest, self._receive)
+        self.source = ImageSource(stage, camera, transport, longest, self._receive)
 
     def forget(self) -> None:
         """What waits is of no use any more, and the next image follows none."""

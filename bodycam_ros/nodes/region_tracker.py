@@ -15,12 +15,11 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
 from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered
+from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
 from bodycam_ros.nodes.image_queue import ImageQueue, QueuedImage
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
-from bodycam_ros.nodes.region_parameters import REGION_GROUPS, RegionTrackerParameters
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import read_world
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
@@ -48,7 +47,7 @@ class _Tally:
     confidence: float = 0.0
 
 
-class RegionTracking(StageNode[RegionTrackerParameters]):
+class RegionStage(Stage[RegionTrackerParameters]):
     """Says what each image of one station shows of the body.
 
     Images wait until somebody reads what is said, and, but for ``most_ahead`` of them, until the solver has answered:
@@ -57,11 +56,10 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
     After it was inactive, it looks where the solver has the body by then.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("region_tracker", RegionTrackerParameters, REGION_GROUPS, arguments=arguments)
+    name, parameters_type, groups = "region_tracker", RegionTrackerParameters, REGION_GROUPS
 
-    def prepare(self) -> None:
-        """Read body, surface and stations, and listen to the camera."""
+    def __init__(self, node: StageNode[RegionTrackerParameters]) -> None:
+        super().__init__(node)
         of = self.parameters
         self.camera = self.required("camera")
         file, path = Path(self.required("stations")), Path(self.required("body"))
@@ -154,7 +152,7 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         if following.begins_anew and following is not self._begun_with:
             # Once: it may have to wait here.
             self._begun_with = following
-            self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+            self.log.warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
             self._begin()
         self._asked_since_s = self._asked_since_s or time.monotonic()
         if following.item.image.stamp_ns <= self._solved_ns <= self._images.newest_ns:
@@ -247,6 +245,6 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         return HealthLevel.OK, f"looking; sees nothing of {few(unseen)}" if unseen else "looking"
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(RegionTracking, "region_tracker")
+def make(arguments: Sequence[str] = ()) -> StageNode[RegionTrackerParameters]:
+    """The node."""
+    return StageNode(RegionStage, arguments)

@@ -19,16 +19,13 @@ from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import AwaitedReaders, MissedFrames
+from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
 from bodycam_ros.nodes.kept_map import KeptMap
-from bodycam_ros.nodes.later_action import LaterAction
-from bodycam_ros.nodes.loaded_map import load_map
+from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.nodes.map_extension import EXTEND_MAP_TYPE, MapExtension
-from bodycam_ros.nodes.parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.nodes.ways import Times, Ways, give_times
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import registrar
 from bodycam_ros.registration.reference_map import assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar
@@ -40,7 +37,7 @@ _TIMINGS = 10
 """Those of all who speak of one camera."""
 
 
-class Registration(StageNode[RegistrationParameters]):
+class RegistrationStage(Stage[RegistrationParameters]):
     """Registers all cameras; one registrar for each, over one map, which grows by what they see.
 
     Track frames that come before their camera's camera_info wait for it, and the first ones for those who are to read
@@ -50,20 +47,19 @@ class Registration(StageNode[RegistrationParameters]):
     after it was inactive; the map with all that has grown is kept.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("registration", RegistrationParameters, REGISTRATION_GROUPS, arguments=arguments)
-        self._extend = LaterAction(self, EXTEND_MAP_TYPE, "~/extend_map", lambda: self._extension)
+    name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
+    action = EXTEND_MAP_TYPE, "~/extend_map"
 
-    def prepare(self) -> None:
-        """Load the map with what has grown of it, and listen to the trackers."""
+    def __init__(self, node: StageNode[RegistrationParameters]) -> None:
+        super().__init__(node)
         map_path = Path(self.required("map"))
         self.map = load_map(map_path)
         check_metric(self.map, map_path)
         if assumed := assumed_vertical(self.map, map_path):
-            self.get_logger().warning(assumed)
+            self.log.warning(assumed)
         self._growth = LiveGrowth(self.map, self.settings.growth, self._want_keyframe, self._soon)
         self._kept = KeptMap(self, self._growth, self.map)
-        self._extension = MapExtension(self, self._extend, map_path)
+        self._extension = MapExtension(self, map_path)
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
@@ -73,7 +69,6 @@ class Registration(StageNode[RegistrationParameters]):
         self._readers = AwaitedReaders()
         self._registration_health = RegistrationHealth(cameras, self.settings.readout)
         self._missed = MissedFrames()
-        self._ways = Ways(self, cameras)
         self._frames, self._work_s = 0, 0.0
         self._landmarks = {
             camera: self.publisher("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", reliable(STAGE_DEPTH))
@@ -99,13 +94,12 @@ class Registration(StageNode[RegistrationParameters]):
                 latched(_TIMINGS),
                 even_inactive=True,
             )
-            tracks = self.subscription(
+            self.subscription(
                 "bodycam_msgs/msg/FeatureTracks",
                 f"{camera}/tracks",
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
-            give_times(tracks)
             self.subscription(
                 "geometry_msgs/msg/PoseWithCovarianceStamped",
                 f"{camera}/expected_pose",
@@ -121,7 +115,7 @@ class Registration(StageNode[RegistrationParameters]):
     def begin(self) -> None:
         """Show the map."""
         if self._points is not None:
-            now_ns = self.get_clock().now().nanoseconds
+            now_ns = self.node.get_clock().now().nanoseconds
             self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
 
     def pause(self) -> None:
@@ -205,8 +199,7 @@ class Registration(StageNode[RegistrationParameters]):
             self._registrars[camera].doubt(doubted_ns)
             self._want_keyframe(camera)
 
-    def _on_tracks(self, camera: str, message: Message, times: Times | None = None) -> None:
-        self._ways.came(camera, times)
+    def _on_tracks(self, camera: str, message: Message) -> None:
         try:
             frame = track_frame(message, camera)
         except ValueError as error:
@@ -235,7 +228,6 @@ class Registration(StageNode[RegistrationParameters]):
         self._latest_ns[camera] = frame.stamp_ns
         if self._missed.add(camera, frame.stamp_ns, frame.previous_stamp_ns):
             self._described.discard(camera)
-            self._ways.lost(camera)
             self.skipped.add(
                 "track messages lost", f"camera {camera}: the track message before {frame.stamp_ns} ns is lost"
             )
@@ -292,9 +284,9 @@ class Registration(StageNode[RegistrationParameters]):
             level, text = HealthLevel.STALE, "no tracks come"
         everybody = Health("all cameras", level, text, values)
         of_cameras = self._registration_health.report()
-        return [everybody, self._kept.health(), *self._extension.health(), *of_cameras, *self._ways.report()]
+        return [everybody, self._kept.health(), *self._extension.health(), *of_cameras]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(Registration, "registration")
+def make(arguments: Sequence[str] = ()) -> StageNode[RegistrationParameters]:
+    """The node."""
+    return StageNode(RegistrationStage, arguments)

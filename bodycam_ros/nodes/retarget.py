@@ -15,15 +15,12 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import MAP_FRAME
 from bodycam_ros.messages.status import Health, HealthLevel, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.parameters import declare, robot_settings
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
-from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_HEARD, MOTION_SAID, TRANSFORMS_SAID
-from bodycam_ros.nodes.retarget_parameters import RetargetParameters
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.live.node_parameters import RetargetParameters
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.told_body import ToldBody
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RobotState
+from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 _SKIPPED = "instants skipped"
@@ -39,16 +36,15 @@ class _Tally:
     farthest_m: float = 0.0
 
 
-class RetargetNode(StageNode[RetargetParameters]):
+class RetargetStage(Stage[RetargetParameters]):
     """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("retarget", RetargetParameters, arguments=arguments)
-        self._retarget = robot_settings(self.given).retarget
-        declare(self, self._retarget, "retarget")
+    name, parameters_type, groups = "retarget", RetargetParameters, ("retarget",)
+    settings_types = (RobotSettings,)
 
-    def prepare(self) -> None:
-        """Read the robot, and listen to the body."""
+    def __init__(self, node: StageNode[RetargetParameters]) -> None:
+        super().__init__(node)
+        self._retarget = node.parameters.of(RobotSettings).retarget
         of = self.parameters
         # Without one the robot would publish what it listens to.
         if not _NAMESPACE.fullmatch(of.robot):
@@ -61,12 +57,12 @@ class RetargetNode(StageNode[RetargetParameters]):
         self._tally = _Tally()
         told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
         often = partial(reliable, OUTPUT_DEPTH)
-        self._described = self.publisher("std_msgs/msg/String", told, latched(), LATCHED_SAID)
-        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), MOTION_SAID)
-        self._tf = self.publisher(TRANSFORMS, "/tf", often(), TRANSFORMS_SAID) if is_installed(TRANSFORMS) else None
+        self._described = self.publisher("std_msgs/msg/String", told, latched())
+        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
+        self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
         self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
-        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), MOTION_HEARD)
-        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), MOTION_HEARD)
+        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), overridable=True)
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), overridable=True)
 
     def begin(self) -> None:
         """Say what robot it is."""
@@ -131,6 +127,6 @@ class RetargetNode(StageNode[RetargetParameters]):
         return [Health("robot", level, text, values)]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(RetargetNode, "retarget")
+def make(arguments: Sequence[str] = ()) -> StageNode[RetargetParameters]:
+    """The node."""
+    return StageNode(RetargetStage, arguments)

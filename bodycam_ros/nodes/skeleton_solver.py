@@ -22,18 +22,17 @@ from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_hints import BodyHints
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import MissedFrames
+from bodycam_ros.live.flow_of_frames import MissedFrames
 from bodycam_ros.nodes.graph import cameras_used
-from bodycam_ros.nodes.live_calibration import LiveCalibration, calibrate_action
-from bodycam_ros.nodes.parameters import SOLVER_GROUPS, SolverParameters
+from bodycam_ros.nodes.live_calibration import CALIBRATE_TYPE, LiveCalibration
+from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.run import run
 from bodycam_ros.nodes.solver_health import SolverHealth
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.nodes.timing_topics import TimingTopics
 from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.solving.said_segments import SaidSegments
@@ -42,7 +41,7 @@ from bodycam_ros.verdict.judge import LiveVerdict
 _LOOK_S = 0.5
 
 
-class SkeletonSolver(StageNode[SolverParameters]):
+class SolverStage(Stage[SolverParameters]):
     """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first; later ones join.
 
     With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
@@ -50,12 +49,12 @@ class SkeletonSolver(StageNode[SolverParameters]):
     While it is inactive it keeps the body, what has been collected of a range of motion, and the cameras' clocks.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("skeleton_solver", SolverParameters, SOLVER_GROUPS, arguments=arguments)
-        self._action = calibrate_action(self, lambda: self._calibration) if self.parameters.rig else None
+    name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
+    settings_types = PipelineSettings, CalibrationSettings
+    action = CALIBRATE_TYPE, "~/calibrate"
 
-    def prepare(self) -> None:
-        """Read body, equipment and rig, and listen to registrations and stations."""
+    def __init__(self, node: StageNode[SolverParameters]) -> None:
+        super().__init__(node)
         of = self.parameters
         self._equipment = read_equipment(of.equipment) if of.equipment else None
         self._topics = BodyTopics(self, with_equipment=self._equipment is not None)
@@ -168,7 +167,7 @@ class SkeletonSolver(StageNode[SolverParameters]):
         if self._calibration is not None:
             self._calibration.begin(self._cameras.models)
         for camera in self._cameras.missing:
-            self.get_logger().warning(f"there is no {camera}/camera_info yet; the camera joins when it comes")
+            self.log.warning(f"there is no {camera}/camera_info yet; the camera joins when it comes")
         self._solve_with_those_known()
         for heard in self._waiting:
             self._take(heard)
@@ -295,6 +294,6 @@ class SkeletonSolver(StageNode[SolverParameters]):
         return health if self._calibration is None else [*health, self._calibration.health()]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(SkeletonSolver, "skeleton_solver")
+def make(arguments: Sequence[str] = ()) -> StageNode[SolverParameters]:
+    """The node."""
+    return StageNode(SolverStage, arguments)

@@ -13,14 +13,12 @@ from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
+from bodycam_ros.live.flow_of_frames import AnsweredFrames
 from bodycam_ros.nodes.image_queue import ImageQueue
-from bodycam_ros.nodes.loaded_map import load_map
-from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.registration.loaded_map import load_map
+from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.nodes.ways import AnsweredClock
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.tracking.every_second_image import EverySecondImage
@@ -40,7 +38,7 @@ class _Tally:
     latency_s: float = 0.0
 
 
-class Tracker(StageNode[TrackerParameters]):
+class TrackerStage(Stage[TrackerParameters]):
     """Tracks the features of one camera.
 
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
@@ -49,11 +47,10 @@ class Tracker(StageNode[TrackerParameters]):
     While it is inactive it looks at none, and afterwards it begins anew.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("tracker", TrackerParameters, TRACKER_GROUPS, arguments=arguments)
+    name, parameters_type, groups = "tracker", TrackerParameters, TRACKER_GROUPS
 
-    def prepare(self) -> None:
-        """Load the map, and listen to the camera."""
+    def __init__(self, node: StageNode[TrackerParameters]) -> None:
+        super().__init__(node)
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
@@ -68,7 +65,6 @@ class Tracker(StageNode[TrackerParameters]):
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
-        self._answered_clock = AnsweredClock(self, self.camera)
         of = self.parameters
         self._images = ImageQueue(
             self,
@@ -80,7 +76,7 @@ class Tracker(StageNode[TrackerParameters]):
             self._what_is_lacking,
         )
         # The last: who sees it reading camera_info may take it that it reads the rest.
-        self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
+        self._models = CameraModels(self, [self.camera], self._on_camera, fatal=True)
         # A reader of the tracks may come when no further image does.
         self.every(_LOOK_S, self._look)
         self.trigger("~/reset", self._reset)
@@ -140,7 +136,7 @@ class Tracker(StageNode[TrackerParameters]):
         if len(self._images):
             if self._images.next.begins_anew:
                 self._restarts += 1
-                self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+                self.log.warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
                 self._begin()
             came_s = self._images.next.item.seconds
             # While the registration does not answer images wait for it to start, and not because the machine is slow.
@@ -167,7 +163,7 @@ class Tracker(StageNode[TrackerParameters]):
         self._tally.latency_s += time.monotonic() - came_s
         # Not while others wait: to keep up comes first.
         if self._lens is not None and not len(self._images) and self._lens.look(grey) and self._lens.remark:
-            self.get_logger().warning(self._lens.remark)
+            self.log.warning(self._lens.remark)
 
     def _on_landmarks(self, message: Message) -> None:
         if self._tracker is None:
@@ -202,7 +198,6 @@ class Tracker(StageNode[TrackerParameters]):
             "times begun anew": self._restarts,
             "camera_info changed": self._models.changes,
             "lens": self._lens.said if self._lens else "unknown",
-            **self._answered_clock.values(),
             **self.skipped.counts,
             "last error": self.skipped.latest or "none",
         }
@@ -233,6 +228,6 @@ class Tracker(StageNode[TrackerParameters]):
         return HealthLevel.OK, "tracking"
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(Tracker, "tracker")
+def make(arguments: Sequence[str] = ()) -> StageNode[TrackerParameters]:
+    """The node."""
+    return StageNode(TrackerStage, arguments)
