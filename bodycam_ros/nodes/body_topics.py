@@ -22,6 +22,7 @@ from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_SAID, TRANSFORMS_SAID
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.solving.body_state import BodyOutput
 
 OUTPUTS = {
@@ -85,7 +86,8 @@ class BodyTopics:
                 self._publish_timing(camera, mount.readout)
 
     def _publish_description(self, body: BodyModel) -> None:
-        text = urdf_text(body)
+        mass_kg = self._node.parameters.mass
+        text = urdf_text(body, person_masses(body, mass_kg) if mass_kg > 0.0 else None)
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
             # Of the text that others read, so that they and we say the same of every link.
