@@ -299,6 +299,8 @@ class SkeletonPipeline:
         outputs = []
         for state in states:
             positions = self._angle_tracker.angles(state.world_T_segment)
-            self._previous = moving(state, self._angle_tracker.names, positions, self._root, self._previous)
+            before = self._previous
+            change = self._angle_tracker.change(positions if before is None else before.positions, positions)
+            self._previous = moving(state, self._angle_tracker.names, positions, change, self._root, before)
             outputs.append(self._previous)
         return outputs

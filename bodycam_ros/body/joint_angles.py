@@ -5,16 +5,12 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 ``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant where this says "angles".
 """
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint import Joint, hinge_angle
+from bodycam_ros.body.joint import FULL_TURN, Joint, hinge_angle
 from bodycam_ros.geometry import Array
-
-_MARGIN = 0.02  # [rad] widened by a little more than was seen, so that it need not be again at the next instant
 
 # [rad] Nearer than this to the singularity the first angle stays as it was. Noise would turn it by a radian at once,
 # and what is lost of the rotation is at most as much as this.
@@ -120,7 +116,9 @@ def within_limits(joint_angles: JointAngles, rotations: Array, low: Array, high:
 
 
 class JointAngleTracker:
-    """Follows the joint angles of a moving body, continuous over time: no jump by a turn or between Euler triples.
+    """Joint angles of a moving body, continuous over time: no jump at half a turn or between Euler triples.
+
+    An angle that passes a full turn, 2 pi, drops that turn, unless its joint counts turns (``Joint.counts_turns``).
 
     Attributes:
         names: (A) of the angles, in the order of all that this class returns.
@@ -130,6 +128,7 @@ class JointAngleTracker:
         self._body = body
         self._joint_angles = JointAngles(body)
         self.names = self._joint_angles.names
+        self._within_a_turn = angles_within_a_turn(body)
         self.reset()
 
     def reset(self) -> None:
@@ -139,40 +138,19 @@ class JointAngleTracker:
     def angles(self, world_T_segment: Array) -> Array:
         """Angles (A) of the segments' poses (S, 4, 4), the next instant after the last call's."""
         joint_poses = self._body.joint_poses(world_T_segment)
-        self._previous = self._joint_angles.angles(joint_poses, self._previous)
+        angles = self._joint_angles.angles(joint_poses, self._previous)
+        passed = self._within_a_turn & (np.abs(angles) > FULL_TURN)
+        self._previous = np.where(passed, angles - np.copysign(FULL_TURN, angles), angles)
         return self._previous.copy()
 
+    def change(self, previous: Array, angles: Array) -> Array:
+        """Change (A) from one call's angles (A) to the next call's (A), with the turns that were dropped between."""
+        return np.where(self._within_a_turn, nearest_turn(angles - previous, np.zeros(1)), angles - previous)
 
-class SeenLimits:
-    """The body with limits that hold: widened by every joint angle that was seen beyond them.
 
-    A range of motion is what a person did on one day; the next day they reach farther. Joints without limits, free ones
-    among them, have none to keep.
-
-    Attributes:
-        body: with its limits as wide as they have been seen.
-    """
-
-    def __init__(self, body: BodyModel) -> None:
-        self.body = body
-        self._joint_angles = JointAngles(body)
-        bounds = [pair for joint in body.tree_joints for pair in joint.limits or _unbounded(joint)]
-        self._low, self._high = np.array(bounds, dtype=np.float64).reshape(-1, 2).T.copy()
-
-    def widen(self, positions: Array) -> bool:
-        """Whether joint angles (A) [rad] made limits give way."""
-        below, above = positions < self._low, positions > self._high
-        if not (below.any() or above.any()):
-            return False
-        self._low = np.where(below, positions - _MARGIN, self._low)
-        self._high = np.where(above, positions + _MARGIN, self._high)
-        pairs = iter(zip(self._low.tolist(), self._high.tolist(), strict=True))
-        widened = {}
-        for joint in self.body.tree_joints:
-            of_joint = tuple(next(pairs) for _ in joint.angle_names)
-            widened[joint.name] = replace(joint, limits=of_joint) if joint.limits else joint
-        self.body = replace(self.body, joints=tuple(widened.get(joint.name, joint) for joint in self.body.joints))
-        return True
+def angles_within_a_turn(body: BodyModel) -> NDArray[np.bool_]:
+    """(A) whether the published angle stays between -2 pi and 2 pi."""
+    return np.array([not joint.counts_turns for joint in body.tree_joints for _ in joint.angle_names], dtype=bool)
 
 
 def _unbounded(joint: Joint) -> tuple[tuple[float, float], ...]:

@@ -31,6 +31,7 @@ _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
 _MOVING = ("revolute", "continuous", "prismatic")
 _LIMITED = ("revolute", "prismatic")
+_SOFT = ("soft_lower_limit", "soft_upper_limit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,8 @@ class UrdfJoint:
         parent, child: links.
         parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
         axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-        limits: (low, high) of a revolute joint [rad] or a prismatic one [m]; None for others.
+        limits: (low, high) [rad], of a prismatic joint [m]: its soft limits, the range of motion of a person, or else
+            its limits; None for a fixed joint, and for a continuous one without soft limits.
         slides: whether it moves along its axis, not about it.
     """
 
@@ -74,7 +76,7 @@ class UrdfJoint:
         try:
             origin = _origin(element.find("origin"))
             axis = _axis(element.find("axis")) if kind in _MOVING else None
-            limits = _limits(element.find("limit")) if kind in _LIMITED else None
+            limits = _limits(element, kind) if kind in _MOVING else None
         except ValueError as error:
             raise ValueError(f"joint {name}: {error}") from error
         return cls(name, parent, child, origin, axis, limits, kind == "prismatic")
@@ -224,8 +226,13 @@ def _axis(element: ET.Element | None) -> Array:
     return axis / length
 
 
-def _limits(element: ET.Element | None) -> tuple[float, float]:
-    low, high = (float(_numbers(element, bound, "0", 1)[0]) for bound in ("lower", "upper"))
+def _limits(joint: ET.Element, kind: str) -> tuple[float, float] | None:
+    element, names = joint.find("safety_controller"), _SOFT
+    if element is None or not element.attrib.keys() >= {*_SOFT}:
+        if kind not in _LIMITED:
+            return None
+        element, names = joint.find("limit"), ("lower", "upper")
+    low, high = (float(_numbers(element, name, "0", 1)[0]) for name in names)
     return low, high
 
 

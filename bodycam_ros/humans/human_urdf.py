@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from bodycam_ros.body.urdf import UNKNOWN_LIMITS, xml_numbers
+from bodycam_ros.body.urdf import WITHIN_A_TURN, xml_numbers
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.humans.kinematic_model import BODY
@@ -31,7 +31,7 @@ def human_urdf(skeleton: HumanSkeleton, body_id: str) -> str:
         for joint, axis, link in zip(chain.joints, chain.axes, chain.links, strict=True):
             element = _joint(robot, joint, "revolute", base, link, skeleton.origins[joint], body_id)
             ET.SubElement(element, "axis", xyz=xml_numbers(np.array(axis)))
-            low, high = (xml_numbers(np.array([limit])) for limit in UNKNOWN_LIMITS)
+            low, high = (xml_numbers(np.array([limit])) for limit in WITHIN_A_TURN)
             ET.SubElement(element, "limit", lower=low, upper=high, effort=_NO_LIMIT, velocity=_NO_LIMIT)
             base = link
         if chain.end is not None:

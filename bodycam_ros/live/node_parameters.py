@@ -150,6 +150,12 @@ class SolverParameters(ManagedParameters):
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
         "robot_state_publisher says so: then /tf has the root alone",
     )
+    mass: float = setting(
+        0.0,
+        unit="kg",
+        limits=(0.0, 1000.0),
+        reason="mass of the whole person; robot_description then has inertials, by the table of de Leva 1996; 0: none",
+    )
     marker_rate: float = setting(
         1000.0,
         unit="Hz",

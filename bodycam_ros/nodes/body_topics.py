@@ -8,13 +8,11 @@ import numpy as np
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.joint_angles import SeenLimits
 from bodycam_ros.body.link_transforms import LinkTransform, LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.equipment.learned_body import learned_body
+from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
 from bodycam_ros.messages.body import output_messages, transforms_message
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
@@ -24,6 +22,7 @@ from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_SAID, TRANSFORMS_SAID
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.solving.body_state import BodyOutput
 
 OUTPUTS = {
@@ -43,13 +42,11 @@ _ROUNDING_NS = 1_000_000
 
 _LAST_WORDS_S = 0.5
 
-_WORTH_TELLING_M = 1e-3
-"""By which a length of the equipment must have changed for the robot to be described anew."""
-
 
 class BodyTopics:
-    """Publishers of ``robot_description`` and of the body's motion.
+    """Publishers of ``robot_description``, once per body, and of the body's motion.
 
+    The description is published a second time, once, when learned lengths of equipment have settled.
     Where the node's parameter ``publish_links`` says so every link of ``robot_description`` is in ``/tf``, or
     ``/tf_static`` if it never moves in its parent; else the root alone, and robot_state_publisher has to add the rest.
 
@@ -82,19 +79,15 @@ class BodyTopics:
     def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
         """Publish the body itself, coupled to equipment if there is some; those that come later hear it too."""
         self._equipment = equipment
-        self._limits = SeenLimits(body)
-        self._lengths: EquipmentReport | None = None
-        self._describe_as_known()
+        self._lengths = SettledLengths(equipment) if equipment is not None else None
+        self._publish_description(body)
         for camera, mount in body.mounts.items():
             if mount.readout is not None:
                 self._publish_timing(camera, mount.readout)
 
-    def _describe_as_known(self) -> None:
-        """Publish the body with limits that hold, and with the lengths of its equipment as far as they are known."""
-        body, coupled = self._limits.body, self._lengths
-        if coupled is not None and self._equipment is not None:
-            body = learned_body(body, self._equipment, coupled.values)
-        text = urdf_text(body)
+    def _publish_description(self, body: BodyModel) -> None:
+        mass_kg = self._node.parameters.mass
+        text = urdf_text(body, person_masses(body, mass_kg) if mass_kg > 0.0 else None)
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
             # Of the text that others read, so that they and we say the same of every link.
@@ -103,14 +96,14 @@ class BodyTopics:
                 now_ns = self._node.get_clock().now().nanoseconds
                 self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
 
-    def _has_learned(self, report: EquipmentReport | None) -> bool:
-        """Whether lengths of the equipment have become others than those that were published last."""
-        if report is None or not report.placed or not report.lengths:
-            return False
-        if self._lengths is not None and np.abs(report.values - self._lengths.values).max() < _WORTH_TELLING_M:
-            return False
-        self._lengths = report
-        return True
+    def _describe_learned(self, output: BodyOutput, body: BodyModel) -> None:
+        """Publish the description again if the lengths of the equipment have settled."""
+        report = output.state.equipment
+        if self._lengths is None or self._equipment is None or report is None:
+            return
+        values = self._lengths.add(output.state.stamp_ns, report)
+        if values is not None:
+            self._publish_description(learned_body(body, self._equipment, values))
 
     def _publish_timing(self, camera: str, readout: Readout) -> None:
         """Tell those who register the camera how long its rows are read out."""
@@ -120,10 +113,7 @@ class BodyTopics:
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant."""
-        has_widened = self._limits.widen(output.positions)
-        if self._has_learned(output.state.equipment) or has_widened:
-            # What robot_description promises must hold for the joint states that follow.
-            self._describe_as_known()
+        self._describe_learned(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
         messages = output_messages(self._make, output, body, links)
         for topic, message in messages.items():

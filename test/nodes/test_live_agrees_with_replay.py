@@ -13,6 +13,7 @@ import pytest
 from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.nodes.graph import live_graph, player
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -83,6 +84,8 @@ def test_live_joint_states_agree_with_the_replay(
     assert int(graph.diagnostics("skeleton_solver: body")["late registrations"]) <= LATE * sum(images.values())
     assert set(graph.end().values()) == {0}, graph.report()
     assert "Traceback" not in graph.report()
+
+    assert [message.data for message in graph.messages("/robot_description")] == [urdf_text(read_body(body))]
 
     live = read_solved(graph.write(tmp_path / "live"))
     _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)
