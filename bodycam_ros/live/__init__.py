@@ -1,1 +1,1 @@
-"""The live graph without ROS: which nodes there are, their parameters, and what they remember of frames on their way."""
+"""The live graph without ROS: its nodes, their parameters, and what they keep of frames on their way."""

@@ -9,7 +9,6 @@ import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
-from pathlib import Path
 from typing import Any, Final, NoReturn
 from xml.etree import ElementTree
 

@@ -1,8 +1,8 @@
 """What the solver publishes: the body, and how it moves."""
 
 import time
+from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from rclpy.duration import Duration
@@ -10,18 +10,16 @@ from rclpy.duration import Duration
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.link_transforms import LinkTransform, LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
+from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.body import output_messages, transforms_message
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
-from bodycam_ros.messages.timing import SaidTiming, timing_message
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
-from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_SAID, TRANSFORMS_SAID
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.solving.body_state import BodyOutput
 
@@ -40,6 +38,13 @@ _STATIC, _MARKERS = "/tf_static", "/skeleton"
 _ROUNDING_NS = 1_000_000
 """Of stamps: every second instant of 30 Hz is one of 15 Hz."""
 
+_LEAST_SHARE = 0.6
+"""Of the time between two instants: so long after the first the second is published, however early it is solved."""
+
+_MOST_WAITING = 3
+"""Instants; more wait where a recording is played faster than it was recorded, and then nothing is to wait."""
+
+_STEP_S, _LONGEST_S = 0.003, 0.1
 _LAST_WORDS_S = 0.5
 
 
@@ -51,49 +56,44 @@ class BodyTopics:
     ``/tf_static`` if it never moves in its parent; else the root alone, and robot_state_publisher has to add the rest.
 
     Args:
-        node: publishes.
+        stage: publishes.
         with_equipment: whether it says how the body is coupled to some.
     """
 
-    def __init__(self, node: StageNode[SolverParameters], with_equipment: bool = False) -> None:
-        self._node = node
-        self._make = node.make
-        self._timings: dict[str, Any] = {}
-        self._description = node.publisher("std_msgs/msg/String", "robot_description", latched(), LATCHED_SAID)
+    def __init__(self, stage: Stage[SolverParameters], with_equipment: bool = False) -> None:
+        self._stage, self._make = stage, stage.make
+        self._waiting: deque[tuple[BodyOutput, BodyModel]] = deque()
+        self._published_ns, self._due_s = 0, 0.0
+        self._timer = stage.every(_STEP_S, self._publish_due, even_inactive=True)
+        self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
-            topic: node.publisher(
-                type_name,
-                topic if topic == "/tf" else topic[1:],
-                reliable(OUTPUT_DEPTH),
-                TRANSFORMS_SAID if topic == "/tf" else MOTION_SAID,
+            topic: stage.publisher(
+                type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH), overridable=True
             )
             for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
             if is_installed(type_name)
         }
         self._links: LinkTransforms | None = None
         self._marked_ns = 0
-        has_links = node.parameters.publish_links and is_installed(TRANSFORMS)
-        self._fixed_links = node.publisher(TRANSFORMS, _STATIC, latched(), LATCHED_SAID) if has_links else None
+        has_links = stage.parameters.publish_links and is_installed(TRANSFORMS)
+        self._fixed_links = stage.publisher(TRANSFORMS, _STATIC, latched()) if has_links else None
 
     def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
         """Publish the body itself, coupled to equipment if there is some; those that come later hear it too."""
         self._equipment = equipment
         self._lengths = SettledLengths(equipment) if equipment is not None else None
         self._publish_description(body)
-        for camera, mount in body.mounts.items():
-            if mount.readout is not None:
-                self._publish_timing(camera, mount.readout)
 
     def _publish_description(self, body: BodyModel) -> None:
-        mass_kg = self._node.parameters.mass
+        mass_kg = self._stage.parameters.mass
         text = urdf_text(body, person_masses(body, mass_kg) if mass_kg > 0.0 else None)
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
             # Of the text that others read, so that they and we say the same of every link.
             before, self._links = self._links, LinkTransforms(text)
             if before is None or not _same_links(before.fixed, self._links.fixed):
-                now_ns = self._node.get_clock().now().nanoseconds
+                now_ns = self._stage.node.get_clock().now().nanoseconds
                 self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
 
     def _describe_learned(self, output: BodyOutput, body: BodyModel) -> None:
@@ -105,30 +105,46 @@ class BodyTopics:
         if values is not None:
             self._publish_description(learned_body(body, self._equipment, values))
 
-    def _publish_timing(self, camera: str, readout: Readout) -> None:
-        """Tell those who register the camera how long its rows are read out."""
-        if camera not in self._timings:
-            self._timings[camera] = self._node.publisher("bodycam_msgs/msg/CameraTiming", f"{camera}/timing", latched())
-        self._timings[camera].publish(timing_message(self._make, camera, SaidTiming(0, "body", readout)))
-
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
-        """Publish where the body is at one instant."""
+        """Publish where the body is at one instant; not at once where the one before has only just been published.
+
+        Instants are solved in bursts, as images come. Who consumes joint states wants them evenly spaced.
+        """
+        self._waiting.append((output, body))
+        self._publish_due()
+
+    def flush(self) -> None:
+        """Publish what waits."""
+        while self._waiting:
+            self._publish_next()
+
+    def _publish_due(self) -> None:
+        while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
+            self._publish_next()
+        (self._timer.reset if self._waiting else self._timer.cancel)()
+
+    def _publish_next(self) -> None:
+        output, body = self._waiting.popleft()
+        stamp_ns = output.state.stamp_ns
+        passed_s = min(1e-9 * max(stamp_ns - self._published_ns, 0), _LONGEST_S)
+        self._published_ns, self._due_s = stamp_ns, time.monotonic() + _LEAST_SHARE * passed_s
         self._describe_learned(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
-        messages = output_messages(self._make, output, body, links)
-        for topic, message in messages.items():
-            if topic in self._outputs and (topic != _MARKERS or self._are_markers_due(output.state.stamp_ns)):
+        for topic, message in output_messages(self._make, output, body, links).items():
+            if topic in self._outputs and (topic != _MARKERS or self._are_markers_due(stamp_ns)):
                 self._outputs[topic].publish(message)
+        self._stage.moments.note(Moment.SOLVED, "", stamp_ns)
 
     def _are_markers_due(self, stamp_ns: int) -> bool:
-        rate_hz, passed_ns = self._node.parameters.marker_rate, stamp_ns - self._marked_ns
+        rate_hz, passed_ns = self._stage.parameters.marker_rate, stamp_ns - self._marked_ns
         if not rate_hz or 0 <= passed_ns < 1e9 / rate_hz - _ROUNDING_NS:
             return False
         self._marked_ns = stamp_ns
         return True
 
-    def wait_until_heard(self) -> None:
-        """Give the readers the time to get the last messages, but all together no more than half a second."""
+    def finish(self) -> None:
+        """Publish what waits, and give the readers half a second to receive it."""
+        self.flush()
         deadline_s = time.monotonic() + _LAST_WORDS_S
         for publisher in self._outputs.values():
             left_s = max(0.0, deadline_s - time.monotonic())

@@ -35,9 +35,7 @@ class KeptMap:
         BodycamError: what is kept there belongs to another map, is damaged, or cannot be replaced.
     """
 
-    def __init__(
-        self, stage: Stage[RegistrationParameters], growth: LiveGrowth, reference_map: ReferenceMap
-    ) -> None:
+    def __init__(self, stage: Stage[RegistrationParameters], growth: LiveGrowth, reference_map: ReferenceMap) -> None:
         self._stage, self._growth, self._reference_map = stage, growth, reference_map
         self._map_path = Path(stage.required("map"))
         kept = stage.parameters.grown_map

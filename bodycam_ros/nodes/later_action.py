@@ -15,7 +15,7 @@ from bodycam_ros.nodes.message_classes import action_class
 class Worker(Protocol):
     """Does the work of an action."""
 
-    def make(self, goal: Message) -> None:
+    def work_on(self, goal: Message) -> None:
         """Begin, unless the same work is under way."""
 
     def cancel(self) -> bool:
@@ -76,7 +76,7 @@ class LaterAction:
             if worker is None:
                 self.answer(False, "the node is not active, or was configured without it")
             else:
-                worker.make(goal.request)
+                worker.work_on(goal.request)
         except BodycamError as error:
             self.answer(False, str(error))
         return await future

@@ -15,11 +15,10 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.live.node_parameters import RegistrationParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
-from bodycam_ros.nodes.later_action import LaterAction
-from bodycam_ros.nodes.parameters import RegistrationParameters
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stage_node import Stage
 
 EXTEND_MAP_TYPE = "bodycam_msgs/action/ExtendMap"
 
@@ -36,15 +35,14 @@ class MapExtension:
     """Does what ``bodycam map extend`` does, with the map and the settings of a registration.
 
     Args:
-        node: the registration.
-        action: in which it is asked for.
+        stage: the registration.
         map_path: folder of the map that is extended; it stays as it is.
     """
 
-    def __init__(self, node: StageNode[RegistrationParameters], action: LaterAction, map_path: Path) -> None:
-        self._node, self._action, self._map_path = node, action, map_path
+    def __init__(self, stage: Stage[RegistrationParameters], map_path: Path) -> None:
+        self._stage, self._map_path = stage, map_path
         self._run: _Run | None = None
-        node.every(_LOOK_S, self._look)
+        stage.every(_LOOK_S, self._look)
 
     def make(self, goal: Message) -> None:
         """Begin, unless that has been done."""
@@ -54,9 +52,9 @@ class MapExtension:
             if not (goal.recording and goal.output):
                 raise RecordingError("say which recording, and which folder is to be the extended map")
             command = ["map", "extend", str(self._map_path), goal.recording, "-o", goal.output]
-            self._run = _Run(command, self._node.settings.as_mapping())
+            self._run = _Run(command, self._stage.settings.as_mapping())
         except (BodycamError, OSError) as error:
-            self._action.answer(False, str(error))
+            self._answer(False, str(error))
 
     def cancel(self) -> bool:
         """Call it off; it answers once it has cleaned up."""
@@ -71,7 +69,7 @@ class MapExtension:
             self._run.join(_GRACE_S)
             self._run.kill()
             self._run = None
-        self._action.answer(False, "the node was stopped")
+        self._answer(False, "the node was stopped")
 
     def health(self) -> list[Health]:
         """How far it is, while something is worked at."""
@@ -80,17 +78,22 @@ class MapExtension:
         values: dict[str, object] = {"step": self._run.step, "done [%]": round(100 * self._run.share)}
         return [Health("map extension", HealthLevel.OK, "extending", values)]
 
+    def _answer(self, success: bool, text: str) -> None:
+        if self._stage.node.action is not None:
+            self._stage.node.action.answer(success, text)
+
     def _look(self) -> None:
         if self._run is None:
             return
-        self._action.tell(self._run.step, self._run.share)
+        if self._stage.node.action is not None:
+            self._stage.node.action.report(self._run.step, self._run.share)
         if self._run.is_late:
             self._run.kill()
         if not self._run.is_alive():
             done, self._run = self._run, None
             is_made = done.code == 0
             called_off = done.is_called_off and not is_made
-            self._action.answer(is_made, "called off; nothing was written" if called_off else done.text)
+            self._answer(is_made, "called off; nothing was written" if called_off else done.text)
 
 
 class _Run(threading.Thread):

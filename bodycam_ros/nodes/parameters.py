@@ -1,4 +1,4 @@
-"""Settings as ROS parameters: declared with description and range, checked as in a file, changed where that is possible."""
+"""Settings as ROS parameters: declared with description and range, checked as in a file, changed where possible."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence

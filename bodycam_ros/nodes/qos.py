@@ -25,6 +25,4 @@ def best_effort(depth: int) -> QoSProfile:
 
 def latched(depth: int = 1) -> QoSProfile:
     """The latest messages also reach those that come later."""
-    return QoSProfile(
-        depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-    )
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -11,14 +11,15 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.errors import StationError
+from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
+from bodycam_ros.live.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
 from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
-from bodycam_ros.nodes.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.nodes.camera_topics import ImageSource
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
-from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import read_world
 from bodycam_ros.outside.body_surface import BodySurface
@@ -84,14 +85,15 @@ class RegionStage(Stage[RegionTrackerParameters]):
         self._said = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH), even_inactive=True)
         self._images = ImageQueue(
-            self,
             self.camera,
-            of.transport,
+            self.skipped,
+            self.moments,
             of.image_queue,
             self._thinning,
             lambda: self.soon(self._look_next),
             lambda: self._waits_for() or "images come faster than they are looked at",
         )
+        self._source = ImageSource(self, self.camera, of.transport, of.image_queue, self._images.receive)
         self.every(_LOOK_S, self._look)
         self.trigger("~/reset", self._reset)
 
@@ -226,7 +228,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
         return [Health(f"camera {self.camera}", level, text, values)]
 
     def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
-        source = self._images.source
+        source = self._source
         if tally.images == 0:
             if len(self._images):
                 return HealthLevel.ERROR, f"no image is looked at: {self._waits_for() or 'the one before takes long'}"

@@ -9,6 +9,8 @@ from pathlib import Path
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.growth.live_growth import LiveGrowth
+from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
+from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.health import RegistrationHealth
@@ -19,14 +21,12 @@ from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
 from bodycam_ros.nodes.kept_map import KeptMap
-from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.nodes.map_extension import EXTEND_MAP_TYPE, MapExtension
-from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import registrar
+from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.registration.reference_map import assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -248,6 +248,14 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _want_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
+
+    def work_on(self, goal: Message) -> None:
+        """For the action ~/extend_map."""
+        self._extension.make(goal)
+
+    def cancel(self) -> bool:
+        """For the action ~/extend_map."""
+        return self._extension.cancel()
 
     def finish(self) -> None:
         """Save what has grown before the node goes."""

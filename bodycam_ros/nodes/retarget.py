@@ -10,15 +10,15 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
+from bodycam_ros.live.node_parameters import RetargetParameters
 from bodycam_ros.messages.body import joint_state_message, transforms_message
+from bodycam_ros.messages.body_instants import ToldBody
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import MAP_FRAME
 from bodycam_ros.messages.status import Health, HealthLevel, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
-from bodycam_ros.live.node_parameters import RetargetParameters
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.nodes.told_body import ToldBody
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
@@ -61,7 +61,9 @@ class RetargetStage(Stage[RetargetParameters]):
         self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
         self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
         self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
-        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), overridable=True)
+        self.subscription(
+            "sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), overridable=True
+        )
         self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), overridable=True)
 
     def begin(self) -> None:

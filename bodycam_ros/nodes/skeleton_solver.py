@@ -10,27 +10,27 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.errors import BodyError
+from bodycam_ros.live.flow_of_frames import MissedFrames
+from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
+from bodycam_ros.live.solver_health import SolverHealth
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
-from bodycam_ros.nodes.body_hints import BodyHints
 from bodycam_ros.nodes.body_topics import BodyTopics
+from bodycam_ros.nodes.camera_feedback import CameraFeedback
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.live.flow_of_frames import MissedFrames
-from bodycam_ros.nodes.graph import cameras_used
 from bodycam_ros.nodes.live_calibration import CALIBRATE_TYPE, LiveCalibration
-from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.solver_health import SolverHealth
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
-from bodycam_ros.nodes.timing_topics import TimingTopics
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -74,8 +74,7 @@ class SolverStage(Stage[SolverParameters]):
         self._missed = MissedFrames()
         self._first_info_s: float | None = None
         self._flushed = True
-        self._timings = TimingTopics(self, carried)
-        self._hints = BodyHints(self, carried)
+        self._feedback = CameraFeedback(self, carried)
         for camera in carried:
             heard = partial(self._on_landmarks, camera)
             self.subscription("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", heard, reliable(STAGE_DEPTH))
@@ -113,15 +112,33 @@ class SolverStage(Stage[SolverParameters]):
         self._waiting.clear()
         self._missed = MissedFrames()
 
+    def work_on(self, goal: Message) -> None:
+        """For the action ~/calibrate."""
+        self._asked().make()
+
+    def cancel(self) -> bool:
+        """For the action ~/calibrate."""
+        return self._asked().cancel()
+
+    def _asked(self) -> LiveCalibration:
+        if self._calibration is None:
+            raise BodyError("the node was configured without a rig, so there is nothing to calibrate")
+        return self._calibration
+
     def finish(self) -> None:
-        """The same, and see to it that it is heard."""
+        """The same, and wait until readers have received it."""
         self.pause()
-        self._topics.wait_until_heard()
+        self._topics.finish()
 
     def _read_body(self, path: Path) -> tuple[str, ...]:
         """Learn the body that is there; its cameras, as far as they are listened to."""
         asked, there = self.parameters.cameras, tuple(self._know(read_body(path)).mounts)
-        return cameras_used(asked, there, f"{path}: the body") if self.parameters.worn else ()
+        if not self.parameters.worn:
+            return ()
+        if not there or not {*asked} <= {*there}:
+            unknown = ", ".join(camera for camera in asked if camera not in there)
+            raise BodyError(f"{path}: the body has no camera {unknown}; it has {', '.join(there) or 'none'}")
+        return tuple(dict.fromkeys(asked)) or there
 
     def _know(self, person: BodyModel) -> BodyModel:
         """There is a body; with the equipment, if any, it is what is solved and published."""
@@ -137,8 +154,7 @@ class SolverStage(Stage[SolverParameters]):
 
     def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
-        missing = lambda: self._cameras.missing  # noqa: E731
-        self._calibration = LiveCalibration.of(self, self._equipment, path, self._action, missing, self._solve_new)
+        self._calibration = LiveCalibration(self, self._equipment, path, self._solve_new)
         return self._calibration.cameras
 
     def _on_camera(self, camera: str) -> None:
@@ -186,7 +202,7 @@ class SolverStage(Stage[SolverParameters]):
                 stations=self._stations.stations if self._stations else (),
                 placed=bool(self.parameters.start),
             )
-            self._hints.begin(self._body)
+            self._feedback.begin(self._body)
             self._judge_anew()
 
     def _judge_anew(self) -> None:
@@ -205,7 +221,7 @@ class SolverStage(Stage[SolverParameters]):
         if isinstance(heard, LandmarkMatches):
             if self._calibration is not None:
                 self._calibration.add(heard)
-            self._hints.hear(heard)
+            self._feedback.add(heard, self._cameras.models.get(heard.camera))
         if self._pipeline is not None:
             begun = self.moments.now()
             said = self._pipeline.add_static(heard) if isinstance(heard, SaidSegments) else self._pipeline.add(heard)
@@ -254,7 +270,7 @@ class SolverStage(Stage[SolverParameters]):
             self._publish(self._pipeline.look())
         if self._pipeline is not None:
             self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
-            self._timings.publish(self._pipeline.instants.watch.timings)
+            self._feedback.publish_clocks(self._pipeline.instants.watch.timings)
 
     def _flush(self) -> int:
         """Publish the instants that wait for later ones; how many there were."""
@@ -274,9 +290,8 @@ class SolverStage(Stage[SolverParameters]):
                 self._topics.publish(output, self._body)
                 if begun is not None:
                     self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, begun)
-                    self.moments.note(Moment.SOLVED, "", output.state.stamp_ns)
             if self._pipeline is not None:
-                self._hints.tell(output.state, self._pipeline)
+                self._feedback.publish(output.state, self._pipeline)
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)

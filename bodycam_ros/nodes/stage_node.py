@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.flow_of_frames import Skipped
-from bodycam_ros.live.node_parameters import CommonParameters
+from bodycam_ros.live.node_parameters import ManagedParameters
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
@@ -32,7 +32,7 @@ from bodycam_ros.nodes.qos import reliable
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import SettingsGroups
 
-P = TypeVar("P", bound=CommonParameters)
+P = TypeVar("P", bound=ManagedParameters)
 
 _REPORT_S = 1.0
 _DIAGNOSTICS_DEPTH = 100
@@ -71,8 +71,8 @@ class Stage(Generic[P]):
         node: whose stage it is.
 
     Attributes:
-        name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, and the groups of
-            settings that it has.
+        name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, and the groups
+            of settings that it has.
         settings_types: what these groups belong to.
         action: type and name of the action that the node serves; None: none. See ``LaterAction``.
         make: makes messages.
@@ -173,7 +173,7 @@ class Stage(Generic[P]):
         self.node.executor.create_task(self.guarded(callback, even_inactive))
 
     def guarded(self, callback: Callable[..., None], even_inactive: bool = False) -> Callable[..., None]:
-        """The callback; nothing while the node is inactive unless it is for that, and nothing once the stage is gone."""
+        """The callback; it does nothing while the node is inactive, unless it is for that, or once the stage is gone."""
 
         def guarded(*arguments: Any) -> None:
             node = self.node

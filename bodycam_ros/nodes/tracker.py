@@ -8,19 +8,19 @@ from pathlib import Path
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.lens.lens_watch import LensWatch
+from bodycam_ros.live.flow_of_frames import AnsweredFrames
+from bodycam_ros.live.image_queue import ImageQueue
+from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.status import Health, HealthLevel
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.live.flow_of_frames import AnsweredFrames
-from bodycam_ros.nodes.image_queue import ImageQueue
-from bodycam_ros.registration.loaded_map import load_map
-from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
+from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
@@ -67,14 +67,15 @@ class TrackerStage(Stage[TrackerParameters]):
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
         of = self.parameters
         self._images = ImageQueue(
-            self,
             self.camera,
-            of.transport,
+            self.skipped,
+            self.moments,
             of.image_queue,
             self._thinning,
             lambda: self.soon(self._track_next),
             self._what_is_lacking,
         )
+        self._source = ImageSource(self, self.camera, of.transport, of.image_queue, self._images.receive)
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._models = CameraModels(self, [self.camera], self._on_camera, fatal=True)
         # A reader of the tracks may come when no further image does.
@@ -205,7 +206,7 @@ class TrackerStage(Stage[TrackerParameters]):
         return [Health(f"camera {self.camera}", level, text, values)]
 
     def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
-        waiting, source = len(self._images), self._images.source
+        waiting, source = len(self._images), self._source
         if tally.images == 0:
             if self._tracker is None and (arrived or waiting):
                 return HealthLevel.ERROR, f"images, but no {self.camera}/camera_info"

@@ -7,12 +7,20 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import header_message, optical_frame
 from bodycam_ros.messages.images import compressed_video
-from bodycam_ros.nodes.message_classes import is_installed
-from bodycam_ros.nodes.played_topics import IMAGES, camera_of
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
 from bodycam_ros.video.video_decoder import VideoDecoder
 
+INFO, TIMING = "/camera_info", "/timing"
+IMAGES = ("/image_raw/compressed", "/image_raw", "/image_raw/compressed_video", "/image_raw/foxglove")
 _RAW = "sensor_msgs/msg/Image"
+
+
+def camera_of(topic: str) -> str:
+    """Name of the camera that a topic belongs to; empty if it belongs to none."""
+    for ending in (INFO, TIMING, *IMAGES):
+        if topic.endswith(ending):
+            return topic.removesuffix(ending).removeprefix("/")
+    return ""
 
 
 class PlayedVideo:
@@ -25,13 +33,20 @@ class PlayedVideo:
         types: topic -> type in the bag.
         on_refused: told of each frame that cannot be decoded.
         frame_prefix: before the names of the cameras' frames.
+        plays_video: whether ROS has the type of videos here.
 
     Attributes:
         played: topic -> type of what is played.
         sources: the topics of the bag that it is made of.
     """
 
-    def __init__(self, types: Mapping[str, str], on_refused: Callable[[str], object], frame_prefix: str = "") -> None:
+    def __init__(
+        self,
+        types: Mapping[str, str],
+        on_refused: Callable[[str], object],
+        frame_prefix: str = "",
+        plays_video: bool = False,
+    ) -> None:
         self._types = types
         self._frame_prefix = frame_prefix
         self._on_refused = on_refused
@@ -42,7 +57,7 @@ class PlayedVideo:
         self.played: dict[str, str] = {}
         self._decoded: dict[str, str] = {}
         for topic, kind in types.items():
-            if kind != COMPRESSED_VIDEO or is_installed(kind):
+            if kind != COMPRESSED_VIDEO or plays_video:
                 self.played[topic] = kind
             elif (camera := camera_of(topic)) not in stills:
                 self._decoded[topic] = camera

@@ -4,16 +4,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.live.flow_of_frames import Ordered, OrderOfTime, Skipped
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
-from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import ImageSource
-from bodycam_ros.live.flow_of_frames import Ordered, OrderOfTime
-from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 from bodycam_ros.video.video_decoder import VideoDecoder
 
@@ -30,39 +27,34 @@ class QueuedImage:
 
 
 class ImageQueue:
-    """Reads a camera's images; the oldest go when too many wait.
+    """A camera's images, as messages bring them; the oldest go when too many wait.
 
     Args:
-        stage: uses them.
         camera: its name.
-        transport: of ``camera_topics.TRANSPORTS``.
+        skipped: counts what cannot be used.
+        moments: notes when images come.
         longest: images that may wait.
         thinning: whether every second image is left out.
         on_more: called when there are more.
         what_is_lacking: why images wait, for whom one is dropped.
 
     Attributes:
-        source: where they come from.
         arrived: images since the last ``count``.
-
-    Raises:
-        SettingsError: there is no such transport here.
     """
 
     def __init__(
         self,
-        stage: Stage[Any],
         camera: str,
-        transport: str,
+        skipped: Skipped,
+        moments: Moments,
         longest: int,
         thinning: EverySecondImage,
         on_more: Callable[[], None],
         what_is_lacking: Callable[[], str],
     ) -> None:
-        self._camera, self._longest, self._skipped, self._moments = camera, longest, stage.skipped, stage.moments
+        self._camera, self._skipped, self._moments, self._longest = camera, skipped, moments, longest
         self._thinning, self._on_more, self._what_is_lacking = thinning, on_more, what_is_lacking
         self.forget()
-        self.source = ImageSource(stage, camera, transport, longest, self._receive)
 
     def forget(self) -> None:
         """What waits is of no use any more, and the next image follows none."""
@@ -110,7 +102,8 @@ class ImageQueue:
         """Why not every image is looked at; empty if all are."""
         return _THINNED if self._thinning.active else ""
 
-    def _receive(self, message: Message, transport: str) -> None:
+    def receive(self, message: Message, transport: str) -> None:
+        """An image has come, on a transport of ``camera_topics.TRANSPORTS``."""
         self.arrived += 1
         now_s, stamp = time.monotonic(), image_stamp_ns(message)
         self._moments.note(Moment.IMAGE_HEARD, self._camera, stamp)

@@ -4,11 +4,12 @@ import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import Skipped
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.solving.body_state import BodyState
 
@@ -16,6 +17,18 @@ _ARRIVALS = 1000
 _JUMP_NS = 1_000_000_000
 _PATIENCE_S = 2.0
 """No registration for so long is an error, and so are registrations without an instant solved."""
+
+
+class KnownCameras(Protocol):
+    """What is known of the cameras; see ``CameraModels``."""
+
+    models: dict[str, CameraModel]
+    refused: set[str]
+    changes: int
+
+    @property
+    def missing(self) -> list[str]:
+        """Cameras without camera_info so far."""
 
 
 @dataclass
@@ -37,7 +50,7 @@ class SolverHealth:
         skipped: what could not be used.
     """
 
-    def __init__(self, cameras: CameraModels, skipped: Skipped) -> None:
+    def __init__(self, cameras: KnownCameras, skipped: Skipped) -> None:
         self._cameras = cameras
         self._skipped = skipped
         self._tally = _Tally()
