@@ -80,7 +80,11 @@ class BodyTopics:
         self._fixed_links = stage.publisher(TRANSFORMS, _STATIC, latched()) if has_links else None
 
     def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        """Publish the body itself, coupled to equipment if there is some; those that come later hear it too."""
+        """Publish the body, coupled to equipment if there is some; later subscribers receive it too (latched).
+
+        Raises:
+            BodyError: the body has no URDF, or no person's masses fit it.
+        """
         self._equipment = equipment
         self._lengths = SettledLengths(equipment) if equipment is not None else None
         self._publish_description(body)

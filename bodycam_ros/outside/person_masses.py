@@ -64,7 +64,10 @@ def person_masses(body: BodyModel, mass_kg: float) -> dict[str, Mass]:
         BodyError: the body has no pelvis, or bones that nobody has.
     """
     if "pelvis" not in body.segments:
-        raise BodyError("a mass cannot be shared among segments of which none is the pelvis; leave the mass out")
+        raise BodyError(
+            f"body {body.name} has no segment pelvis; a person's mass is shared among segments named as in the default "
+            "body: rename them, or leave out the mass"
+        )
     stature_m = stature_of(body)
     usual = body_of_height(stature_m, body.name)
     usual_origins = dict(zip(usual.segments, n_pose(usual, np.eye(4))[:, :3, 3], strict=True))
