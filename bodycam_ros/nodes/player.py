@@ -71,7 +71,9 @@ class Player(Node):
         self._skipped = Skipped(self.get_logger().warning)
         self._time = PlayedTime(of.rate, of.start_paused)
         self.parameters.on_change(lambda: self._time.set_rate(self.parameters.own.rate))
-        self._clock_publisher = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1)) if of.clock else None
+        self._clock_publisher = (
+            self.create_publisher(message_class(_CLOCK), "/clock", reliable(1)) if of.clock else None
+        )
         self._clock_due_s = self._served_s = self._report_due_s = self._complaint_due_s = 0.0
         self._unread_since_s: float | None = None
         self._played = self._steps = 0

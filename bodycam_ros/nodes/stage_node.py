@@ -13,9 +13,6 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.service import Service
-from rclpy.subscription import Subscription
-from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import BodycamError
@@ -138,7 +135,7 @@ class Stage(Generic[P]):
         quality: QoSProfile,
         overridable: bool = False,
         even_inactive: bool = False,
-    ) -> Subscription:
+    ) -> Any:
         """A subscription; see ``guarded``."""
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         guarded = self.guarded(callback, even_inactive)
@@ -146,12 +143,12 @@ class Stage(Generic[P]):
         made = self.node.create_subscription(kind, topic, guarded, quality, qos_overriding_options=options)
         return self.node.keep(self.node.destroy_subscription, made)
 
-    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Timer:
+    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:
         """Call back again and again, in real time; see ``guarded``."""
         made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
         return self.node.keep(self.node.destroy_timer, made)
 
-    def service(self, kind: Any, name: str, callback: Callable[[Message], tuple[bool, str]]) -> Service:
+    def service(self, kind: Any, name: str, callback: Callable[[Message], tuple[bool, str]]) -> Any:
         """A service whose answer has ``success`` and ``message``; a BodycamError is the answer to whoever asks."""
 
         def answer(request: Message, response: Message) -> Message:
@@ -163,7 +160,7 @@ class Stage(Generic[P]):
 
         return self.node.keep(self.node.destroy_service, self.node.create_service(kind, name, answer))
 
-    def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> Service:
+    def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> Any:
         """A service ``std_srvs/Trigger``."""
         return self.service(Trigger, name, lambda request: callback())
 
@@ -173,7 +170,7 @@ class Stage(Generic[P]):
         self.node.executor.create_task(self.guarded(callback, even_inactive))
 
     def guarded(self, callback: Callable[..., None], even_inactive: bool = False) -> Callable[..., None]:
-        """The callback; it does nothing while the node is inactive, unless it is for that, or once the stage is gone."""
+        """The callback; it does nothing while the node is inactive, unless it is for that, or the stage is gone."""
 
         def guarded(*arguments: Any) -> None:
             node = self.node
@@ -186,7 +183,7 @@ class Stage(Generic[P]):
         return guarded
 
 
-class StageNode(LifecycleNode, Generic[P]):  # type: ignore[misc]  # rclpy has no types for it
+class StageNode(LifecycleNode, Generic[P]):
     """A managed node that runs a stage.
 
     An error of the user's while it works ends the process of a node that has started by itself. A node that is managed
