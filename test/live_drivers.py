@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bodycam_ros.live.graph import READERS_OF_INFO
 from bodycam_ros.messages.header import time_message
-from bodycam_ros.nodes.graph import READERS_OF_INFO
 from bodycam_ros.nodes.message_classes import node_messages
 from bodycam_ros.recording.bag_file import BagFile
 

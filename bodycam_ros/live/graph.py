@@ -100,17 +100,19 @@ class GraphNode:
         executable: as in ``ros2 run bodycam_ros EXECUTABLE``.
         name: of the node.
         parameters: its own, where they differ from their defaults.
+        namespace: where it is not that of its process.
     """
 
     executable: str
     name: str
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    namespace: str = ""
 
-    def arguments(self, namespace: str = "") -> list[str]:
+    def arguments(self) -> list[str]:
         """Command line after the executable, for those who start it without a launch file."""
         given = [f"{name}:={json.dumps(value)}" for name, value in self.parameters.items()]
         words = ["--ros-args", "-r", f"__node:={self.name}"]
-        words += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
+        words += ["-r", f"__ns:=/{self.namespace.strip('/')}"] if self.namespace.strip("/") else []
         return [*words, *(part for parameter in given for part in ("-p", parameter))]
 
 

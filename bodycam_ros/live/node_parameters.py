@@ -296,3 +296,14 @@ OF_NODES = {
 
 ALL = tuple(OF_NODES.values())
 """One parameter file serves all nodes, so each must know what is meant for another."""
+
+GROUPS: Final = frozenset(
+    """
+    tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter doubt
+    readout clock assembler smoother motion trust memory covariance contact evidence coupling region verdict
+    motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
+    frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
+    sound_peaks claps whole_sound clocks shape stations doctor lens retarget
+    """.split()
+)
+"""Groups of settings of all nodes and commands: one file serves all of them."""

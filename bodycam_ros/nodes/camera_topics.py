@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, SettingsError
@@ -111,16 +112,13 @@ class ImageSource:
         self._subscription = self._subscribed()
 
     def _offers(self, transport: str) -> list[QoSProfile]:
-        """How a transport is published."""
-        node = self._stage.node
-        topic = node.resolve_topic_name(f"{self._camera}/{TRANSPORTS[transport][0]}")
-        return [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
+        return offered(self._stage, f"{self._camera}/{TRANSPORTS[transport][0]}")
 
 
 class CameraModels:
     """Models of some cameras by their camera_info; the latest counts.
 
-    A driver may publish it with best effort, or once and latched, so each camera has a subscription for either.
+    The subscription fits every driver's publisher. A driver that publishes it once, and latched, gets another one.
 
     Args:
         stage: uses the models.
@@ -137,24 +135,34 @@ class CameraModels:
     def __init__(
         self, stage: Stage[Any], cameras: Iterable[str], on_change: Callable[[str], None], fatal: bool = False
     ) -> None:
-        self._log, self._on_change, self._fatal = stage.log, on_change, fatal
+        self._stage, self._log, self._on_change, self._fatal = stage, stage.log, on_change, fatal
         self._cameras = tuple(cameras)
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
         self.refused: set[str] = set()
         self.changes = 0
+        self._latched: set[str] = set()
         for camera in self._cameras:
-            for quality in (best_effort(_INFO_DEPTH), latched(_INFO_DEPTH)):
-                # While a node is inactive, too: a driver may publish it only once.
-                stage.subscription(_INFO, f"{camera}/camera_info", self._learner(camera), quality, even_inactive=True)
+            self._subscribe(camera, best_effort(_INFO_DEPTH))
+        stage.every(_LOOK_S, self._look, even_inactive=True)
 
     @property
     def missing(self) -> list[str]:
         """Cameras without camera_info so far."""
         return [camera for camera in self._cameras if camera not in self._contents]
 
-    def _learner(self, camera: str) -> Callable[[Message], None]:
-        return lambda message: self._learn(camera, message)
+    def _subscribe(self, camera: str, quality: QoSProfile) -> None:
+        # While a node is inactive, too: a driver may publish it only once.
+        learn = partial(self._learn, camera)
+        self._stage.subscription(_INFO, f"{camera}/camera_info", learn, quality, even_inactive=True)
+
+    def _look(self) -> None:
+        for camera in self.missing:
+            offers = offered(self._stage, f"{camera}/camera_info")
+            is_latched = any(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+            if is_latched and camera not in self._latched:
+                self._latched.add(camera)
+                self._subscribe(camera, latched(_INFO_DEPTH))
 
     def _learn(self, camera: str, message: Message) -> None:
         content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
@@ -176,3 +184,9 @@ class CameraModels:
                 self.changes += 1
                 self._log.warning(f"camera {camera}: its camera_info has changed; it begins anew with it")
         self._on_change(camera)
+
+
+def offered(stage: Stage[Any], topic: str) -> list[QoSProfile]:
+    """Quality of service of all publishers of a topic."""
+    node = stage.node
+    return [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]

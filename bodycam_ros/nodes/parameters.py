@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.live.node_parameters import ALL
+from bodycam_ros.live.node_parameters import ALL, GROUPS
 from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, settings_from_mapping
 
 P = TypeVar("P")
@@ -53,10 +53,11 @@ class NodeParameters(Generic[P]):
         grouped: defaultdict[str, dict[str, Any]] = defaultdict(dict)
         for name, value in given.items():
             group, dot, setting_name = name.partition(".")
-            if dot and group in self._of:
+            if dot:
                 grouped[group][setting_name] = value
         unknown = plain.keys() - {f.name for each in ALL for f in fields(each)}
-        for group, values in grouped.items():
+        unknown |= {f"{group}.{name}" for group in grouped.keys() - GROUPS for name in grouped[group]}
+        for group, values in ((group, values) for group, values in grouped.items() if group in self._of):
             known = {each.name for each in describe(self._of[group].groups()[group])}
             unknown |= {f"{group}.{name}" for name in values.keys() - known}
             self._replace(group, {name: value for name, value in values.items() if name in known})

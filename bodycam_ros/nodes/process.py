@@ -55,10 +55,14 @@ class WorkingNode(Protocol):
         """Take the last step; publishing still works."""
 
 
-def run(*make_nodes: Callable[[], WorkingNode]) -> int:
+def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
     """Run nodes in this process until one fails, all are over, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
 
     Each has a thread and an executor of its own: numba's kernels and OpenCV let other threads run meanwhile.
+
+    Args:
+        name: of the executable, for its errors.
+        make_nodes: make the nodes.
     """
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
@@ -74,10 +78,10 @@ def run(*make_nodes: Callable[[], WorkingNode]) -> int:
             nodes[-1].bring_up()
         _work(nodes, signals.have_come)
     except BodycamError as error:
-        return _printed(error)
+        return _printed(name, error)
     except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
         # DDS does not let it take part: it lacks keys, or its arguments are none of ROS.
-        return _printed(" ".join(str(error).split()))
+        return _printed(name, " ".join(str(error).split()))
     finally:
         # A second signal, which a launch file sends, must not cut this short.
         signals.ignore()
@@ -179,11 +183,11 @@ def ignore_discovery(node: Node) -> bool:
     return bool(participant) and set_listener(participant, None, _CALLBACKS_S) == 0
 
 
-def _printed(error: object) -> int:
+def _printed(name: str, error: object) -> int:
     """Print an error of the user's as one line; the exit code."""
     # The terminal may be gone.
     with suppress(OSError):
-        print(f"error: {error}", file=sys.stderr, flush=True)
+        print(f"{name}: error: {error}", file=sys.stderr, flush=True)
     return USER_ERROR
 
 

@@ -56,6 +56,7 @@ class SolverStage(Stage[SolverParameters]):
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)
         of = self.parameters
+        self.settings.smoother.check_live()
         self._equipment = read_equipment(of.equipment) if of.equipment else None
         self._topics = BodyTopics(self, with_equipment=self._equipment is not None)
         self._held: Equipment | None = None

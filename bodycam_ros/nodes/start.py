@@ -68,8 +68,8 @@ def _run(name: str) -> NoReturn:
         preparation.load_kernels()
     run: Any = import_module("bodycam_ros.nodes.process").run
     if name == GRAPH:
-        _end(run(*(partial(_node(node.executable), node.arguments()) for node in wanted)))
-    _end(run(_node(name)))
+        _end(run(name, *(partial(_node(node.executable), node.arguments()) for node in wanted)))
+    _end(run(name, _node(name)))
 
 
 def _node(executable: str) -> Any:

@@ -11,7 +11,7 @@ from driven_camera import DrivenCamera
 from two_cameras import write_map
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.settings import read_settings_file
 
@@ -33,7 +33,7 @@ def make(graph: Any) -> Callable[..., Any]:
     from importlib import import_module
 
     def node(name: str, given: Mapping[str, object], file: Path | None = None) -> Any:
-        arguments = NodeProcess(name, name, given).arguments(file)
+        arguments = GraphNode(name, name, given).arguments(file)
         return getattr(import_module(f"bodycam_ros.nodes.{name}"), _NODES[name])(arguments)
 
     return node
@@ -90,7 +90,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     from rclpy.parameter import Parameter
 
     given = {"camera": "left", "keypoints.max_keypoints": 200}
-    graph.run(NodeProcess("tracker", "tracker", given))
+    graph.run(GraphNode("tracker", "tracker", given))
     cases: list[tuple[str, Any, str]] = [
         ("longest_wait", 2, ""),
         ("most_ahead", 7, ""),

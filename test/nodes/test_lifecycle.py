@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from live_graph import live_graph
 from two_cameras import write_map
 
-from bodycam_ros.nodes.graph import NodeProcess, live_graph
+from bodycam_ros.live.graph import GraphNode
 
 CAMERA = "waist_front"
 TRACKS, LANDMARKS = f"/{CAMERA}/tracks", f"/{CAMERA}/landmarks"
@@ -37,7 +38,7 @@ class Managed:
         return str(self._graph.call(f"/{node}/get_state", GetState).current_state.label)
 
 
-def managed(nodes: list[NodeProcess]) -> list[NodeProcess]:
+def managed(nodes: list[GraphNode]) -> list[GraphNode]:
     return [replace(node, parameters={**node.parameters, "autostart": False}) for node in nodes]
 
 
@@ -154,8 +155,8 @@ def test_what_goes_wrong_is_said_and_mended(graph: Any, tmp_path: Path) -> None:
     manager = Managed(graph)
     infos = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
     nodes = [
-        NodeProcess("registration", "registration", {"map": str(tmp_path / "map"), "cameras": ["left"]}),
-        NodeProcess("tracker", "tracker", {"camera": "left"}),
+        GraphNode("registration", "registration", {"map": str(tmp_path / "map"), "cameras": ["left"]}),
+        GraphNode("tracker", "tracker", {"camera": "left"}),
     ]
     graph.run(*managed(nodes))
     graph.until_known(_START_S)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
+from live_graph import live_graph, player
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.nodes.graph import live_graph, player
 from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording

@@ -20,10 +20,10 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
-from bodycam_ros.nodes.graph import NodeProcess
 
 MAP = Path(__file__).parents[2] / "bags/map"
 CALIBRATION = "skeleton_solver: calibration"
@@ -66,7 +66,7 @@ class Studio:
         }
         rig = _write_rig(folder / "rig.yaml", self.truth)
         given = {"body": str(self.path), "rig": str(rig), "map": str(MAP), "idle_flush": 1.0}
-        (self.solver,) = graph.run(NodeProcess("skeleton_solver", "skeleton_solver", given))
+        (self.solver,) = graph.run(GraphNode("skeleton_solver", "skeleton_solver", given))
         everything = [*self._landmarks.values(), *self._infos.values()]
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")
 

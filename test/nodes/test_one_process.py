@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 
-from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.pipeline import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
@@ -24,7 +24,7 @@ _START_S, _PLAY_S, _SOON_S = 90.0, 120.0, 60.0
 
 
 @dataclass(frozen=True)
-class GraphProcess(NodeProcess):
+class GraphProcess(GraphNode):
     """All nodes by one command, with flags and not as parameters."""
 
     flags: tuple[str, ...] = ()

@@ -7,16 +7,16 @@ from typing import Any
 from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import NodeProcess
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 _START_S, _SOON_S = 60.0, 60.0
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
-def _player(bag: Path, **given: object) -> NodeProcess:
-    return NodeProcess("player", "player", {"bag": str(bag), "settle": 0.5, **given})
+def _player(bag: Path, **given: object) -> GraphNode:
+    return GraphNode("player", "player", {"bagfile": str(bag), "settle": 0.5, **given})
 
 
 def _stamps(messages: Sequence[Any]) -> list[int]:
@@ -76,7 +76,7 @@ def test_it_pauses_steps_and_says_what_time_it_is(graph: Any, tmp_path: Path) ->
     bag = write_tiny_bag(tmp_path / "bag", frames)
     graph.listen({"/left/image_raw/compressed": IMAGE, "/clock": "rosgraph_msgs/msg/Clock"} | _DIAGNOSTICS)
     own = {"readers": 0, "settle": 0.0, "clock": 50.0, "start_paused": True, "use_sim_time": True}
-    follower = NodeProcess("tracker", "tracker", {"camera": "right", "use_sim_time": True})
+    follower = GraphNode("tracker", "tracker", {"camera": "right", "use_sim_time": True})
     player, _ = graph.run(_player(bag, **own), follower)
     images = graph.heard["/left/image_raw/compressed"]
 

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from live_graph import live_graph
 
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import NodeProcess, live_graph
 
 CAMERAS = ("waist_front", "thigh_left")
 _START_S, _SOON_S = 90.0, 60.0
@@ -48,7 +49,7 @@ def test_every_node_is_killed_and_the_body_goes_on(graph: Any, sample: Path) -> 
     assert "Traceback" not in graph.report()
 
 
-def _topic_of(node: NodeProcess) -> str:
+def _topic_of(node: GraphNode) -> str:
     """A topic that the node alone publishes."""
     if node.executable == "tracker":
         return f"/{node.parameters['camera']}/tracks"

@@ -12,9 +12,9 @@ from unshown_progress import Unshown
 
 from bodycam_ros.body.joint_angles import JointAngles
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.live.graph import follower
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import follower
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot

@@ -17,11 +17,11 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.tracks import landmarks_message
-from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.camera_trust import TrustSettings
 from bodycam_ros.solving.smoother_settings import SmootherSettings
@@ -87,7 +87,7 @@ class Cameras:
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
         self._registrations = {camera: graph.publisher(f"{own}/{camera}/landmarks", topic) for camera in mounts}
         self._infos = {camera: graph.publisher(f"{own}/{camera}/camera_info", kind) for camera in mounts}
-        solver = NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(path), **given}, namespace)
+        solver = GraphNode("skeleton_solver", "skeleton_solver", {"body": str(path), **given}, namespace)
         (self.solver,) = graph.run(solver)
         everything = [*self._registrations.values(), *self._infos.values()]
         graph.until(lambda: all(each.get_subscription_count() for each in everything), _START_S, "the solver listens")

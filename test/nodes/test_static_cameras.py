@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_graph import live_graph, player
 from numpy.typing import NDArray
 from outside.dressed_body import DressedBody, small_motion, stations_around
 from outside.painted_bag import FRAME_NS, START_NS, write_bag
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
+from bodycam_ros.live.graph import stations_of
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import live_graph, player, stations_of
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput

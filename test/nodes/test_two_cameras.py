@@ -5,13 +5,13 @@ from typing import Any
 
 import cv2
 import numpy as np
+from live_graph import live_graph, player
 from tiny_bag import CAMERAS, FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.messages.header import header_message, stamp_ns
-from bodycam_ros.nodes.graph import live_graph, player
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 
