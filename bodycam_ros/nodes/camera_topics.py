@@ -82,7 +82,7 @@ class ImageSource:
     def _subscribed(self) -> Any:
         kind = TRANSPORTS[self._transport][1]
         quality = (best_effort if self._is_lossy else reliable)(self._depth)
-        return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=True)
+        return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=True, adapts=True)
 
     def _receive(self, message: Message) -> None:
         self._came_s = time.monotonic()
@@ -118,7 +118,7 @@ class ImageSource:
 class CameraModels:
     """Models of some cameras by their camera_info; the latest counts.
 
-    The subscription fits every driver's publisher. A driver that publishes it once, and latched, gets another one.
+    It is subscribed to reliably; where a driver offers less, or publishes it once and latched, in that way as well.
 
     Args:
         stage: uses the models.
@@ -141,9 +141,9 @@ class CameraModels:
         self.models: dict[str, CameraModel] = {}
         self.refused: set[str] = set()
         self.changes = 0
-        self._latched: set[str] = set()
+        self._adapted: set[tuple[str, str]] = set()
         for camera in self._cameras:
-            self._subscribe(camera, best_effort(_INFO_DEPTH))
+            self._subscribe(camera, reliable(_INFO_DEPTH))
         stage.every(_LOOK_S, self._look, even_inactive=True)
 
     @property
@@ -154,15 +154,17 @@ class CameraModels:
     def _subscribe(self, camera: str, quality: QoSProfile) -> None:
         # While a node is inactive, too: a driver may publish it only once.
         learn = partial(self._learn, camera)
-        self._stage.subscription(_INFO, f"{camera}/camera_info", learn, quality, even_inactive=True)
+        self._stage.subscription(_INFO, f"{camera}/camera_info", learn, quality, even_inactive=True, adapts=True)
 
     def _look(self) -> None:
         for camera in self.missing:
-            offers = offered(self._stage, f"{camera}/camera_info")
-            is_latched = any(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
-            if is_latched and camera not in self._latched:
-                self._latched.add(camera)
-                self._subscribe(camera, latched(_INFO_DEPTH))
+            for offer in offered(self._stage, f"{camera}/camera_info"):
+                is_lossy = offer.reliability == ReliabilityPolicy.BEST_EFFORT
+                is_latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL and not is_lossy
+                way = "lossy" if is_lossy else "latched" if is_latched else ""
+                if way and (camera, way) not in self._adapted:
+                    self._adapted.add((camera, way))
+                    self._subscribe(camera, (best_effort if is_lossy else latched)(_INFO_DEPTH))
 
     def _learn(self, camera: str, message: Message) -> None:
         content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))

@@ -2,6 +2,7 @@
 
 import gc
 import socket
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -45,10 +47,10 @@ class Diagnostics:
         self._publisher = node.create_publisher(kind, "/diagnostics", reliable(_DIAGNOSTICS_DEPTH))
 
     def publish(self, parts: Sequence[Health]) -> None:
-        """Publish the health of some parts, with the time of day: a clock that is played may stand still."""
+        """Publish the health of some parts, by the node's clock, or the time of day before there is /clock."""
         own, name = self._node.get_name(), self._node.get_fully_qualified_name().strip("/")
         named = [replace(part, name=name if part.name == own else f"{name}: {part.name}") for part in parts]
-        now_ns = Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds
+        now_ns = self._node.get_clock().now().nanoseconds or time.time_ns()
         self._publisher.publish(diagnostics_message(self._make, now_ns, named, socket.gethostname()))
 
 
@@ -135,12 +137,16 @@ class Stage(Generic[P]):
         quality: QoSProfile,
         overridable: bool = False,
         even_inactive: bool = False,
+        adapts: bool = False,
     ) -> Any:
-        """A subscription; see ``guarded``."""
+        """A subscription; see ``guarded``. Where it adapts to publishers, those that it does not fit are no warning."""
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         guarded = self.guarded(callback, even_inactive)
         kind = message_class(type_name)
-        made = self.node.create_subscription(kind, topic, guarded, quality, qos_overriding_options=options)
+        events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
+        made = self.node.create_subscription(
+            kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events
+        )
         return self.node.keep(self.node.destroy_subscription, made)
 
     def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:

@@ -19,7 +19,7 @@ def test_a_bag_is_played_into_the_players_namespace(graph: Any, tmp_path: Path) 
     graph.run(
         GraphNode("tracker", "tracker_left", {"camera": "left"}),
         GraphNode("tracker", "tracker_left", {"camera": "left", **theirs}, "anna"),
-        GraphNode("player", "player", {"bag": bag, "cameras": ["left"], "loop": True, **theirs}, "anna"),
+        GraphNode("player", "player", {"bagfile": bag, "cameras": ["left"], "loop": True, **theirs}, "anna"),
     )
     graph.until(lambda: len(graph.heard["/anna/left/tracks"]) >= 12, _START_S, "all images are tracked")
     assert {message.header.frame_id for message in graph.messages("/anna/left/tracks")} == {"anna/left_optical_frame"}

@@ -39,22 +39,6 @@ def test_only_the_cameras_asked_for_are_played_in_order_and_over_again(graph: An
     assert player.end() == 0
 
 
-def test_who_comes_late_hears_of_the_cameras_too(graph: Any, tmp_path: Path) -> None:
-    from rclpy.qos import DurabilityPolicy
-
-    bag = write_tiny_bag(tmp_path / "bag")
-    graph.listen({"/right/camera_info": INFO})
-    # So slowly that the second image would come after half an hour.
-    slow = {"cameras": ["left", "right"], "rate": 0.001, "readers": 0, "settle": 0.0}
-    (player,) = graph.run(_player(bag, **slow))
-    graph.until(lambda: len(graph.heard["/right/camera_info"]) > 2, _START_S, "it is repeated for those in time")
-    graph.listen({"/left/camera_info": INFO})
-    graph.until(lambda: graph.heard["/left/camera_info"], _SOON_S, "and for those who come late")
-    (offer,) = graph.listener.get_publishers_info_by_topic("/left/camera_info")
-    assert offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert player.end() == 0, "it does not sleep until the next image"
-
-
 def test_it_names_what_it_waits_for_and_gives_up(graph: Any, tmp_path: Path) -> None:
     bag = write_tiny_bag(tmp_path / "bag")
     graph.listen({"/left/image_raw/compressed": IMAGE, "/left/camera_info": INFO} | _DIAGNOSTICS)
