@@ -44,7 +44,7 @@ _LEAST_SHARE = 0.6
 _MOST_WAITING = 3
 """Instants; more wait where a recording is played faster than it was recorded, and then nothing is to wait."""
 
-_STEP_S, _LONGEST_S = 0.003, 0.1
+_STEP_S, _LONGEST_S = 0.004, 0.1
 _LAST_WORDS_S = 0.5
 
 
@@ -64,7 +64,7 @@ class BodyTopics:
         self._stage, self._make = stage, stage.make
         self._waiting: deque[tuple[BodyOutput, BodyModel]] = deque()
         self._published_ns, self._due_s = 0, 0.0
-        self._timer = stage.every(_STEP_S, self._publish_due, even_inactive=True)
+        stage.every(_STEP_S, self._publish_due, even_inactive=True)
         self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
@@ -125,7 +125,6 @@ class BodyTopics:
     def _publish_due(self) -> None:
         while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
             self._publish_next()
-        (self._timer.reset if self._waiting else self._timer.cancel)()
 
     def _publish_next(self) -> None:
         output, body = self._waiting.popleft()
