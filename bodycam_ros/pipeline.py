@@ -21,7 +21,7 @@ from bodycam_ros.equipment.fitted_equipment import fitted_equipment
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.outside.region_settings import RegionSettings
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
