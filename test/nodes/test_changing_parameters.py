@@ -12,7 +12,7 @@ from two_cameras import write_map
 
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.nodes.graph import NodeProcess
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.settings import read_settings_file
 
 _CONFIG = Path(__file__).parents[2] / "config"

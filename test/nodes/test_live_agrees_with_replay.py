@@ -14,7 +14,7 @@ from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.nodes.graph import live_graph, player
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved
