@@ -16,8 +16,6 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-import llvmlite.binding
-import numba
 import numpy as np
 
 PACKAGE = Path(__file__).parent.parent
@@ -39,7 +37,7 @@ KERNEL_FILES = (
 )
 """All that hold kernels, in the order in which they are compiled."""
 
-CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels/kernel.py")
+CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels/kernel.py", "kernels/kernel_cache.py")
 """All else that is compiled into them."""
 
 _CONTENTS = "complete.json"
@@ -67,6 +65,9 @@ def kernel_folder() -> Path | None:
 @cache
 def folder_name() -> str:
     """What compiles, and what is compiled, as two short hashes."""
+    import llvmlite.binding
+    import numba
+
     # As numba does: no features (what the processor's name implies) are not the same as not saying which.
     processor, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
     machine = (
@@ -105,8 +106,8 @@ def complete(folder: Path) -> None:
 
 
 def _places() -> Iterator[Path]:
-    if numba.config.CACHE_DIR:
-        yield Path(numba.config.CACHE_DIR) / "bodycam_ros"
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(folder) / "bodycam_ros"
     yield PACKAGE / "__pycache__" / "kernels"
     with suppress(RuntimeError):  # no home
         place = _short_hash(bytes(PACKAGE))  # several installations do not clear each other's

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from bodycam_ros.kernels.kernel import all_saved, compile_all
+from bodycam_ros.kernels.kernel import compile_all
 from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, complete, is_complete, kernel_folder, stale_folders
 
 logger = logging.getLogger(__name__)
@@ -33,6 +33,8 @@ def prepare_kernels() -> None:
             return
         logger.warning("compiling the numerical kernels for this machine, once; takes %s", _HOW_LONG)
         load_kernels()
+        from bodycam_ros.kernels.kernel_cache import all_saved
+
         if not all_saved():
             return
         with suppress(OSError):

@@ -31,7 +31,8 @@ from bodycam_ros.kernels.preparation import prepare_kernels
 prepare_kernels()
 prepare_kernels()
 from bodycam_ros.outer import outer
-print(outer(3.0), "compiled" if outer.stats.cache_misses or not outer.stats.cache_hits else "loaded")
+stats = outer.dispatcher.stats
+print(outer(3.0), "compiled" if stats.cache_misses or not stats.cache_hits else "loaded")
 """
 
 
