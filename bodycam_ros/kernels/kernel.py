@@ -7,11 +7,14 @@ that is used: it takes 0.2 s, and half of what imports kernels, such as settings
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bodycam_ros.kernels.kernel_library import argument_checks, build_library, compiled_function
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -47,11 +50,33 @@ class Kernel:
 
     def __init__(self, function: FunctionType, signatures: tuple[str, ...]) -> None:
         functools.update_wrapper(self, function)
-        self._function, self._signatures = function, signatures
+        self._function, self.signatures = function, signatures
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
-        return self.dispatcher(*arguments)
+        return self._compiled(*arguments)
+
+    @functools.cached_property
+    def _compiled(self) -> Callable[..., Any]:
+        return cast(Callable[..., Any], self._in_library or self.dispatcher)
+
+    @functools.cached_property
+    def _in_library(self) -> Callable[..., Any] | None:
+        """The function out of the library of all kernels; None if it is not there."""
+        compiled = compiled_function(self._function) if self.signatures else None
+        if compiled is None:
+            return None
+        (signature,) = self.signatures
+        checks = argument_checks(signature)
+
+        def checked(*arguments: Any) -> Any:
+            try:
+                fitting = [check(value) for check, value in zip(checks, arguments, strict=True)]
+            except (AttributeError, TypeError, ValueError):  # numba may still take them, or name what is wrong
+                return self.dispatcher(*arguments)
+            return compiled(*fitting)
+
+        return checked
 
     @functools.cached_property
     def dispatcher(self) -> Any:
@@ -64,16 +89,18 @@ class Kernel:
         others = {name: known[name].dispatcher for name in code.co_names if isinstance(known.get(name), Kernel)}
         function = FunctionType(code, known | others, self._function.__name__)
         dispatcher = numba.njit(function, nogil=True, error_model="numpy")
-        if self._signatures and dispatcher is not function:  # as it is under NUMBA_DISABLE_JIT
+        if self.signatures and dispatcher is not function:  # as it is under NUMBA_DISABLE_JIT
             keep(dispatcher, function)
         return dispatcher
 
     def compile(self) -> None:
         """Compile it for its types, or load it from where it was kept."""
+        if self._in_library is not None:
+            return
         from numba.core.sigutils import normalize_signature
 
         if not isinstance(self.dispatcher, FunctionType):
-            for signature in self._signatures:
+            for signature in self.signatures:
                 arguments, _ = normalize_signature(signature)
                 self.dispatcher.compile(tuple(arguments))
 
@@ -86,6 +113,11 @@ def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
 def as_bytes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """An array of bytes as the kernels are compiled for it; itself if it is that already."""
     return np.require(values, np.uint8, ("C", "A", "W", "E"))
+
+
+def build_all(folder: Path) -> bool:
+    """Compile all kernels of the modules imported so far into a library in a folder; whether it could be done."""
+    return build_library(folder, [(each.dispatcher.py_func, each.signatures[0]) for each in _kernels])
 
 
 def compile_all() -> None:
