@@ -75,8 +75,10 @@ def kernel_folder() -> Path | None:
 def folder_name() -> str:
     """What compiles, and what is compiled, as two short hashes."""
     # Not by asking numba, whose import takes longer than all else that a tracker loads.
-    processor = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
-    machine = (sys.version, version("numba"), version("llvmlite"), np.__version__, repr(processor), _this_processor())
+    # Features that are empty (what the processor's name implies) are not the same as features that are not given.
+    given = [os.environ.get(variable) for variable in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")]
+    processor = [_this_processor() if text is None else text for text in given]
+    machine = (sys.version, version("numba"), version("llvmlite"), np.__version__, *processor)
     sources = [(PACKAGE / file).read_bytes() for file in (*KERNEL_FILES, *CONSTANT_FILES)]
     return f"{_short_hash(*(text.encode() for text in machine))}-{_short_hash(*sources)}"
 

@@ -50,7 +50,8 @@ def build_library(folder: Path, kernels: Iterable[tuple[FunctionType, str]]) -> 
             from numba.pycc import CC, compiler
         with tempfile.TemporaryDirectory(dir=folder) as place:
             library = CC(_NAME)
-            library.output_dir, library.output_file, library.target_cpu = place, _FILE, "host"
+            library.output_dir, library.output_file = place, _FILE
+            library.target_cpu = os.environ.get("NUMBA_CPU_NAME", "host")
             for function, signature in kernels:
                 library.export(_symbol(function), signature)(function)
             usual = compiler.Flags
