@@ -125,6 +125,7 @@ setup(
         "rich>=13",
         "rosbags>=0.11",
         "scipy>=1.11",
+        "setuptools>=65",
         "threadpoolctl>=3",
         "trimesh>=5",
         "viser>=1.1",

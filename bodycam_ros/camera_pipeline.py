@@ -5,10 +5,12 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera_registrar import registrar
+from bodycam_ros.camera_tracker import landmark_tracker
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.keyframe_choice import KeyframeChoice
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
-from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.solving.expected_cameras import ExpectedCamera

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from xml.parsers import expat
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array, exp_so3, rigid
 
 MOST_LETTERS = 4_000_000
 """Of a document; that of a person with 16 cameras has 20,000."""
@@ -214,7 +213,8 @@ def _link(element: ET.Element, role: str) -> str:
 def _origin(element: ET.Element | None) -> Array:
     roll_pitch_yaw = _numbers(element, "rpy", "0 0 0", 3)
     # URDF turns about fixed axes: x, then y, then z.
-    R = np.asarray(Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix(), dtype=np.float64)
+    about_x, about_y, about_z = exp_so3(np.diag(roll_pitch_yaw))
+    R = about_z @ about_y @ about_x
     return rigid(R, _numbers(element, "xyz", "0 0 0", 3))
 
 

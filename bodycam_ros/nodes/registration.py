@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
+from bodycam_ros.camera_registrar import registrar
 from bodycam_ros.growth.live_growth import LiveGrowth
 from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
@@ -25,7 +26,6 @@ from bodycam_ros.nodes.kept_map import KeptMap
 from bodycam_ros.nodes.map_extension import EXTEND_MAP_TYPE, MapExtension
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline import registrar
 from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.registration.reference_map import assumed_vertical, check_metric
 from bodycam_ros.registration.registrar import Registrar

@@ -28,7 +28,7 @@ from bodycam_ros.nodes.message_classes import message_class, node_messages
 from bodycam_ros.nodes.parameters import NodeParameters
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.qos import reliable
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.settings import SettingsGroups
 
 P = TypeVar("P", bound=ManagedParameters)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera_tracker import landmark_tracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.lens.lens_watch import LensWatch
 from bodycam_ros.live.flow_of_frames import AnsweredFrames
@@ -18,7 +19,6 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline import landmark_tracker
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.tracking.every_second_image import EverySecondImage

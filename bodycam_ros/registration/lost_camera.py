@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.absolute_pose import find_pose
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap

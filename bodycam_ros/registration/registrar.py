@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.doubted_place import DoubtedPlace, DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

@@ -23,7 +23,7 @@ from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.images_backwards import images_backwards
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore

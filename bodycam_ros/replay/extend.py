@@ -24,7 +24,7 @@ from bodycam_ros.growth.registration_record import RegisteredImagePose, Registra
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
 from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric

@@ -10,7 +10,7 @@ from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
 from bodycam_ros.replay.known_readouts import known_readouts

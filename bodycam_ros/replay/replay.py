@@ -20,7 +20,8 @@ from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_log import ReadoutLog

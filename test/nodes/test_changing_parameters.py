@@ -15,7 +15,7 @@ from bodycam_ros.all_settings import all_groups
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.live.node_parameters import GROUPS
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 
 _CONFIG = Path(__file__).parents[2] / "config"
 _START_S = 60.0

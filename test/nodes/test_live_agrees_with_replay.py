@@ -16,7 +16,7 @@ from live_graph import live_graph, player
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.outside.person_masses import person_masses
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved

@@ -19,7 +19,7 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import write_stations
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 

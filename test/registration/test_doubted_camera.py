@@ -7,7 +7,7 @@ import pytest
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera_pipeline import CameraPipeline
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.reference_map import ReferenceMap

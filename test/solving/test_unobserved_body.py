@@ -8,7 +8,8 @@ from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, positio
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
