@@ -39,7 +39,7 @@ _START_S, _GRACE_S = 60.0, 30.0
 
 
 def live_graph(
-    reference_map: Path, body: Path, cameras: Sequence[str] = (), registrations: int = 1, **given: Any
+    reference_map: Path | str, body: Path, cameras: Sequence[str] = (), registrations: int = 1, **given: Any
 ) -> list[GraphNode]:
     """The nodes of the graph of a map and a body."""
     cameras = tuple(cameras)
