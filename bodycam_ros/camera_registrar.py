@@ -20,5 +20,4 @@ def registrar(
         settings.pose_fit,
         settings.shutter,
         readout,
-        settings.doubt,
     )

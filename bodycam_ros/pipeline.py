@@ -2,12 +2,12 @@
 
     image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
 
-What happens to one camera's images is in ``camera_tracker.py``, ``camera_registrar.py`` and, offline, ``camera_pipeline.py``; ``SkeletonPipeline`` is what happens to all cameras'
-registrations.
+What happens to one camera is in ``camera_tracker.py``, ``camera_registrar.py`` and, offline, ``camera_pipeline.py``;
+``SkeletonPipeline`` is what happens to all cameras' registrations.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.joint_angles import JointAngleTracker
@@ -23,7 +23,6 @@ from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.body_state import BodyOutput, BodyState, moving
 from bodycam_ros.solving.camera_evidence import evidence_floor
 from bodycam_ros.solving.frame_assembler import FrameAssembler
-from bodycam_ros.solving.refusal_log import Refusal
 from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.timing.body_instants import BodyInstants
@@ -84,7 +83,6 @@ class SkeletonPipeline:
         self._root = body.segment_index[body.root]
         self._bridged = self._restarts = 0
         self._refused: Counter[str] = Counter()
-        self._doubts: list[Refusal] = []
         self._begin()
 
     def _begin(self) -> None:
@@ -129,22 +127,12 @@ class SkeletonPipeline:
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._refused + self._smoother.refusals.counts
+        return self._refused + self._smoother.refused
 
     @property
     def lately(self) -> list[BodyNow]:
         """The body at the latest two instants, oldest first, for those who cannot wait for its states."""
         return self._smoother.lately
-
-    @property
-    def doubted(self) -> Mapping[str, Refusal]:
-        """Cameras that the body has been contradicting for a while, until now; ``Registrar.doubt`` is for them."""
-        return self._smoother.refusals.doubted
-
-    @property
-    def doubts(self) -> Sequence[Refusal]:
-        """The same of the past, in order of the ends, for another pass over the recording."""
-        return [*self._doubts, *self._smoother.refusals.doubts]
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
@@ -200,7 +188,6 @@ class SkeletonPipeline:
                 outputs += self._outputs(self._smoother.flush())
                 # Counts are of the whole recording, whatever its stamps do.
                 self._bridged, self._restarts, self._refused = self.bridged, self.restarts, self.refused
-                self._doubts = list(self.doubts)
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))

@@ -7,7 +7,6 @@ from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
-from bodycam_ros.registration.doubted_place import DoubtSettings
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_pool import ReadoutSettings
@@ -47,7 +46,6 @@ class PipelineSettings(SettingsGroups):
     absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     shutter: ShutterSettings = ShutterSettings()
-    doubt: DoubtSettings = DoubtSettings()
     readout: ReadoutSettings = ReadoutSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()

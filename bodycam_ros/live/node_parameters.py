@@ -6,7 +6,7 @@ from typing import Final
 from bodycam_ros.settings import setting
 
 TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
-REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter", "doubt")
+REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter")
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("readout", "clock", "assembler", "smoother", "motion", "trust", "memory", "covariance", "contact", "evidence"),
@@ -299,7 +299,7 @@ ALL = tuple(OF_NODES.values())
 
 GROUPS: Final = frozenset(
     """
-    tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter doubt
+    tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
     readout clock assembler smoother motion trust memory covariance contact evidence coupling region verdict
     motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
     frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor

@@ -13,10 +13,8 @@ from bodycam_ros.growth.live_growth import LiveGrowth
 from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.pose import pose_and_covariance
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
@@ -64,7 +62,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
-        self._searched_ns: dict[str, int] = {}
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
         self._readers = AwaitedReaders()
         self._registration_health = RegistrationHealth(cameras, self.settings.readout)
@@ -100,13 +97,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
                 partial(self._on_tracks, camera),
                 reliable(STAGE_DEPTH),
             )
-            self.subscription(
-                "geometry_msgs/msg/PoseWithCovarianceStamped",
-                f"{camera}/expected_pose",
-                partial(self._on_expected, camera),
-                reliable(1),
-            )
-            self.subscription("std_msgs/msg/Header", f"{camera}/doubt", partial(self._on_doubt, camera), reliable(1))
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
@@ -166,12 +156,11 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._registrars[camera] = registrar(model, self._growth.map, self.settings, known)
         self._growth.begin(camera, model)
         self._described.discard(camera)
-        self._searched_ns.pop(camera, None)
 
     def settings_changed(self) -> None:
         """Register the next images by the thresholds that hold now."""
         for each in self._registrars.values():
-            each.settings, each.doubt_settings = self.settings.registrar, self.settings.doubt
+            each.settings = self.settings.registrar
 
     def _on_timing(self, camera: str, message: Message) -> None:
         """Camera and body may both say how long the rows are read out; the better known counts."""
@@ -185,19 +174,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._readouts[camera][timing.source] = timing.readout
         if camera in self._registrars:
             self._registrars[camera].learn(timing.readout)
-
-    def _on_expected(self, camera: str, message: Message) -> None:
-        """Where the body has a camera."""
-        if camera in self._registrars:
-            self._registrars[camera].expect(stamp_ns(message.header.stamp), *pose_and_covariance(message.pose))
-
-    def _on_doubt(self, camera: str, message: Message) -> None:
-        """The body contradicts the registration of an image, unless the camera has searched anew since then."""
-        doubted_ns, latest_ns = stamp_ns(message.stamp), self._latest_ns.get(camera, 0)
-        if camera in self._registrars and self._searched_ns.get(camera, 0) < doubted_ns <= latest_ns:
-            self._searched_ns[camera] = latest_ns
-            self._registrars[camera].doubt(doubted_ns)
-            self._want_keyframe(camera)
 
     def _on_tracks(self, camera: str, message: Message) -> None:
         try:

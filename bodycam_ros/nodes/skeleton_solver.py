@@ -25,7 +25,7 @@ from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
-from bodycam_ros.nodes.camera_feedback import CameraFeedback
+from bodycam_ros.nodes.camera_timings import CameraTimings
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.live_calibration import CALIBRATE_TYPE, LiveCalibration
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
@@ -46,7 +46,7 @@ class SolverStage(Stage[SolverParameters]):
     """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first; later ones join.
 
     With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
-    Where most cameras go back in time, the body begins anew there. Registrations hear what it knows of their cameras.
+    Where most cameras go back in time, the body begins anew there.
     While it is inactive it keeps the body, what has been collected of a range of motion, and the cameras' clocks.
     """
 
@@ -76,7 +76,7 @@ class SolverStage(Stage[SolverParameters]):
         self._missed = MissedFrames()
         self._first_info_s: float | None = None
         self._flushed = True
-        self._feedback = CameraFeedback(self, carried)
+        self._timings = CameraTimings(self, carried)
         for camera in carried:
             heard = partial(self._on_landmarks, camera)
             self.subscription("bodycam_msgs/msg/LandmarkMatches", f"{camera}/landmarks", heard, reliable(STAGE_DEPTH))
@@ -204,7 +204,7 @@ class SolverStage(Stage[SolverParameters]):
                 stations=self._stations.stations if self._stations else (),
                 placed=bool(self.parameters.start),
             )
-            self._feedback.begin(self._body)
+            self._timings.begin(self._body)
             self._judge_anew()
 
     def _judge_anew(self) -> None:
@@ -223,7 +223,7 @@ class SolverStage(Stage[SolverParameters]):
         if isinstance(heard, LandmarkMatches):
             if self._calibration is not None:
                 self._calibration.add(heard)
-            self._feedback.add(heard, self._cameras.models.get(heard.camera))
+            self._timings.add(heard, self._cameras.models.get(heard.camera))
         if self._pipeline is not None:
             begun = self.moments.now()
             said = self._pipeline.add_static(heard) if isinstance(heard, SaidSegments) else self._pipeline.add(heard)
@@ -272,7 +272,7 @@ class SolverStage(Stage[SolverParameters]):
             self._publish(self._pipeline.look())
         if self._pipeline is not None:
             self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
-            self._feedback.publish_clocks(self._pipeline.instants.watch.timings)
+            self._timings.publish_clocks(self._pipeline.instants.watch.timings)
 
     def _flush(self) -> int:
         """Publish the instants that wait for later ones; how many there were."""
@@ -292,8 +292,6 @@ class SolverStage(Stage[SolverParameters]):
                 self._topics.publish(output, self._body)
                 if begun is not None:
                     self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, begun)
-            if self._pipeline is not None:
-                self._feedback.publish(output.state, self._pipeline)
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
             self._health.solved(output.state)

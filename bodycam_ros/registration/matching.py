@@ -60,12 +60,6 @@ class MatchingSettings:
         reason="whose landmarks a lost camera is asked for before those of the whole map; with 10 a camera in 60 is "
         "found only then",
     )
-    max_expected_radius_px: float = setting(
-        150.0,
-        unit="px",
-        limits=(5.0, 2000.0),
-        reason="search around the projection where the body says where a lost camera is, however unsure it is",
-    )
     max_size_ratio: float = setting(
         2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts"
     )

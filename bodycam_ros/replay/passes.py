@@ -54,7 +54,6 @@ def replay_in_passes(
             settings,
             jobs,
             force,
-            None,
             on_progress,
             equipment,
             on_step,
@@ -69,7 +68,7 @@ def replay_in_passes(
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
         readouts = known_readouts(recording, body, cameras)
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, person, on_step)
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, on_step)
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")
         summary = replay(
@@ -80,7 +79,6 @@ def replay_in_passes(
             settings,
             jobs,
             force,
-            extension.hints,
             on_progress,
             held,
             on_step,

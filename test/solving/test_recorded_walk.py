@@ -68,7 +68,6 @@ def test_one_wrong_camera_overrules_nobody(walk: Walk, undisturbed: list[BodySta
 
     skeleton, states = walk.solve(moved)
     assert skeleton.refused == {camera: len(undisturbed)}
-    assert [doubt.camera for doubt in skeleton.doubts] == [camera]
     ours, usual = (np.stack([state.world_T_segment for state in each]) for each in (states, undisturbed))
     assert np.linalg.norm((ours - usual)[..., :3, 3], axis=-1).max() < 0.012
     # Of a segment whose own camera is refused nothing but its neighbours says how it is turned.

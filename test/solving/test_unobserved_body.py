@@ -99,7 +99,7 @@ def test_registrations_that_are_noise_are_survived(camera: str) -> None:
         frames.append(BodyFrame(frame.stamp_ns, matches))
     smoother = BodySmoother(body, lenses(body))
     states = solve(smoother, frames)
-    counts = smoother.refusals.counts
+    counts = smoother.refused
     assert counts[camera] > 50 and sum(counts.values()) < 70
     by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
     chest = position_errors(body, by_frame)[:, 0]
