@@ -259,7 +259,7 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def fail(self, error: BodycamError) -> None:
         """An error of the user's has ended the work."""
-        self.failure = error
+        self.failure, self._why = error, str(error)
         if not self.parameters.own.autostart and self.executor is not None:
             # Later: what has failed is still being called. A transition that fails leads to ``on_error``.
             self.executor.create_task(self.trigger_deactivate if self.is_active else self.trigger_cleanup)
