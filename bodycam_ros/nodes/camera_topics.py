@@ -59,6 +59,7 @@ class ImageSource:
         self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
         self._transport = transport
         self._is_lossy = False
+        self._topics: set[str] = set()
         self._subscription = self._subscribed()
         self._came_s = -_QUIET_S
         self._begun_s = time.monotonic()
@@ -82,7 +83,10 @@ class ImageSource:
     def _subscribed(self) -> Any:
         kind = TRANSPORTS[self._transport][1]
         quality = (best_effort if self._is_lossy else reliable)(self._depth)
-        return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=True, adapts=True)
+        # A user's override is of the first subscription: rclpy would make the second as the first.
+        first = self._topic not in self._topics
+        self._topics.add(self._topic)
+        return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=first, adapts=True)
 
     def _receive(self, message: Message) -> None:
         self._came_s = time.monotonic()
