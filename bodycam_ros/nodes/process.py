@@ -150,10 +150,11 @@ def leave_ros(nodes: list[Any]) -> None:
     What is still not over after ``PATIENCE_S`` is ended with exit code 1 and the place where it is stuck.
     """
     faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
-    for node in nodes:
+    while nodes:
+        node = nodes.pop()
         ignore_discovery(node)
         node.destroy_node()
-    nodes.clear()
+        del node
     # A LifecycleNode's state machine keeps the node in DDS until both are freed.
     gc.collect()
     rclpy.try_shutdown()
