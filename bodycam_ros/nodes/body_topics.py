@@ -1,7 +1,6 @@
 """What the solver publishes: the body, and how it moves."""
 
 import time
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +12,7 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
 from bodycam_ros.live.node_parameters import SolverParameters
+from bodycam_ros.live.pacing import Paced
 from bodycam_ros.messages.body import output_messages, transforms_message
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
@@ -38,13 +38,7 @@ _STATIC, _MARKERS = "/tf_static", "/skeleton"
 _ROUNDING_NS = 1_000_000
 """Of stamps: every second instant of 30 Hz is one of 15 Hz."""
 
-_LEAST_SHARE = 0.6
-"""Of the time between two instants: so long after the first the second is published, however early it is solved."""
-
-_MOST_WAITING = 3
-"""Instants; more wait where a recording is played faster than it was recorded, and then nothing is to wait."""
-
-_STEP_S, _LONGEST_S = 0.004, 0.1
+_STEP_S = 0.004
 _LAST_WORDS_S = 0.5
 
 
@@ -62,9 +56,9 @@ class BodyTopics:
 
     def __init__(self, stage: Stage[SolverParameters], with_equipment: bool = False) -> None:
         self._stage, self._make = stage, stage.make
-        self._waiting: deque[tuple[BodyOutput, BodyModel]] = deque()
-        self._published_ns, self._due_s = 0, 0.0
-        stage.every(_STEP_S, self._publish_due, even_inactive=True)
+        # Instants are solved in bursts, as images come. Who consumes joint states wants them evenly spaced.
+        self._paced: Paced[tuple[BodyOutput, BodyModel]] = Paced(self._publish)
+        stage.every(_STEP_S, self._paced.look, even_inactive=True)
         self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
@@ -110,27 +104,16 @@ class BodyTopics:
             self._publish_description(learned_body(body, self._equipment, values))
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
-        """Publish where the body is at one instant; not at once where the one before has only just been published.
-
-        Instants are solved in bursts, as images come. Who consumes joint states wants them evenly spaced.
-        """
-        self._waiting.append((output, body))
-        self._publish_due()
+        """Publish where the body is at one instant; not at once where the one before has only just been published."""
+        self._paced.add(output.state.stamp_ns, (output, body))
 
     def flush(self) -> None:
         """Publish what waits."""
-        while self._waiting:
-            self._publish_next()
+        self._paced.flush()
 
-    def _publish_due(self) -> None:
-        while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
-            self._publish_next()
-
-    def _publish_next(self) -> None:
-        output, body = self._waiting.popleft()
+    def _publish(self, instant: tuple[BodyOutput, BodyModel]) -> None:
+        output, body = instant
         stamp_ns = output.state.stamp_ns
-        passed_s = min(1e-9 * max(stamp_ns - self._published_ns, 0), _LONGEST_S)
-        self._published_ns, self._due_s = stamp_ns, time.monotonic() + _LEAST_SHARE * passed_s
         self._describe_learned(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
         for topic, message in output_messages(self._make, output, body, links).items():

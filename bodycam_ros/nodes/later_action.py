@@ -1,25 +1,19 @@
 """An action whose work is done beside the executor: whoever asks gets its progress, and can cancel it."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.nodes.message_classes import action_class
 
-
-class Worker(Protocol):
-    """Does the work of an action."""
-
-    def work_on(self, goal: Message) -> None:
-        """Begin, unless the same work is under way."""
-
-    def cancel(self) -> bool:
-        """Cancel the work; False where it is too late."""
+_LOOK_S = 0.2
 
 
 class LaterAction:
@@ -32,33 +26,41 @@ class LaterAction:
         type_name: such as "bodycam_msgs/action/Calibrate": its result has ``success`` and ``message``, its feedback
             ``step`` and ``share``.
         name: of the action.
-        worker: does the work; None while the node is not active, or was configured without it.
+        begin: begins the work of a goal; raises BodycamError where that is not possible.
+
+    Attributes:
+        work: what is under way; None if nothing is.
     """
 
-    def __init__(self, node: Node, type_name: str, name: str, worker: Callable[[], Worker | None]) -> None:
-        self._node, self._worker, self._type = node, worker, action_class(type_name)
+    def __init__(self, node: Node, type_name: str, name: str, begin: Callable[[Message], Work]) -> None:
+        self._node, self._begin, self._type = node, begin, action_class(type_name)
         self._goals: list[tuple[Any, Future]] = []
         self._progress: tuple[str, float] | None = None
+        self.work: Work | None = None
         if self._type is None:
             node.get_logger().warning(f"there is no action {name}, for {type_name} is not built")
             return
         ActionServer(node, self._type, name, self._execute, goal_callback=self._accept, cancel_callback=self._cancel)
+        node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    @property
-    def is_asked(self) -> bool:
-        """Whether a goal waits for its answer."""
-        return bool(self._goals)
+    def stop(self) -> None:
+        """The stage goes, and its work with it."""
+        self._answer(False, "the node was stopped")
 
-    def report(self, step: str, share: float) -> None:
-        """Publish the progress where it has changed: the step, and the share of it that is done, 0 to 1."""
-        if (step, share) != self._progress:
-            self._progress = step, share
+    def _look(self) -> None:
+        """Publish the progress where it has changed, and answer when the work is done."""
+        if self.work is None:
+            return
+        progress = self.work.step, self.work.share
+        if progress != self._progress:
+            self._progress = progress
             for goal, _ in self._goals:
-                goal.publish_feedback(self._type.Feedback(step=step, share=share))
+                goal.publish_feedback(self._type.Feedback(step=progress[0], share=progress[1]))
+        if (result := self.work.result) is not None:
+            self._answer(*result)
 
-    def answer(self, success: bool, text: str) -> None:
-        """Answer all goals."""
-        goals, self._goals, self._progress = self._goals, [], None
+    def _answer(self, success: bool, text: str) -> None:
+        goals, self._goals, self._progress, self.work = self._goals, [], None, None
         for goal, future in goals:
             end = goal.succeed if success else goal.canceled if goal.is_cancel_requested else goal.abort
             end()
@@ -71,16 +73,11 @@ class LaterAction:
     async def _execute(self, goal: Any) -> Any:
         future = Future(executor=self._node.executor)
         self._goals.append((goal, future))
-        worker = self._worker()
         try:
-            if worker is None:
-                self.answer(False, "the node is not active, or was configured without it")
-            else:
-                worker.work_on(goal.request)
-        except BodycamError as error:
-            self.answer(False, str(error))
+            self.work = self.work or self._begin(goal.request)
+        except (BodycamError, OSError) as error:
+            self._answer(False, str(error))
         return await future
 
     def _cancel(self, goal: Any) -> CancelResponse:
-        worker = self._worker()
-        return CancelResponse.ACCEPT if worker is not None and worker.cancel() else CancelResponse.REJECT
+        return CancelResponse.ACCEPT if self.work is not None and self.work.cancel() else CancelResponse.REJECT

@@ -6,12 +6,17 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from std_srvs.srv import SetBool
+
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_registrar import registrar
 from bodycam_ros.growth.live_growth import LiveGrowth
 from bodycam_ros.live.flow_of_frames import AwaitedReaders, MissedFrames
+from bodycam_ros.live.kept_map import KeptMap
+from bodycam_ros.live.map_extension import MapExtension
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.messages.map_points import map_points_message
@@ -20,8 +25,6 @@ from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.kept_map import KeptMap
-from bodycam_ros.nodes.map_extension import EXTEND_MAP_TYPE, MapExtension
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.loaded_map import load_map
@@ -29,7 +32,7 @@ from bodycam_ros.registration.reference_map import assumed_vertical, check_metri
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-_LOOK_S = 0.1
+_LOOK_S, _SAVE_LOOK_S = 0.1, 0.2
 
 _TIMINGS = 10
 """Those of all who speak of one camera."""
@@ -46,7 +49,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
-    action = EXTEND_MAP_TYPE, "~/extend_map"
+    action = "bodycam_msgs/action/ExtendMap", "~/extend_map"
 
     def __init__(self, node: StageNode[RegistrationParameters]) -> None:
         super().__init__(node)
@@ -56,8 +59,12 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if assumed := assumed_vertical(self.map, map_path):
             self.log.warning(assumed)
         self._growth = LiveGrowth(self.map, self.settings.growth, self._want_keyframe, self._soon)
-        self._kept = KeptMap(self, self._growth, self.map)
-        self._extension = MapExtension(self, map_path)
+        kept = self.parameters.grown_map
+        # Several registrations grow their own, and may be given the same parameters.
+        folder = Path(kept, node.get_fully_qualified_name().strip("/")) if kept else None
+        self._kept = KeptMap(self._growth, self.map, map_path, folder, self.log.error)
+        self._map_path = map_path
+        self._extension: MapExtension | None = None
         cameras = self.parameters.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         self._registrars: dict[str, Registrar] = {}
         self._described: set[str] = set()
@@ -100,7 +107,12 @@ class RegistrationStage(Stage[RegistrationParameters]):
         # The last: who sees it reading camera_info may take it that it reads the rest.
         self._cameras = CameraModels(self, cameras, self._on_camera)
         self.every(_LOOK_S, self._look)
+        self.every(_SAVE_LOOK_S, lambda: self._kept.look(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
+        self.trigger("~/save_map", lambda: (True, self._kept.save()))
+        self.trigger("~/load_map", lambda: (True, self._kept.load()))
+        self.trigger("~/reset_map", lambda: (True, self._kept.reset()))
+        self.service(SetBool, "~/grow", lambda request: (True, self._kept.grow(bool(request.data))))
 
     def begin(self) -> None:
         """Show the map."""
@@ -110,7 +122,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def pause(self) -> None:
         """What the trackers say meanwhile is missing, so what is known of their tracks is of no use."""
-        self._extension.stop()
+        self._stop_work()
         self._waiting.clear()
         self._missed = MissedFrames()
         self._begin_all()
@@ -225,17 +237,20 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def _want_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
 
-    def work_on(self, goal: Message) -> None:
+    def work_on(self, goal: Message) -> Work:
         """For the action ~/extend_map."""
-        self._extension.make(goal)
+        self._extension = MapExtension(self._map_path, goal.recording, goal.output, self.settings.as_mapping())
+        return self._extension
 
-    def cancel(self) -> bool:
-        """For the action ~/extend_map."""
-        return self._extension.cancel()
+    def _stop_work(self) -> None:
+        if self._extension is not None:
+            self._extension.stop()
+        if self.node.action is not None:
+            self.node.action.stop()
 
     def finish(self) -> None:
         """Save what has grown before the node goes."""
-        self._extension.stop()
+        self._stop_work()
         self._kept.stop()
 
     def health(self) -> list[Health]:
@@ -268,7 +283,13 @@ class RegistrationStage(Stage[RegistrationParameters]):
             level, text = HealthLevel.STALE, "no tracks come"
         everybody = Health("all cameras", level, text, values)
         of_cameras = self._registration_health.report()
-        return [everybody, self._kept.health(), *self._extension.health(), *of_cameras]
+        return [everybody, self._kept.health(), *self._of_extension(), *of_cameras]
+
+    def _of_extension(self) -> list[Health]:
+        if self._extension is None or self._extension.result is not None:
+            return []
+        values: dict[str, object] = {"step": self._extension.step, "done [%]": round(100 * self._extension.share)}
+        return [Health("map extension", HealthLevel.OK, "extending", values)]
 
 
 def make(arguments: Sequence[str] = ()) -> StageNode[RegistrationParameters]:

@@ -17,8 +17,11 @@ from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.live.flow_of_frames import MissedFrames
+from bodycam_ros.live.live_calibration import LiveCalibration
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_health import SolverHealth
+from bodycam_ros.live.static_cameras import stations_of_solver
+from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
@@ -27,7 +30,6 @@ from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_timings import CameraTimings
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.live_calibration import CALIBRATE_TYPE, LiveCalibration
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
@@ -39,7 +41,7 @@ from bodycam_ros.solving.body_state import BodyOutput
 from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.verdict.judge import LiveVerdict
 
-_LOOK_S = 0.5
+_LOOK_S, _CALIBRATION_LOOK_S = 0.5, 0.2
 
 
 class SolverStage(Stage[SolverParameters]):
@@ -52,7 +54,7 @@ class SolverStage(Stage[SolverParameters]):
 
     name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
     settings_types = PipelineSettings, CalibrationSettings
-    action = CALIBRATE_TYPE, "~/calibrate"
+    action = "bodycam_msgs/action/Calibrate", "~/calibrate"
 
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)
@@ -65,9 +67,10 @@ class SolverStage(Stage[SolverParameters]):
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None
         self._calibration: LiveCalibration | None = None
-        self._stations = Stations.of(self, self._on_said)
+        stations = stations_of_solver(of)
+        self._stations = Stations(self, stations, self._on_said) if stations else None
         path = Path(self.required("body"))
-        carried = self._prepare_calibration(path) if self.parameters.rig else self._read_body(path)
+        carried = self._prepare_calibration() if of.rig else self._read_body(path)
         self._pipeline: SkeletonPipeline | None = None
         self._verdict: LiveVerdict | None = None
         self._started = False
@@ -98,7 +101,9 @@ class SolverStage(Stage[SolverParameters]):
     def pause(self) -> None:
         """Publish what waits for later instants, for these do not come; a body that is being made is given up."""
         if self._calibration is not None:
-            self._calibration.stop()
+            self._take_body(self._calibration.stop())
+        if self.node.action is not None:
+            self.node.action.stop()
         self._flush()
         self._forget_heard()
 
@@ -114,18 +119,18 @@ class SolverStage(Stage[SolverParameters]):
         self._waiting.clear()
         self._missed = MissedFrames()
 
-    def work_on(self, goal: Message) -> None:
+    def work_on(self, goal: Message) -> Work:
         """For the action ~/calibrate."""
-        self._asked().make()
-
-    def cancel(self) -> bool:
-        """For the action ~/calibrate."""
-        return self._asked().cancel()
-
-    def _asked(self) -> LiveCalibration:
         if self._calibration is None:
             raise BodyError("the node was configured without a rig, so there is nothing to calibrate")
-        return self._calibration
+        return self._calibration.make()
+
+    def _calibrate(self) -> tuple[bool, str]:
+        if self._calibration is None or not self.node.is_active:
+            return False, "the node is inactive; activate it first"
+        self._calibration.make()
+        path = self._calibration.path
+        return True, f"makes {path}; /diagnostics has the progress and the result, and so has the action ~/calibrate"
 
     def finish(self) -> None:
         """The same, and wait until readers have received it."""
@@ -154,10 +159,13 @@ class SolverStage(Stage[SolverParameters]):
         self._is_described = True
         self._topics.describe(body, self._held)
 
-    def _prepare_calibration(self, path: Path) -> tuple[str, ...]:
+    def _prepare_calibration(self) -> tuple[str, ...]:
         """Be ready to make the body; the rig's cameras."""
-        self._calibration = LiveCalibration(self, self._equipment, path, self._solve_new)
-        return self._calibration.cameras
+        calibration = self._calibration = LiveCalibration(self.parameters, self._equipment)
+        self.trigger("~/calibrate", self._calibrate)
+        self.trigger("~/start_calibration", calibration.collect_anew)
+        self.every(_CALIBRATION_LOOK_S, lambda: self._take_body(calibration.look()), even_inactive=True)
+        return calibration.cameras
 
     def _on_camera(self, camera: str) -> None:
         self._first_info_s = self._first_info_s or time.monotonic()
@@ -169,7 +177,7 @@ class SolverStage(Stage[SolverParameters]):
     def _join(self, camera: str) -> None:
         """A camera's model has come late, or has become another."""
         if self._calibration is not None and not self._calibration.is_running:
-            self._calibration.begin(self._cameras.models)
+            self._collect(self._calibration)
         model = self._cameras.models.get(camera)
         if model is None:
             return
@@ -183,7 +191,7 @@ class SolverStage(Stage[SolverParameters]):
         """Enough cameras are known: from now on they are collected, or the body is solved, or both."""
         self._started = True
         if self._calibration is not None:
-            self._calibration.begin(self._cameras.models)
+            self._collect(self._calibration)
         for camera in self._cameras.missing:
             self.log.warning(f"there is no {camera}/camera_info yet; the camera joins when it comes")
         self._solve_with_those_known()
@@ -212,8 +220,13 @@ class SolverStage(Stage[SolverParameters]):
         if self._body is not None:
             self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.verdict, self.settings.pose_fit)
 
-    def _solve_new(self, body: BodyModel) -> None:
-        """There is a new body: the registrations from now on are its own."""
+    def _collect(self, calibration: LiveCalibration) -> None:
+        calibration.begin(self._cameras.models, self.settings, self.node.parameters.of(CalibrationSettings))
+
+    def _take_body(self, body: BodyModel | None) -> None:
+        """If there is a new body, the registrations from now on are its own."""
+        if body is None:
+            return
         self._flush()
         coupled = self._know(body)
         self._solve_with_those_known()

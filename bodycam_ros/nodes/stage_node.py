@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.live.node_parameters import ManagedParameters
+from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
@@ -104,6 +105,10 @@ class Stage(Generic[P]):
 
     def settings_changed(self) -> None:
         """Parameters have changed."""
+
+    def work_on(self, goal: Message) -> Work:
+        """Begin the work of a goal of the action; raises BodycamError where that is not possible."""
+        raise BodycamError("there is no such work")
 
     def health(self) -> list[Health]:
         """The health of all parts since the last call; once a second, while the node is active."""
@@ -236,7 +241,7 @@ class StageNode(LifecycleNode, Generic[P]):
         own = self.parameters.own
         self.make = node_messages(frame_prefix(self, own.frame_prefix))
         self.moments = Moments(Path(own.moments) if own.moments else None)
-        self.action = None if of.action is None else LaterAction(self, *of.action, self._worker)
+        self.action = None if of.action is None else LaterAction(self, *of.action, self._begin_work)
         self._diagnostics = Diagnostics(self, self.make)
         self.create_timer(_REPORT_S, self._report, clock=_STEADY)
         if not own.autostart:
@@ -362,8 +367,10 @@ class StageNode(LifecycleNode, Generic[P]):
         self._why = ""
         return of_rclpy(state)
 
-    def _worker(self) -> Any:
-        return self.stage if self.is_active else None
+    def _begin_work(self, goal: Message) -> Work:
+        if self.stage is None or not self.is_active:
+            raise BodycamError("the node is not active")
+        return self.stage.work_on(goal)
 
     def _changed(self) -> None:
         if self.stage is not None:

@@ -16,41 +16,6 @@ NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarg
 GRAPH = "graph"
 
 
-def tracker() -> NoReturn:
-    """Run the tracker of one camera."""
-    _run("tracker")
-
-
-def region_tracker() -> NoReturn:
-    """Run the region tracker of one static camera."""
-    _run("region_tracker")
-
-
-def registration() -> NoReturn:
-    """Run the registration of all cameras."""
-    _run("registration")
-
-
-def skeleton_solver() -> NoReturn:
-    """Run the solver of the body."""
-    _run("skeleton_solver")
-
-
-def retarget() -> NoReturn:
-    """Run a robot that follows the body."""
-    _run("retarget")
-
-
-def player() -> NoReturn:
-    """Play a bag."""
-    _run("player")
-
-
-def graph() -> NoReturn:
-    """Run all nodes in one process."""
-    _run(GRAPH)
-
-
 def _run(name: str) -> NoReturn:
     # Until the node handles signals itself they just end it: half-loaded libraries would give a traceback.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -85,6 +50,11 @@ def _end(code: int) -> NoReturn:
     # The nodes have left ROS. Unloading Python, OpenCV, gtsam and Fast DDS takes ten times as long as that.
     os._exit(code)
 
+
+tracker, region_tracker, registration, skeleton_solver, retarget, player, graph = (
+    partial(_run, name) for name in (*NODES, GRAPH)
+)
+"""Entry points of the executables."""
 
 if __name__ == "__main__":
     if len(sys.argv) < 2 or sys.argv[1] not in (*NODES, GRAPH):

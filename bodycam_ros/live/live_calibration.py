@@ -1,9 +1,9 @@
-"""The solver's calibration: it collects a range of motion, and makes a body of it on request."""
+"""The solver's calibration: it collects a range of motion, and makes a body of it on request (A 4.2)."""
 
+import logging
 import math
 import threading
-import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,44 +19,37 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.status import Health, HealthLevel
-from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.registration.reference_map import check_upright
 
-CALIBRATE_TYPE = "bodycam_msgs/action/Calibrate"
-_LOOK_S = 0.2
+logger = logging.getLogger(__name__)
+
 _STOP_S = 5.0
 
 
 class LiveCalibration:
-    """Collects from the start, or from the latest ``~/start_calibration``; ``~/calibrate`` makes the body.
+    """Collects registrations, and makes the body of them beside the live work.
 
-    The action ``~/calibrate`` has progress and an answer, and can be cancelled; the service of that name begins the
-    same work and returns. Neither success nor failure ends the collecting: who has not moved a joint enough moves it
-    and asks again.
+    Neither success nor failure ends the collecting: who has not moved a joint enough moves it and asks again.
 
     Args:
-        stage: the solver.
+        of: the solver's parameters.
         equipment: that it was given; None without.
-        path: body YAML to write.
-        on_body: called with each new body.
+
+    Attributes:
+        path: body YAML to be.
+        cameras: the rig's.
 
     Raises:
         BodyError: the rig cannot be read, the body is there already and is not to be overwritten or cannot be written
             there, or a parameter does not go with a range of motion.
         MapError: the map has no scale or no vertical.
-        SettingsError: no map is named.
     """
 
-    def __init__(
-        self,
-        stage: Stage[SolverParameters],
-        equipment: Equipment | None,
-        path: Path,
-        on_body: Callable[[BodyModel], None],
-    ) -> None:
-        of = stage.parameters
+    def __init__(self, of: SolverParameters, equipment: Equipment | None) -> None:
+        self.path = path = Path(of.body)
         self._rig = Rig.from_yaml(of.rig)
         if equipment is not None and equipment.mounts:
             raise BodyError(
@@ -72,40 +65,33 @@ class LiveCalibration:
             )
         if not path.parent.is_dir():
             raise BodyError(f"{path}: its folder is not there; make it first")
-        map_path = Path(stage.required("map"))
-        check_upright(load_map(map_path), map_path)
-        self._stage, self._path, self._on_body = stage, path, on_body
+        if not of.map:
+            raise BodyError("the parameter 'map' is missing: a calibration needs its scale and its vertical")
+        check_upright(load_map(Path(of.map)), Path(of.map))
+        self.cameras = tuple(self._rig.cameras)
+        self._facing = None if math.isnan(of.facing) else math.radians(of.facing)
         self._calibrator: BodyCalibrator | None = None
-        self._thread: _Calibrating | None = None
-        self._cancelled: _Calibrating | None = None
+        self._making: BodyInTheMaking | None = None
         self._collected = 0
-        self._is_asked = False
         self._failure = ""
-        stage.trigger("~/calibrate", self._calibrate)
-        stage.trigger("~/start_calibration", self._collect_anew)
-        stage.every(_LOOK_S, self._look, even_inactive=True)
-
-    @property
-    def cameras(self) -> tuple[str, ...]:
-        """The rig's."""
-        return tuple(self._rig.cameras)
 
     @property
     def is_running(self) -> bool:
         """Whether a body is being made."""
-        return self._thread is not None
+        return self._making is not None
 
-    def begin(self, cameras: Mapping[str, CameraModel]) -> None:
+    def begin(
+        self, cameras: Mapping[str, CameraModel], settings: PipelineSettings, calibration: CalibrationSettings
+    ) -> None:
         """Collect from now on; raises RangeOfMotionError if one of the rig's cameras is not among the models."""
         self._collected = 0
-        settings, facing_deg = self._stage.settings, self._stage.parameters.facing
         self._calibrator = BodyCalibrator(
             self._rig,
             cameras,
-            self._stage.node.parameters.of(CalibrationSettings),
+            calibration,
             settings.pose_fit,
             settings.evidence,
-            None if math.isnan(facing_deg) else math.radians(facing_deg),
+            self._facing,
             settings.clock,
             settings.readout,
         )
@@ -116,7 +102,16 @@ class LiveCalibration:
             self._calibrator.add(matches)
             self._collected += 1
 
-    def make(self) -> None:
+    def collect_anew(self) -> tuple[bool, str]:
+        """Forget what has been collected; whether that could be, and what to do."""
+        if self._making is not None:
+            return False, "a calibration is running; call again when it has ended"
+        if self._calibrator is not None:
+            self._calibrator.forget()
+        self._collected, self._failure = 0, ""
+        return True, "collecting anew; begin with the N-pose, standing still, then go through the range of motion"
+
+    def make(self) -> "BodyInTheMaking":
         """Make a body of what has been collected so far.
 
         Raises:
@@ -124,117 +119,84 @@ class LiveCalibration:
         """
         if self._calibrator is None:
             raise BodyError(f"there is no camera_info yet of all of the rig's cameras {', '.join(self.cameras)}")
-        self._is_asked = True
-        self._look()
+        if self._making is None or self._making.is_cancelled:
+            self._making = BodyInTheMaking(self._calibrator, self.path, self._making)
+        return self._making
 
-    def cancel(self) -> bool:
-        """Cancel what is being made, which costs nothing that was there; False if it is too late for that."""
-        if not self._give_up():
-            return False
-        # Not here: a goal is cancelled only after this has returned.
-        self._stage.soon(lambda: self._answer(False, "cancelled; nothing was written"), even_inactive=True)
-        return True
+    def look(self) -> BodyModel | None:
+        """The new body, once; call it now and then."""
+        if self._making is None or self._making.is_alive():
+            return None
+        done, self._making = self._making, None
+        if not done.is_cancelled:
+            self._failure = "" if done.body is not None else done.text
+            (logger.warning if done.body is not None else logger.error)("%s", done.text)
+        return done.body
 
-    def stop(self) -> None:
+    def stop(self) -> BodyModel | None:
         """Cancel what is being made; a body that is being written already is waited for."""
-        if not self._give_up() and self._thread is not None:
-            self._thread.join(_STOP_S)
-            self._look()
-        self._answer(False, "the node was stopped")
+        if self._making is not None and not self._making.cancel():
+            self._making.join(_STOP_S)
+        return self.look()
 
     def health(self) -> Health:
         """How far it is."""
         values: dict[str, object] = {"registrations collected": self._collected}
-        if self._thread is not None:
-            values |= {"step": self._thread.step, "done [%]": round(100 * self._thread.share)}
+        if self._making is not None:
+            values |= {"step": self._making.step, "done [%]": round(100 * self._making.share)}
             return Health("calibration", HealthLevel.OK, "calibrating", values)
         if self._failure:
             return Health("calibration", HealthLevel.WARN, self._failure, values)
         return Health("calibration", HealthLevel.OK, "collecting", values)
-
-    def _calibrate(self) -> tuple[bool, str]:
-        if not self._stage.node.is_active:
-            return False, "the node is inactive; activate it first"
-        self.make()
-        return True, f"makes {self._path}; /diagnostics has the progress and the node's log the result"
-
-    def _collect_anew(self) -> tuple[bool, str]:
-        if self._thread is not None:
-            return False, "a calibration is running; call again when it has ended"
-        if self._calibrator is not None:
-            self._calibrator.forget()
-        self._collected, self._failure = 0, ""
-        return True, "collecting anew; begin with the N-pose, standing still, then go through the range of motion"
-
-    def _give_up(self) -> bool:
-        self._is_asked = False
-        if self._thread is not None and not self._thread.give_up():
-            return False
-        self._cancelled, self._thread = self._thread or self._cancelled, None
-        return True
-
-    def _answer(self, success: bool, text: str) -> None:
-        if self._stage.node.action is not None:
-            self._stage.node.action.answer(success, text)
-
-    def _look(self) -> None:
-        """Take what is done, and begin what is asked for: not before a cancelled one has ended."""
-        if self._thread is None:
-            is_free = self._cancelled is None or not self._cancelled.is_alive()
-            if is_free and self._is_asked and self._calibrator is not None:
-                self._is_asked = False
-                self._thread = _Calibrating(self._calibrator, self._path)
-            return
-        if self._stage.node.action is not None:
-            self._stage.node.action.report(self._thread.step, self._thread.share)
-        if not self._thread.is_alive():
-            done, self._thread = self._thread, None
-            self._failure = "" if done.body is not None else done.text
-            if done.body is None:
-                self._stage.log.error("\n".join(filter(None, [done.text, done.defect])))
-            else:
-                self._stage.log.info(done.text)
-                self._on_body(done.body)
-            self._answer(done.body is not None, done.text)
 
 
 class _Stopped(Exception):
     """Nobody needs the result any more."""
 
 
-class _Calibrating(threading.Thread):
+class BodyInTheMaking(threading.Thread):
     """Makes the body of what was collected, and writes it and its report; starts at once.
 
     Args:
         calibrator: may collect further in the meantime.
         path: of the body file; the report goes beside it. Both are replaced only by a body that is complete.
+        before: one that was cancelled, and has to end first.
 
     Attributes:
-        step, share: what it is doing and how much of that is done, 0 to 1.
+        step, share: as of ``Work``.
+        is_cancelled: whether it was, before it wrote anything.
         body: once the thread has ended, the body; None after an error.
-        text: once the thread has ended, a summary or the error; empty if it has given up.
-        defect: traceback of an error that is ours and not the user's; empty otherwise.
+        text: once the thread has ended, a summary or the error.
     """
 
-    def __init__(self, calibrator: BodyCalibrator, path: Path) -> None:
+    def __init__(self, calibrator: BodyCalibrator, path: Path, before: threading.Thread | None = None) -> None:
         super().__init__(name="calibration", daemon=True)
-        self._calibrator, self._path = calibrator, path
+        self._calibrator, self._path, self._before = calibrator, path, before
         self._turn = threading.Lock()
-        self._stopped = self._is_writing = False
+        self._is_writing = self.is_cancelled = False
         self.step, self.share = "start", 0.0
         self.body: BodyModel | None = None
-        self.text = self.defect = ""
+        self.text = ""
         self.start()
 
-    def give_up(self) -> bool:
-        """End at the next step and write nothing; False if it is too late, for it is writing already."""
+    @property
+    def result(self) -> tuple[bool, str] | None:
+        """As of ``Work``."""
+        if self.is_cancelled:
+            return False, "cancelled; nothing was written"
+        return None if self.is_alive() else (self.body is not None, self.text)
+
+    def cancel(self) -> bool:
+        """As of ``Work``; it is too late once the files are being written."""
         with self._turn:
-            self._stopped = not self._is_writing
-            return self._stopped
+            self.is_cancelled = not self._is_writing
+            return self.is_cancelled
 
     def run(self) -> None:
         """Do the work; for ``start``."""
         try:
+            if self._before is not None:
+                self._before.join()
             calibrated = self._calibrator.solve(self._path.stem, self._on_progress)
             self._on_progress("report", 0.0, is_writing=True)
             body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
@@ -249,11 +211,11 @@ class _Calibrating(threading.Thread):
             pass
         except Exception as error:
             self.text = f"the calibration broke down ({type(error).__name__}: {error}); the node's log has the place"
-            self.defect = traceback.format_exc()
+            logger.exception("calibration")
 
     def _on_progress(self, step: str, share: float, is_writing: bool = False) -> None:
         with self._turn:
-            if self._stopped:
+            if self.is_cancelled:
                 raise _Stopped
             self._is_writing = is_writing
         self.step, self.share = step, share
