@@ -18,19 +18,18 @@ from std_srvs.srv import Trigger
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.live.node_parameters import PlayerParameters
+from bodycam_ros.live.playback import Playback
 from bodycam_ros.live.played_time import PlayedTime
-from bodycam_ros.live.played_video import IMAGES, INFO, TIMING, PlayedVideo, camera_of
+from bodycam_ros.live.played_video import IMAGES, INFO, TIMING, camera_of
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import time_message
-from bodycam_ros.messages.images import image_stamp_ns
-from bodycam_ros.messages.status import Health, HealthLevel, few
+from bodycam_ros.messages.status import few
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.nodes.message_classes import is_installed, message_class, node_messages
 from bodycam_ros.nodes.parameters import NodeParameters
 from bodycam_ros.nodes.process import light_executor
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
-from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 
 _CLOCK = "rosgraph_msgs/msg/Clock"
@@ -68,16 +67,12 @@ class Player(Node):
         self._make = node_messages(self._prefix)
         self._diagnostics = Diagnostics(self, self._make)
         self._moments = Moments(Path(of.moments) if of.moments else None)
-        self._skipped = Skipped(self.get_logger().warning)
         self._time = PlayedTime(of.rate, of.start_paused)
         self.parameters.on_change(lambda: self._time.set_rate(self.parameters.own.rate))
-        self._clock_publisher = (
-            self.create_publisher(message_class(_CLOCK), "/clock", reliable(1)) if of.clock else None
-        )
+        clock = of.clock > 0.0
+        self._clock_publisher = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1)) if clock else None
         self._clock_due_s = self._served_s = self._report_due_s = self._complaint_due_s = 0.0
         self._unread_since_s: float | None = None
-        self._played = self._steps = 0
-        self._behind_s = 0.0
         for name, callback in {
             "pause": lambda: self._pause(True),
             "resume": lambda: self._pause(False),
@@ -91,20 +86,16 @@ class Player(Node):
         """Wait for readers, play the bag, and wait until the readers have everything."""
         self._spinner = light_executor()
         self._spinner.add_node(self)
+        log, of, has_video = self.get_logger(), self.parameters.own, is_installed(COMPRESSED_VIDEO)
+        skipped = Skipped(log.warning)
         try:
-            with BagFile(self._path) as bag:
-                self._time.go_to(bag.start_ns - 1)
-                video = PlayedVideo(
-                    self._chosen(bag),
-                    lambda reason: self._skipped.add("frames skipped", reason),
-                    self._prefix,
-                    is_installed(COMPRESSED_VIDEO),
-                )
-                self._outputs = {topic: self._publisher(topic, kind) for topic, kind in video.played.items()}
+            with Playback(self._path, of, self._time, self._prefix, has_video, skipped, log.warning) as playback:
+                self._playback = playback
+                self._outputs = {topic: self._publisher(topic, kind) for topic, kind in playback.played.items()}
                 self._wait_for_readers(stopped)
                 while not stopped():
-                    self._play(bag, video, stopped)
-                    if not self.parameters.own.loop or not self._played:
+                    self._play(stopped)
+                    if not self.parameters.own.loop or not playback.count:
                         break
             self._wait_until_received(stopped)
         finally:
@@ -122,40 +113,12 @@ class Player(Node):
         name = topic.lstrip("/")
         return self.create_publisher(message_class(kind), name, quality, qos_overriding_options=options)
 
-    def _chosen(self, bag: BagFile) -> dict[str, str]:
-        """Topic -> type of what is to be played."""
-        topics = {topic: kind for topic, kind in bag.topics.items() if camera_of(topic)}
-        there = dict.fromkeys(camera_of(topic) for topic in topics if topic.endswith(IMAGES))
-        if not there:
-            raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{IMAGES[0]}")
-        asked = self.parameters.own.cameras
-        if not asked:
-            return topics
-        played = [camera for camera in there if camera in asked]
-        if not played:
-            raise RecordingError(f"{self._path}: has no images of {', '.join(asked)}; it has {', '.join(there)}")
-        if lacking := [camera for camera in asked if camera not in there]:
-            self.get_logger().warning(f"{self._path} has no images of {', '.join(lacking)}")
-        if left_out := [camera for camera in there if camera not in played]:
-            self.get_logger().info(f"plays {', '.join(played)}; leaves out {', '.join(left_out)}")
-        return {topic: kind for topic, kind in topics.items() if camera_of(topic) in asked}
+    def _lacking(self, readers: int) -> list[str]:
+        return self._playback.lacking(
+            readers, lambda topic: self._outputs[topic].get_subscription_count(), partial(self._readers, readers)
+        )
 
-    def _lacking(self, readers_of_info: int) -> list[str]:
-        """What too few nodes read, with how many do: of each camera one reader of images is enough."""
-        lacking = []
-        for camera in dict.fromkeys(map(camera_of, self._outputs)):
-            of_images = [f"/{camera}{ending}" for ending in IMAGES if f"/{camera}{ending}" in self._outputs]
-            # A bag may have them raw and compressed, and nobody needs both.
-            if of_images and not any(self._outputs[topic].get_subscription_count() for topic in of_images):
-                lacking.append(f"{of_images[0]} (nobody)")
-            info = f"/{camera}{INFO}"
-            if camera in self.parameters.own.image_only or info not in self._outputs:
-                continue
-            if (readers := self._readers(info, readers_of_info)) < readers_of_info:
-                lacking.append(f"{info} ({readers} of {readers_of_info} nodes)")
-        return lacking
-
-    def _readers(self, topic: str, wanted: int) -> int:
+    def _readers(self, wanted: int, topic: str) -> int:
         """Nodes that are connected, as far as they are wanted; one node may have several subscriptions."""
         if not self._outputs[topic].get_subscription_count():
             return 0
@@ -182,28 +145,19 @@ class Player(Node):
         settled_s = time.monotonic() + of.settle
         self._wait(lambda: settled_s - time.monotonic(), stopped)
 
-    def _play(self, bag: BagFile, video: PlayedVideo, stopped: Callable[[], bool]) -> None:
+    def _play(self, stopped: Callable[[], bool]) -> None:
         started_s = time.monotonic()
-        self._played, self._behind_s = 0, 0.0
-        # While it is paused nothing is due there.
-        self._time.go_to(bag.start_ns - 1)
-        video.begin()
-        for topic, recorded_ns, message in bag.messages(video.sources):
-            self._behind_s = max(self._behind_s, -self._time.left_s(recorded_ns))
-            self._wait(partial(self._left_s, recorded_ns), stopped)
+        playback = self._playback
+        for due_ns, topic, stamp_ns, serialized in playback.messages():
+            self._wait(partial(self._time.left_or_step_s, due_ns), stopped)
             if stopped():
                 return
-            for played, serialized in video.serialized(topic, message):
-                if played.endswith(IMAGES):
-                    self._moments.note(Moment.PLAYED, camera_of(played), image_stamp_ns(message))
-                self._outputs[played].publish(serialized)
-                self._played += 1
-        for played, serialized in video.rest():
-            self._outputs[played].publish(serialized)
-            self._played += 1
+            if topic.endswith(IMAGES):
+                self._moments.note(Moment.PLAYED, camera_of(topic), stamp_ns)
+            self._outputs[topic].publish(serialized)
         elapsed_s = time.monotonic() - started_s
         self.get_logger().info(
-            f"played {self._played} messages in {elapsed_s:.1f} s, at most {self._behind_s:.2f} s behind"
+            f"played {playback.count} messages in {elapsed_s:.1f} s, at most {playback.behind_s:.2f} s behind"
         )
 
     def _wait_until_received(self, stopped: Callable[[], bool]) -> None:
@@ -212,13 +166,6 @@ class Player(Node):
         while not stopped() and time.monotonic() < deadline_s:
             if all(publisher.wait_for_all_acked(patience) for publisher in self._outputs.values()):
                 return
-
-    def _left_s(self, due_ns: int) -> float:
-        """How long until something is due [s]; at once where the next is asked for."""
-        if self._steps and self._time.is_paused and self._time.left_s(due_ns) > 0.0:
-            self._steps -= 1
-            self._time.go_to(due_ns)
-        return self._time.left_s(due_ns)
 
     def _wait(self, left: Callable[[], float], stopped: Callable[[], bool]) -> None:
         """Serve requests for as long as is left [s], and publish what is due now and then; at least look once."""
@@ -266,18 +213,9 @@ class Player(Node):
             self.get_logger().warning(f"{text} {few(lacking)}")
 
     def _report(self, text: str, lacking: Sequence[str]) -> None:
-        if time.monotonic() < self._report_due_s:
-            return
-        self._report_due_s = time.monotonic() + _REPORT_S
-        values: dict[str, object] = {
-            "messages played": self._played,
-            "at [s]": round(1e-9 * self._time.now_ns, 1),
-            "behind at most [s]": round(self._behind_s, 2),
-            "readers lacking": few(lacking) or "none",
-            **self._skipped.counts,
-        }
-        level = HealthLevel.WARN if lacking else HealthLevel.OK
-        self._diagnostics.publish([Health(self.get_name(), level, text, values)])
+        if time.monotonic() >= self._report_due_s:
+            self._report_due_s = time.monotonic() + _REPORT_S
+            self._diagnostics.publish([self._playback.health(self.get_name(), text, lacking)])
 
     @property
     def _state(self) -> str:
@@ -285,16 +223,13 @@ class Player(Node):
 
     def _pause(self, wanted: bool) -> tuple[bool, str]:
         if wanted != self._time.is_paused:
-            self._steps = 0
             (self._time.pause if wanted else self._time.resume)()
             self.get_logger().info(self._state)
         return True, self._state
 
     def _play_next(self) -> tuple[bool, str]:
-        if not self._time.is_paused:
-            return False, "it is playing; pause it first"
-        self._steps += 1
-        return True, "plays what was recorded next"
+        is_step = self._time.step()
+        return is_step, "plays what was recorded next" if is_step else "it is playing; pause it first"
 
 
 def _answer(callback: Callable[[], tuple[bool, str]], request: Message, response: Message) -> Message:

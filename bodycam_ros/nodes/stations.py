@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.live.node_parameters import SolverParameters
@@ -11,9 +10,7 @@ from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now_message
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.said_segments import SaidSegments
 
@@ -44,18 +41,7 @@ class Stations:
             topic = f"{station}{SEGMENT_POSES}"
             stage.subscription(SEGMENT_POSES_TYPE, topic, partial(self._hear, station), reliable(STAGE_DEPTH))
 
-    def reports(self, body: BodyModel) -> StationReports:
-        """What puts together what they say of a body.
-
-        Raises:
-            BodyError: the start cannot be used.
-        """
-        of, given = self._stage.settings, self._stage.parameters
-        start, file = Path(given.start), Path(given.stations)
-        placed = placed_body(start, file, self.stations, body, of.region) if given.start else None
-        return StationReports(body, placed, of.region, of.motion)
-
-    def tell(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
+    def publish(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
         """Where the body is at the latest instant, once; and at the one before, of which more is known by now.
 
         What a limb did in between is its velocity. What was said at the time would not do: that the body is found to be
