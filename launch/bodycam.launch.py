@@ -3,13 +3,7 @@
 Static cameras have a region tracker each, and a robot may follow.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml equipment:=bicycle
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml stations:=cameras.yaml [surface:=FOLDER]
-ros2 launch bodycam_ros bodycam.launch.py body:=body.yaml stations:=cameras.yaml start:=start.yaml
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml urdf:=robot.urdf mapping:=mapping.yaml
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP rig:=rig.yaml body:=body.yaml    then ask for ~/calibrate
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml namespace:=anna      beside another for somebody else
-ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml nodes:=tracker       and the others on another host
+ros2 launch bodycam_ros bodycam.launch.py --show-args
 """
 
 from pathlib import Path
@@ -23,15 +17,12 @@ from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 
-from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
+from bodycam_ros.live.graph import USER_ERROR, GraphArguments, GraphNode, graph
 from bodycam_ros.settings import SettingDescription, describe
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 
 SHARE = Path(get_package_share_directory("bodycam_ros"))
 TRUTH = ["true", "false"]
-
-USER_ERROR = 2
-"""Exit code of a node whose map, body, camera or bag is wrong: starting it again would not mend that."""
 
 RESPAWN_DELAY_S = 2.0
 SIGTERM_AFTER_S, SIGKILL_AFTER_S = "30", "40"

@@ -26,6 +26,10 @@ from bodycam_ros.live.node_parameters import (
 from bodycam_ros.settings import describe, setting, settings_from_mapping
 from bodycam_ros.yaml_file import read_text, read_yaml
 
+USER_ERROR: Final = 2
+"""Exit code of a node whose map, body, camera or bag is wrong: the launch file ends then, for starting the node again
+would not mend that. A defect ends with 1, as Python does."""
+
 READERS_OF_INFO: Final = 3
 """Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
 

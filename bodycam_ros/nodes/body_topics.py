@@ -1,13 +1,11 @@
 """What the solver publishes: the body, and how it moves."""
 
 import time
-from collections.abc import Sequence
 
-import numpy as np
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.link_transforms import LinkTransform, LinkTransforms
+from bodycam_ros.body.link_transforms import LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
@@ -89,10 +87,9 @@ class BodyTopics:
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
             # Of the text that others read, so that they and we say the same of every link.
-            before, self._links = self._links, LinkTransforms(text)
-            if before is None or not _same_links(before.fixed, self._links.fixed):
-                now_ns = self._stage.node.get_clock().now().nanoseconds
-                self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
+            self._links = LinkTransforms(text)
+            now_ns = self._stage.node.get_clock().now().nanoseconds
+            self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
 
     def _describe_learned(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish the description again if the lengths of the equipment have settled."""
@@ -106,10 +103,6 @@ class BodyTopics:
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
         """Publish where the body is at one instant; not at once where the one before has only just been published."""
         self._paced.add(output.state.stamp_ns, (output, body))
-
-    def flush(self) -> None:
-        """Publish what waits."""
-        self._paced.flush()
 
     def _publish(self, instant: tuple[BodyOutput, BodyModel]) -> None:
         output, body = instant
@@ -130,14 +123,8 @@ class BodyTopics:
 
     def finish(self) -> None:
         """Publish what waits, and give the readers half a second to receive it."""
-        self.flush()
+        self._paced.flush()
         deadline_s = time.monotonic() + _LAST_WORDS_S
         for publisher in self._outputs.values():
             left_s = max(0.0, deadline_s - time.monotonic())
             publisher.wait_for_all_acked(Duration(nanoseconds=int(1e9 * left_s)))
-
-
-def _same_links(some: Sequence[LinkTransform], others: Sequence[LinkTransform]) -> bool:
-    return len(some) == len(others) and all(
-        one[:2] == other[:2] and np.array_equal(one[2], other[2]) for one, other in zip(some, others, strict=True)
-    )

@@ -53,9 +53,7 @@ class ImageSource:
             known = ", ".join(TRANSPORTS)
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         if not is_installed(TRANSPORTS[transport][1]):
-            raise SettingsError(
-                f"the transport '{transport}' needs the ROS package foxglove_msgs, which is not installed"
-            )
+            raise SettingsError(f"the transport '{transport}' needs the ROS package foxglove_msgs, which is missing")
         self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
         self._transport = transport
         self._is_lossy = False

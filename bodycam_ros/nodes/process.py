@@ -1,16 +1,12 @@
 """The process of a node, or of several: signals, executors, exit codes, and how nodes leave ROS."""
 
-import ctypes
 import faulthandler
 import gc
 import logging
-import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import FrameType
 from typing import Any, Protocol
 
 import cv2
@@ -22,24 +18,15 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-
-USER_ERROR = 2
-"""Exit code after an error of the user's; the launch file ends then. A defect ends with 1, as Python does."""
+from bodycam_ros.live.fast_dds import without_discovery_callbacks
+from bodycam_ros.live.graph import USER_ERROR
+from bodycam_ros.live.signals import Signals
 
 PATIENCE_S = 60.0
 """Leaving takes 0.03 s of processor time: a process that is still there then is stuck, however busy the machine is."""
 
 _SPIN_S = 0.2
 _LOOK_S = 0.1
-_CALLBACKS_S = 5
-_RMW = "librmw_fastrtps_cpp.so"
-_NODE_TO_RMW = "rcl_node_get_rmw_handle"
-_RMW_TO_PARTICIPANT = "_ZN16rmw_fastrtps_cpp22get_domain_participantEP10rmw_node_s"
-_SET_LISTENER = (
-    "_ZN8eprosima7fastdds3dds17DomainParticipant12set_listener"
-    "EPNS1_25DomainParticipantListenerENSt6chrono8durationIlSt5ratioILl1ELl1EEEE"
-)
-"""ReturnCode_t DomainParticipant::set_listener(DomainParticipantListener*, std::chrono::seconds timeout)"""
 
 
 class WorkingNode(Protocol):
@@ -161,27 +148,9 @@ def leave_ros(nodes: list[Any]) -> None:
 
 
 def ignore_discovery(node: Node) -> bool:
-    """Let a node's participant in DDS be called no more when others come and go; whether that was possible.
-
-    Fast DDS destroys a participant only when none of its discovery callbacks runs, and waits for that with no time
-    limit, which overflows where libstdc++ was built for a glibc before 2.30, as in the wheels: then it spins for ever
-    and keeps the lock that the callback needs (eProsima/Fast-DDS issue 6513). It met 1 node in 500 of those that leave
-    together. With a time limit the same call waits properly. Neither rclpy nor a profile offers it: hence ctypes.
-    """
-    try:
-        # The one that is in use; where another middleware is, there is nothing to do.
-        rmw = ctypes.CDLL(_RMW, mode=os.RTLD_NOW | os.RTLD_NOLOAD)
-        rcl = ctypes.CDLL("librcl.so", mode=os.RTLD_NOW | os.RTLD_NOLOAD)
-        rmw_node_of, participant_of, set_listener = rcl[_NODE_TO_RMW], rmw[_RMW_TO_PARTICIPANT], rmw[_SET_LISTENER]
-    except (OSError, AttributeError):
-        return False
-    rmw_node_of.restype = participant_of.restype = ctypes.c_void_p
-    rmw_node_of.argtypes = participant_of.argtypes = [ctypes.c_void_p]
-    set_listener.restype = ctypes.c_uint32
-    set_listener.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    """Let a node's participant in DDS be called no more when others come and go; whether that was possible."""
     with node.handle:
-        participant = participant_of(rmw_node_of(node.handle.pointer))
-    return bool(participant) and set_listener(participant, None, _CALLBACKS_S) == 0
+        return without_discovery_callbacks(node.handle.pointer)
 
 
 def _printed(name: str, error: object) -> int:
@@ -190,28 +159,3 @@ def _printed(name: str, error: object) -> int:
     with suppress(OSError):
         print(f"{name}: error: {error}", file=sys.stderr, flush=True)
     return USER_ERROR
-
-
-class Signals:
-    """Notes what is sent to end a process, also by a terminal that is closed."""
-
-    def __init__(self) -> None:
-        self._come = False
-        self._numbers = [signal.SIGINT, signal.SIGTERM]
-        # nohup
-        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-            self._numbers.append(signal.SIGHUP)
-        for number in self._numbers:
-            signal.signal(number, self._note)
-
-    def ignore(self) -> None:
-        """From now on they do nothing."""
-        for number in self._numbers:
-            signal.signal(number, signal.SIG_IGN)
-
-    def have_come(self) -> bool:
-        """Whether one has come."""
-        return self._come
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self._come = True

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
@@ -205,6 +205,5 @@ class RegionStage(Stage[RegionTrackerParameters]):
         return [self._health.of_region_tracker(source.quiet_s, source.what_is_wrong(), lacking, segments)]
 
 
-def make(arguments: Sequence[str] = ()) -> StageNode[RegionTrackerParameters]:
-    """The node."""
-    return StageNode(RegionStage, arguments)
+make = partial(StageNode, RegionStage)
+"""Makes the node."""

@@ -1,7 +1,6 @@
 """Node ``registration``: the feature tracks of all cameras in, poses and landmarks in the map out (A 4.1)."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -64,7 +63,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self.skipped,
             self.log.error,
             self._want_keyframe,
-            self._soon,
+            # The map grows by what was seen while the node was active, whatever it is by then.
+            partial(self.soon, even_inactive=True),
         )
         self._extension: MapExtension | None = None
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
@@ -127,10 +127,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def _reset(self) -> tuple[bool, str]:
         count = self.live.begin_anew()
         return True, f"{count} cameras begin anew; what the map has grown by is kept (~/reset_map drops it)"
-
-    def _soon(self, callback: Callable[[], None]) -> None:
-        # The map grows by what was seen while the node was active, whatever it is by then.
-        self.soon(callback, even_inactive=True)
 
     def _want_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
@@ -195,6 +191,5 @@ class RegistrationStage(Stage[RegistrationParameters]):
         return health
 
 
-def make(arguments: Sequence[str] = ()) -> StageNode[RegistrationParameters]:
-    """The node."""
-    return StageNode(RegistrationStage, arguments)
+make = partial(StageNode, RegistrationStage)
+"""Makes the node."""

@@ -1,8 +1,6 @@
 """Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -11,11 +9,12 @@ from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.live.node_parameters import RetargetParameters
+from bodycam_ros.live.robot_health import RobotHealth
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.body_instants import ToldBody
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import MAP_FRAME
-from bodycam_ros.messages.status import Health, HealthLevel, text_message
+from bodycam_ros.messages.status import Health, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
@@ -25,15 +24,6 @@ from bodycam_ros.robot.robot_model import Robot
 
 _SKIPPED = "instants skipped"
 _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
-
-
-@dataclass
-class _Tally:
-    """What happened since the last report."""
-
-    instants: int = 0
-    held: int = 0
-    farthest_m: float = 0.0
 
 
 class RetargetStage(Stage[RetargetParameters]):
@@ -54,7 +44,7 @@ class RetargetStage(Stage[RetargetParameters]):
         self._body: BodyModel | None = None
         self._told = ToldBody(self._follow, partial(self.skipped.add, _SKIPPED))
         self._followed_ns = -1
-        self._tally = _Tally()
+        self._health = RobotHealth(self.skipped)
         told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
         often = partial(reliable, OUTPUT_DEPTH)
         self._described = self.publisher("std_msgs/msg/String", told, latched())
@@ -103,9 +93,7 @@ class RetargetStage(Stage[RetargetParameters]):
         self._publish(self._following.follow(instant_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:
-        self._tally.instants += 1
-        self._tally.held += state.held
-        self._tally.farthest_m = max(self._tally.farthest_m, *state.errors_m.values())
+        self._health.add(state)
         names = self._robot.joint_names
         self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
@@ -114,21 +102,8 @@ class RetargetStage(Stage[RetargetParameters]):
 
     def health(self) -> list[Health]:
         """How the robot follows."""
-        tally, self._tally = self._tally, _Tally()
-        values: dict[str, object] = {
-            "instants per second": tally.instants,
-            "farthest hand or foot [cm]": round(100.0 * tally.farthest_m, 1),
-            "instants held by limits": tally.held,
-            **self.skipped.counts,
-        }
-        skipped = self.skipped.lately()
-        if not tally.instants:
-            text = self.skipped.latest if skipped or self._body is None else ""
-            return [Health("robot", HealthLevel.WARN, text or "nothing to follow: no body is solved", values)]
-        level, text = (HealthLevel.WARN, "its limits hold it back") if tally.held else (HealthLevel.OK, "follows")
-        return [Health("robot", level, text, values)]
+        return [self._health.report(self._body is not None)]
 
 
-def make(arguments: Sequence[str] = ()) -> StageNode[RetargetParameters]:
-    """The node."""
-    return StageNode(RetargetStage, arguments)
+make = partial(StageNode, RetargetStage)
+"""Makes the node."""

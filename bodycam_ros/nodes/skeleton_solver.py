@@ -247,6 +247,5 @@ class SolverStage(Stage[SolverParameters]):
         return health if self._calibration is None else [*health, self._calibration.health()]
 
 
-def make(arguments: Sequence[str] = ()) -> StageNode[SolverParameters]:
-    """The node."""
-    return StageNode(SolverStage, arguments)
+make = partial(StageNode, SolverStage)
+"""Makes the node."""

@@ -91,7 +91,7 @@ class Stage(Generic[P]):
 
     def __init__(self, node: "StageNode[P]") -> None:
         self.node, self.make, self.moments = node, node.make, node.moments
-        self.log = node.get_logger()
+        self.log, self.required = node.get_logger(), node.parameters.required
         self.skipped = Skipped(self.log.warning)
 
     def begin(self) -> None:
@@ -123,10 +123,6 @@ class Stage(Generic[P]):
     def settings(self) -> PipelineSettings:
         """Settings of all stages."""
         return self.node.parameters.of(PipelineSettings)
-
-    def required(self, name: str) -> str:
-        """As ``NodeParameters.required``."""
-        return self.node.parameters.required(name)
 
     def publisher(self, type_name: str, topic: str, quality: QoSProfile, overridable: bool = False) -> Any:
         """A publisher of a message type by its name; a user may override its quality of service where that is said."""

@@ -1,7 +1,7 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
@@ -182,6 +182,5 @@ class TrackerStage(Stage[TrackerParameters]):
         ]
 
 
-def make(arguments: Sequence[str] = ()) -> StageNode[TrackerParameters]:
-    """The node."""
-    return StageNode(TrackerStage, arguments)
+make = partial(StageNode, TrackerStage)
+"""Makes the node."""
