@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, GroupAction, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, GroupAction, OpaqueFunction
 from launch.events.process import ProcessExited
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
@@ -127,8 +127,10 @@ def _action(
 
 
 def _after(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """A crash is healed by starting the node again; an error of the user's ends the graph."""
-    return [Shutdown(reason=f"{event.process_name}: see its error")] if event.returncode == USER_ERROR else []
+    """A crash is healed by starting the node again; an error of the user's ends the graph, launch with exit code 1."""
+    if event.returncode == USER_ERROR:
+        raise RuntimeError(f"{event.process_name} cannot work; its error is above")
+    return []
 
 
 def _as_they_are(parameters: Any) -> dict[str, Any]:

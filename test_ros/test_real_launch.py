@@ -215,7 +215,7 @@ def test_a_wrong_file_is_one_line_and_launch_ends(tmp_path: Path, wrong: str, on
     nowhere = tmp_path / "nowhere"
     given = {**SAMPLE, "cameras": TWO, "bagfile": BAG, "one_process": one_process, wrong: nowhere}
     with launched(tmp_path, **given) as graph:
-        assert graph.process.wait(_UP_S) is not None
+        assert graph.process.wait(_UP_S) == 1
         errors = [line for line in graph.output.splitlines() if str(nowhere) in line and "process started" not in line]
         assert errors and "Traceback" not in graph.output, graph.output
         by_process = {line.split("]")[0] for line in errors}
