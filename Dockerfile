@@ -38,5 +38,7 @@ RUN /bodycam_entrypoint.sh python3 -m bodycam_ros.kernels
 RUN useradd --uid 1001 --create-home --shell /bin/bash bodycam && install -d -o bodycam -g bodycam /data
 USER 1001
 WORKDIR /data
+# docker stop then ends the graph as Ctrl-C does.
+STOPSIGNAL SIGINT
 ENTRYPOINT ["/bodycam_entrypoint.sh"]
 CMD ["bodycam"]

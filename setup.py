@@ -113,7 +113,6 @@ setup(
     ],
     install_requires=[
         "av>=17.1",
-        "cryptography>=41",
         "ezc3d>=1.7",
         "fast-simplification>=0.1.7",
         "gtsam>=4.3",
@@ -126,6 +125,7 @@ setup(
         "rich>=13",
         "rosbags>=0.11",
         "scipy>=1.11",
+        "setuptools>=65",
         "threadpoolctl>=3",
         "trimesh>=5",
         "viser>=1.1",
@@ -148,7 +148,6 @@ setup(
             "registration = bodycam_ros.nodes.start:registration",
             "skeleton_solver = bodycam_ros.nodes.start:skeleton_solver",
             "retarget = bodycam_ros.nodes.start:retarget",
-            "humans = bodycam_ros.nodes.start:humans",
             "player = bodycam_ros.nodes.start:player",
             "graph = bodycam_ros.nodes.start:graph",
         ],

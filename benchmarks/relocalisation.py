@@ -1,8 +1,7 @@
 """How soon a camera that was blind is registered again: python -m benchmarks.relocalisation BAG --map MAP.
 
 Every camera's images are grey for some time, again and again. What counts is the time from the first image in which
-the undisturbed recording is registered to the first that is. ``--expected 8`` tells the registrar where the camera is,
-wrong by some degrees and, for each, by 7 mm, as a body would; the true poses are those of the undisturbed recording.
+the undisturbed recording is registered to the first that is.
 """
 
 import argparse
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.geometry import exp_se3
-from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
+from bodycam_ros.camera_registrar import registrar
+from bodycam_ros.camera_tracker import landmark_tracker
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -24,7 +24,6 @@ Images = Sequence[tuple[NDArray[np.uint8], int]]
 Poses = Sequence[NDArray[np.float64] | None]
 
 _GREY = 127
-_SHIFT_OF_A_DEGREE = 0.007
 
 
 @dataclass(frozen=True)
@@ -51,18 +50,12 @@ def registered(
     reference_map: ReferenceMap,
     images: Images,
     blind: NDArray[np.bool_] | None = None,
-    expected: Poses | None = None,
-    wrong_deg: float = 0.0,
 ) -> list[NDArray[np.float64] | None]:
-    """Poses of a camera's images, those that are blind grey; the registrar is told what is expected."""
+    """Poses of a camera's images, those that are blind grey."""
     settings = PipelineSettings()
     tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
-    rng = np.random.default_rng(0)
-    sigmas = np.repeat(np.array([np.radians(wrong_deg), _SHIFT_OF_A_DEGREE * wrong_deg]) / np.sqrt(3.0), 3)
     poses = []
     for number, (image, stamp_ns) in enumerate(images):
-        if expected is not None and (pose := expected[number]) is not None:
-            registering.expect(stamp_ns, pose @ exp_se3(sigmas * rng.normal(size=6)), np.diag(sigmas**2))
         unseen = blind is not None and blind[number]
         matches = registering.register(tracker.track(np.full_like(image, _GREY) if unseen else image, stamp_ns))
         tracker.hear(matches)
@@ -90,7 +83,6 @@ def main() -> None:
     parser.add_argument("--map", type=Path, required=True)
     parser.add_argument("--blind", type=float, default=1.0, help="for so long [s]")
     parser.add_argument("--seeing", type=float, default=1.0, help="and so long of sight in between [s]")
-    parser.add_argument("--expected", type=float, default=0.0, help="how wrong the body is [deg]; 0: there is no body")
     arguments = parser.parse_args()
     reference_map = ReferenceMap.load(arguments.map)
     after_s = []
@@ -99,9 +91,8 @@ def main() -> None:
             camera = recording.camera_model(name)
             images = [(decode_grey(image), image.stamp_ns) for image in recording.images([name])]
             usual = registered(camera, reference_map, images)
-            told = usual if arguments.expected else None
             blind = blind_images(images, arguments.blind, arguments.seeing, 0.3 + 0.06 * number)
-            poses = registered(camera, reference_map, images, blind, told, arguments.expected)
+            poses = registered(camera, reference_map, images, blind)
             of_camera = [each.after_s for each in returns(images, blind, usual, poses)]
             after_s += of_camera
             share = np.mean([pose is not None for pose in usual])

@@ -27,7 +27,8 @@ from bodycam_ros.evaluate import measures
 from bodycam_ros.evaluate.health import jitter_of
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.smoother_settings import OFFLINE
 

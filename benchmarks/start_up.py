@@ -21,7 +21,7 @@ import rclpy
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 
-from bodycam_ros.nodes.graph import live_graph, player
+from bodycam_ros.live.graph import GraphArguments, graph
 
 WAYS = ("separate", "one", "launch")
 ROOT = Path(__file__).parents[1]
@@ -34,15 +34,18 @@ _PLAYER = "player"
 
 def commands(way: str, reference_map: Path, body: Path, bag: Path, rate: float) -> tuple[list[list[str]], list[str]]:
     """Command lines of the processes, and the names of the managed nodes."""
-    nodes = [*live_graph(reference_map, body, registrations=_REGISTRATIONS), player(bag, rate)]
+    arguments = GraphArguments(
+        map=str(reference_map), body=str(body), bagfile=str(bag), rate=rate, registrations=_REGISTRATIONS
+    )
+    nodes = graph(arguments)
     managed = [node.name for node in nodes if node.executable != _PLAYER]
     start = [sys.executable, "-m", "bodycam_ros.nodes.start"]
     if way == "separate":
         return [[*start, node.executable, *node.arguments()] for node in nodes], managed
     shared = ("--registrations", str(_REGISTRATIONS), "--rate", str(rate))
     if way == "one":
-        graph = ["graph", "--map", str(reference_map), "--body", str(body), "--bag", str(bag), *shared]
-        return [[*start, *graph]], managed
+        whole = ["graph", "--map", str(reference_map), "--body", str(body), "--bagfile", str(bag), *shared]
+        return [[*start, *whole]], managed
     launch_file = next((ROOT / "launch").glob("*.launch.py"))
     given = {"map": reference_map, "body": body, "bagfile": bag, "rate": rate, "registrations": _REGISTRATIONS}
     return [["ros2", "launch", str(launch_file), *(f"{name}:={value}" for name, value in given.items())]], managed

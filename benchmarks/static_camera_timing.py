@@ -24,7 +24,7 @@ from bodycam_ros.outside.contour_kernels import NOBODY
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import StationView
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.solving.motion import predict
 
 STATIONS = 4

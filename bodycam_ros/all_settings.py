@@ -7,7 +7,7 @@ from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.outside.shape_settings import MeasureSettings
 from bodycam_ros.outside.station_settings import StationsSettings
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
 

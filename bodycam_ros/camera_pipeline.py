@@ -5,13 +5,14 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera_registrar import registrar
+from bodycam_ros.camera_tracker import landmark_tracker
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.keyframe_choice import KeyframeChoice
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
-from bodycam_ros.pipeline import PipelineSettings, landmark_tracker, registrar
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.solving.expected_cameras import ExpectedCamera
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 
@@ -58,11 +59,3 @@ class CameraPipeline:
         elif self._keyframes.is_due(matches):
             self._tracker.want_keyframe()
         return tracks, matches, keyframe
-
-    def expect(self, expected: ExpectedCamera) -> None:
-        """Where the body has the camera: see ``Registrar.expect``."""
-        self._registrar.expect(expected.stamp_ns, expected.world_T_camera, expected.covariance)
-
-    def doubt(self, stamp_ns: int) -> None:
-        """The body contradicts the pose of an image [ns]: see ``Registrar.doubt``."""
-        self._registrar.doubt(stamp_ns)

@@ -7,7 +7,6 @@ where it costs most, one alone is left to ``geometry_kernels``.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bodycam_ros import geometry_kernels
 from bodycam_ros.kernels.kernel import as_rows
@@ -156,8 +155,13 @@ def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:
     Raises:
         ValueError: a quaternion of length zero.
     """
-    R = Rotation.from_quat(q.reshape(-1, 4)).as_matrix()
-    return np.asarray(R.reshape(*q.shape[:-1], 3, 3), dtype=np.float64)
+    length = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not length.all():
+        raise ValueError("a quaternion of length zero is no rotation")
+    unit: Array = q.astype(np.float64) / length
+    w, V = unit[..., 3, None, None], hat(unit[..., :3])
+    R: Array = _IDENTITY + 2.0 * (w * V + V @ V)
+    return R
 
 
 def umeyama(source: NDArray[np.floating], target: NDArray[np.floating], with_scale: bool) -> tuple[float, Array, Array]:

@@ -2,118 +2,30 @@
 
     image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
 
-What happens to one camera's images is in ``camera_pipeline.py``; ``SkeletonPipeline`` is what happens to all cameras'
-registrations.
+What happens to one camera is in ``camera_tracker.py``, ``camera_registrar.py`` and, offline, ``camera_pipeline.py``;
+``SkeletonPipeline`` is what happens to all cameras' registrations.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.growth.extension_settings import ExtensionSettings
-from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
-from bodycam_ros.outside.region_settings import RegionSettings
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
-from bodycam_ros.registration.direct_registration import DirectSettings
-from bodycam_ros.registration.doubted_place import DoubtSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.landmark_tracker import LandmarkTracker
-from bodycam_ros.registration.matching import MatchingSettings
-from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.registration.readout_time import ShutterSettings
-from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar
-from bodycam_ros.registration.registrar_settings import RegistrarSettings
-from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.solving.body_covariance import CovarianceSettings
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_now import BodyNow
 from bodycam_ros.solving.body_state import BodyOutput, BodyState, moving
-from bodycam_ros.solving.camera_evidence import EvidenceSettings, evidence_floor
-from bodycam_ros.solving.camera_trust import TrustSettings
-from bodycam_ros.solving.contact_settings import ContactSettings
-from bodycam_ros.solving.coupling_settings import CouplingSettings
-from bodycam_ros.solving.frame_assembler import AssemblerSettings, FrameAssembler
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import PoseMemorySettings
-from bodycam_ros.solving.refusal_log import Refusal
+from bodycam_ros.solving.camera_evidence import evidence_floor
+from bodycam_ros.solving.frame_assembler import FrameAssembler
 from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.solving.seen_body import Onlookers
-from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.body_instants import BodyInstants
-from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.tracking.feature_tracker import FeatureTracker
-from bodycam_ros.tracking.keypoints import KeypointSettings
-from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
-from bodycam_ros.tracking.rotation import RotationSettings
-from bodycam_ros.tracking.tracker_settings import TrackerSettings
-from bodycam_ros.verdict.verdict import VerdictSettings
-
-
-@dataclass(frozen=True)
-class PipelineSettings(SettingsGroups):
-    """Settings of all stages between an image and the body."""
-
-    tracker: TrackerSettings = TrackerSettings()
-    keypoints: KeypointSettings = KeypointSettings()
-    flow: OpticalFlowSettings = OpticalFlowSettings()
-    rotation: RotationSettings = RotationSettings()
-    registrar: RegistrarSettings = RegistrarSettings()
-    growth: GrowthSettings = GrowthSettings()
-    extend: ExtensionSettings = ExtensionSettings()
-    direct: DirectSettings = DirectSettings()
-    matching: MatchingSettings = MatchingSettings()
-    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
-    pose_fit: PoseFitSettings = PoseFitSettings()
-    shutter: ShutterSettings = ShutterSettings()
-    doubt: DoubtSettings = DoubtSettings()
-    readout: ReadoutSettings = ReadoutSettings()
-    clock: ClockSettings = ClockSettings()
-    assembler: AssemblerSettings = AssemblerSettings()
-    smoother: SmootherSettings = SmootherSettings()
-    motion: MotionSettings = MotionSettings()
-    trust: TrustSettings = TrustSettings()
-    memory: PoseMemorySettings = PoseMemorySettings()
-    covariance: CovarianceSettings = CovarianceSettings()
-    contact: ContactSettings = ContactSettings()
-    evidence: EvidenceSettings = EvidenceSettings()
-    coupling: CouplingSettings = CouplingSettings()
-    region: RegionSettings = RegionSettings()
-    verdict: VerdictSettings = VerdictSettings()
-
-
-def landmark_tracker(
-    camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
-) -> LandmarkTracker:
-    """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
-    features = FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
-    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, settings.shutter, readout)
-
-
-def registrar(
-    camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout: Readout | None = None
-) -> Registrar:
-    """The registrar of one camera, with what is known beforehand of how its rows are read out."""
-    return Registrar(
-        camera,
-        reference_map,
-        settings.registrar,
-        settings.matching,
-        settings.absolute_pose,
-        settings.pose_fit,
-        settings.shutter,
-        readout,
-        settings.doubt,
-    )
 
 
 class SkeletonPipeline:
@@ -171,7 +83,6 @@ class SkeletonPipeline:
         self._root = body.segment_index[body.root]
         self._bridged = self._restarts = 0
         self._refused: Counter[str] = Counter()
-        self._doubts: list[Refusal] = []
         self._begin()
 
     def _begin(self) -> None:
@@ -216,22 +127,12 @@ class SkeletonPipeline:
     @property
     def refused(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._refused + self._smoother.refusals.counts
+        return self._refused + self._smoother.refused
 
     @property
     def lately(self) -> list[BodyNow]:
         """The body at the latest two instants, oldest first, for those who cannot wait for its states."""
         return self._smoother.lately
-
-    @property
-    def doubted(self) -> Mapping[str, Refusal]:
-        """Cameras that the body has been contradicting for a while, until now; ``Registrar.doubt`` is for them."""
-        return self._smoother.refusals.doubted
-
-    @property
-    def doubts(self) -> Sequence[Refusal]:
-        """The same of the past, in order of the ends, for another pass over the recording."""
-        return [*self._doubts, *self._smoother.refusals.doubts]
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
@@ -287,7 +188,6 @@ class SkeletonPipeline:
                 outputs += self._outputs(self._smoother.flush())
                 # Counts are of the whole recording, whatever its stamps do.
                 self._bridged, self._restarts, self._refused = self.bridged, self.restarts, self.refused
-                self._doubts = list(self.doubts)
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))
@@ -299,6 +199,8 @@ class SkeletonPipeline:
         outputs = []
         for state in states:
             positions = self._angle_tracker.angles(state.world_T_segment)
-            self._previous = moving(state, self._angle_tracker.names, positions, self._root, self._previous)
+            before = self._previous
+            change = self._angle_tracker.change(positions if before is None else before.positions, positions)
+            self._previous = moving(state, self._angle_tracker.names, positions, change, self._root, before)
             outputs.append(self._previous)
         return outputs

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
 
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import array_sequence
 from bodycam_ros.messages.header import header_message
-from bodycam_ros.nodes.graph import NodeProcess
 
 PERIOD_S = 0.05
 
@@ -30,14 +30,14 @@ class DrivenCamera:
         self._make = node_messages()
         self.images = graph.publisher(f"/{name}/image_raw", "sensor_msgs/msg/Image", quality)
         self._infos = graph.publisher(f"/{name}/camera_info", "sensor_msgs/msg/CameraInfo", info_quality)
-        self.tracker = NodeProcess("tracker", f"tracker_{name}", {"camera": name, "transport": "raw"})
+        self.tracker = GraphNode("tracker", f"tracker_{name}", {"camera": name, "transport": "raw"})
         self._due_s = 0.0
         blobs = np.random.default_rng(3).integers(0, 255, (HEIGHT // 4, WIDTH // 4), dtype=np.uint8)
         self._pixels = cv2.resize(blobs, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC).reshape(-1)
 
-    def read_by(self, more: dict[str, object]) -> NodeProcess:
+    def read_by(self, more: dict[str, object]) -> GraphNode:
         """Its tracker, with more parameters."""
-        return NodeProcess("tracker", self.tracker.name, {**self.tracker.parameters, **more})
+        return GraphNode("tracker", self.tracker.name, {**self.tracker.parameters, **more})
 
     def show(self, stamps: Iterable[int]) -> None:
         for stamp in stamps:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bodycam_ros.live.graph import READERS_OF_INFO
 from bodycam_ros.messages.header import time_message
-from bodycam_ros.nodes.graph import READERS_OF_INFO
 from bodycam_ros.nodes.message_classes import node_messages
 from bodycam_ros.recording.bag_file import BagFile
 
@@ -18,7 +18,7 @@ START_NS = 1_000_000_000_000
 
 
 class Drivers:
-    """The sample's cameras, there and back again: a motion without end. They say their camera_info once."""
+    """The sample's cameras, there and back again: a motion without end, with camera_info beside every image."""
 
     def __init__(self, graph: Any, bag: Path, cameras: Sequence[str]) -> None:
         self._graph = graph
@@ -54,13 +54,6 @@ class Drivers:
             publisher.get_subscription_count() == READERS_OF_INFO for publisher in infos
         )
 
-    def start(self) -> None:
-        for camera, info in self._infos.items():
-            message = self._make("sensor_msgs/msg/CameraInfo", width=info.width, height=info.height)
-            message.distortion_model, message.d = info.distortion_model, info.d.tolist()
-            message.k = info.k.tolist()
-            self._info_publishers[camera].publish(message)
-
     def go_on(self) -> None:
         """Publish the next images if they are due; who was kept from that goes on from there, without a burst."""
         if time.monotonic() < self._due_s:
@@ -73,7 +66,14 @@ class Drivers:
             message = self._make("sensor_msgs/msg/CompressedImage", format="jpeg")
             message.header.stamp, message.data = stamp, data
             self._publishers[camera].publish(message)
+            self._info_publishers[camera].publish(self._info(camera))
         self._next += 1
+
+    def _info(self, camera: str) -> Any:
+        of = self._infos[camera]
+        message = self._make("sensor_msgs/msg/CameraInfo", width=of.width, height=of.height)
+        message.distortion_model, message.d, message.k = of.distortion_model, of.d.tolist(), of.k.tolist()
+        return message
 
     def until(self, condition: Any, timeout_s: float, what: str) -> None:
         """Go on until something is the case."""

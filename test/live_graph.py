@@ -9,8 +9,9 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +19,17 @@ import rclpy
 from ended_with_us import ended_with_us
 from own_domain import own_domain
 from rclpy.action import ActionClient
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.live.graph import READERS_OF_INFO, USER_ERROR, GraphArguments, GraphNode, graph
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.farewell import ignore_discovery
-from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import message_class
-from bodycam_ros.nodes.node_classes import made
+from bodycam_ros.nodes.process import ignore_discovery
 from bodycam_ros.nodes.qos import latched, reliable
-from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.recording.bag_writer import is_latched, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent
@@ -39,7 +38,25 @@ _ASKED = 4
 _START_S, _GRACE_S = 60.0, 30.0
 
 
-def full_name(node: NodeProcess) -> str:
+def live_graph(
+    reference_map: Path | str, body: Path, cameras: Sequence[str] = (), registrations: int = 1, **given: Any
+) -> list[GraphNode]:
+    """The nodes of the graph of a map and a body."""
+    cameras = tuple(cameras)
+    return graph(
+        GraphArguments(map=str(reference_map), body=str(body), cameras=cameras, registrations=registrations, **given)
+    )
+
+
+def player(bag: Path, rate: float, cameras: Sequence[str] = (), **given: Any) -> GraphNode:
+    """A player that waits for the whole graph."""
+    chosen = {"cameras": [*cameras]} if cameras else {}
+    return GraphNode(
+        "player", "player", {"bagfile": str(bag), "rate": rate, "readers": READERS_OF_INFO, **chosen, **given}
+    )
+
+
+def full_name(node: GraphNode) -> str:
     """Name of a node with its namespace, as diagnostics have it."""
     return f"{node.namespace}/{node.name}".strip("/")
 
@@ -47,7 +64,7 @@ def full_name(node: NodeProcess) -> str:
 class Started:
     """A node's process and what it printed."""
 
-    def __init__(self, node: NodeProcess, folder: Path) -> None:
+    def __init__(self, node: GraphNode, folder: Path) -> None:
         self.node = node
         self._log = folder / f"{full_name(node).replace('/', '.')}.log"
         command = [sys.executable, "-m", "bodycam_ros.nodes.start", node.executable, *node.arguments()]
@@ -98,13 +115,16 @@ class Running:
         BodycamError: the node cannot be brought up.
     """
 
-    def __init__(self, node: NodeProcess) -> None:
+    def __init__(self, node: GraphNode) -> None:
         self.node = node
         self.error: BaseException | None = None
         self._over, self._leaves = threading.Event(), True
-        self._executor: Executor | None = None
-        self.inside: StageNode[Any] = made(node)
-        self.inside.bring_up()
+        self.inside: Any = import_module(f"bodycam_ros.nodes.{node.executable}").make(node.arguments())
+        try:
+            self.inside.bring_up()
+        except BodycamError:
+            _leave(self.inside)
+            raise
         self._thread = threading.Thread(target=self._work, name=node.name, daemon=True)
         self._thread.start()
 
@@ -120,7 +140,7 @@ class Running:
         assert self.is_over, f"{self.node.name} does not end"
         if self.error is not None and not isinstance(self.error, BodycamError):
             raise self.error
-        return int(self.error is not None)
+        return USER_ERROR if self.error is not None else 0
 
     def crash(self) -> None:
         """End the work without the last steps of a node that leaves."""
@@ -129,25 +149,16 @@ class Running:
 
     def forget(self) -> None:
         """Keep no reference to the node: its participant in DDS ends with the last one."""
-        del self.inside, self._executor
-
-    def _is_stopped(self) -> bool:
-        self._executor = self.inside.executor or self._executor
-        return self._over.is_set()
+        del self.inside
 
     def _work(self) -> None:
         try:
-            self.inside.work(self._is_stopped)
-            if self.inside.failure is not None:
-                raise self.inside.failure
+            self.inside.work(self._over.is_set)
             if self._leaves:
-                self.inside.leave()
+                self.inside.finish()
         except BaseException as error:
             self.error = error
         finally:
-            if self._executor is not None:
-                self._executor.shutdown()
-            StageNode.made.remove(self.inside)
             _leave(self.inside)
 
 
@@ -169,13 +180,13 @@ class Graph:
         self.running: list[Running] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
 
-    def start(self, *nodes: NodeProcess) -> list[Started]:
+    def start(self, *nodes: GraphNode) -> list[Started]:
         """Start processes; the listener must subscribe before."""
         new = [Started(node, self._folder) for node in nodes]
         self.started += new
         return new
 
-    def run(self, *nodes: NodeProcess) -> list[Running]:
+    def run(self, *nodes: GraphNode) -> list[Running]:
         """Let nodes work in this process; the listener must subscribe before."""
         new = []
         for node in nodes:
@@ -316,8 +327,6 @@ class Graph:
                 running.end()
                 running.forget()
         finally:
-            while StageNode.made:
-                _leave(StageNode.made.pop())
             rclpy.try_shutdown()
             gc.collect()
             if self.started:

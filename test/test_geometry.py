@@ -66,6 +66,7 @@ def test_quaternions_are_scipys_with_positive_w(poses: np.ndarray) -> None:
     assert np.all(q[:, 3] >= 0)
     np.testing.assert_allclose(Rotation.from_quat(q).as_matrix(), R, atol=1e-12)
     np.testing.assert_allclose(geometry.rotation_from_xyzw(-3.0 * q), R, atol=1e-12)
+    np.testing.assert_allclose(geometry.rotation_from_xyzw(q), Rotation.from_quat(q).as_matrix(), atol=1e-15)
     with pytest.raises(ValueError):
         geometry.rotation_from_xyzw(np.zeros(4))
 

@@ -11,27 +11,32 @@ readers pass over; its text is their table as a body YAML has it. What stands in
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from itertools import combinations_with_replacement, pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joints_text
+from bodycam_ros.body.mass import Mass
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf_document import LOOPS, STANDING
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 CAMERA_SUFFIX = "_optical_frame"
 """End of the name of a camera's link."""
 
-UNKNOWN_LIMITS = (-2.0 * np.pi, 2.0 * np.pi)  # [rad] of a ball's angle: URDF wants some; a swung arm passes pi
+WITHIN_A_TURN = (-FULL_TURN, FULL_TURN)
+"""Limits [rad] of a revolute joint, which no published angle leaves (``JointAngleTracker``)."""
 
-_FARTHEST_M = 1000.0  # of what stands beside the body, along an axis: URDF wants limits of what slides
+_FARTHEST_M = 100_000.0  # of what stands beside the body, along an axis: no map is so large
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 _NO_LIMIT = "1000"  # of effort [N m, N] and velocity [rad/s, m/s], which URDF wants too: nobody is that strong or quick
+_NO_CONTROLLER = {"k_position": "0", "k_velocity": _NO_LIMIT}  # URDF wants the latter; nothing drives a person
+_PAIRS_OF_AXES = tuple(combinations_with_replacement(enumerate("xyz"), 2))
 _DECIMALS = 12  # below any reader's rounding
 _CAMERA_SIZE_M = np.array([0.06, 0.04, 0.02])  # an action camera: wide, high, deep
 _COLOURS = {
@@ -56,8 +61,12 @@ def xml_numbers(values: NDArray[np.floating]) -> str:
     return " ".join(repr(round(float(value), _DECIMALS) + 0.0) for value in values)
 
 
-def urdf_text(body: BodyModel) -> str:
+def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
     """The body as a URDF document; its movable joints are named and ordered as ``JointAngles.names``.
+
+    Args:
+        body: to describe.
+        masses: segment -> its mass; segments that are not in it have no ``<inertial>``.
 
     Raises:
         BodyError: the body's names clash with each other in URDF.
@@ -66,7 +75,7 @@ def urdf_text(body: BodyModel) -> str:
     for name, rgba in _COLOURS.items():
         ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=xml_numbers(np.array(rgba)))
     for segment in body.segments:
-        _add_segment(robot, body, segment)
+        _add_segment(robot, body, segment, (masses or {}).get(segment))
     for joint in body.tree_joints:
         _add_joint(robot, joint)
     for camera, mount in body.mounts.items():
@@ -102,34 +111,38 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
         _add_fixed(robot, f"{joint.name}_to_{joint.child}", last_link, joint.child, joint.joint_T_child)
 
 
-_Motion = tuple[str, Array, tuple[float, float] | None]
-"""Type, axis and limits of a URDF joint that moves."""
+_Range = tuple[float, float] | None
+_Motion = tuple[str, Array, _Range, _Range]
+"""Type, axis, limits and range of motion of a URDF joint that moves."""
 
 
 def _motions(joint: Joint) -> list[_Motion]:
     """How each of ``Joint.angle_names`` moves."""
     if joint.type == "weld":
         return []
-    if joint.type == "hinge":
-        # A hinge of unknown limits may be a crank, which turns for ever.
-        return [("revolute", joint.axis, joint.limits[0]) if joint.limits else ("continuous", joint.axis, None)]
-    about = [_AXES[axis] for axis in joint.angle_axes]
-    if joint.type == "ball":
-        return [("revolute", *pair) for pair in zip(about, joint.limits or (UNKNOWN_LIMITS,) * 3, strict=True)]
-    sliding = [("prismatic", axis, (-_FARTHEST_M, _FARTHEST_M)) for axis in _AXES.values()]
-    return [*sliding, *(("continuous", axis, None) for axis in about)]
+    kind, limits = ("continuous", None) if joint.counts_turns else ("revolute", WITHIN_A_TURN)
+    axes = [joint.axis] if joint.type == "hinge" else [_AXES[axis] for axis in joint.angle_axes]
+    turning = [(kind, *each) for each in zip(axes, repeat(limits), joint.limits or repeat(None))]
+    if joint.type != "free":
+        return turning
+    return [*(("prismatic", axis, (-_FARTHEST_M, _FARTHEST_M), None) for axis in _AXES.values()), *turning]
 
 
 def _add_moving(robot: ET.Element, name: str, links: tuple[str, str], origin: Array, motion: _Motion) -> None:
-    kind, axis, limits = motion
+    kind, axis, limits, range_of_motion = motion
     element = _add_connection(robot, name, kind, links, origin)
     ET.SubElement(element, "axis", xyz=xml_numbers(axis))
-    bounds = (
-        {}
-        if limits is None
-        else {"lower": xml_numbers(np.array(limits[:1])), "upper": xml_numbers(np.array(limits[1:]))}
-    )
-    ET.SubElement(element, "limit", {**bounds, "effort": _NO_LIMIT, "velocity": _NO_LIMIT})
+    ET.SubElement(element, "limit", {**_bounds("{}", limits), "effort": _NO_LIMIT, "velocity": _NO_LIMIT})
+    if range_of_motion is not None:
+        # URDF wants soft limits within the others.
+        soft = range_of_motion if limits is None else np.clip(range_of_motion, *limits)
+        ET.SubElement(element, "safety_controller", {**_bounds("soft_{}_limit", soft), **_NO_CONTROLLER})
+
+
+def _bounds(name: str, limits: Sequence[float] | NDArray[np.floating] | None) -> dict[str, str]:
+    """Attributes of limits, whose name has ``lower`` or ``upper`` in it."""
+    pairs = () if limits is None else zip(("lower", "upper"), limits, strict=True)
+    return {name.format(end): xml_numbers(np.array([limit])) for end, limit in pairs}
 
 
 def _add_fixed(robot: ET.Element, name: str, parent: str, child: str, parent_T_child: Array) -> None:
@@ -146,14 +159,24 @@ def _add_connection(
     return element
 
 
-def _add_segment(robot: ET.Element, body: BodyModel, segment: str) -> None:
+def _add_segment(robot: ET.Element, body: BodyModel, segment: str, mass: Mass | None) -> None:
     """A ball at the segment's origin, and bones from there."""
     link = _add_link(robot, segment)
+    if mass is not None:
+        _add_inertial(link, mass)
     bone, ball = ("equipment",) * 2 if segment in body.equipment_segments else ("bone", "joint")
     _add_visual(link, "sphere", ball, np.eye(4), radius=str(JOINT_RADIUS_M))
     for end in bone_ends(body, segment):
         size = {"radius": str(BONE_RADIUS_M), "length": xml_numbers(np.array([np.linalg.norm(end)]))}
         _add_visual(link, "cylinder", bone, _halfway_along(end), **size)
+
+
+def _add_inertial(link: ET.Element, mass: Mass) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    _add_origin(inertial, rigid(np.eye(3), mass.centre))
+    ET.SubElement(inertial, "mass", value=xml_numbers(np.array([mass.kilograms])))
+    moments = {f"i{a}{b}": xml_numbers(mass.inertia[i, [j]]) for (i, a), (j, b) in _PAIRS_OF_AXES}
+    ET.SubElement(inertial, "inertia", moments)
 
 
 def _halfway_along(end: Array) -> Array:

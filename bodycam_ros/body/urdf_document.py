@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from xml.parsers import expat
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array, exp_so3, rigid
 
 MOST_LETTERS = 4_000_000
 """Of a document; that of a person with 16 cameras has 20,000."""
@@ -31,6 +30,7 @@ _MOST_NAMED = 5  # in a message
 _MOST_SHOWN = 60  # letters of what came
 _MOVING = ("revolute", "continuous", "prismatic")
 _LIMITED = ("revolute", "prismatic")
+_SOFT = ("soft_lower_limit", "soft_upper_limit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,8 @@ class UrdfJoint:
         parent, child: links.
         parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
         axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-        limits: (low, high) of a revolute joint [rad] or a prismatic one [m]; None for others.
+        limits: (low, high) [rad], of a prismatic joint [m]: its soft limits, the range of motion of a person, or else
+            its limits; None for a fixed joint, and for a continuous one without soft limits.
         slides: whether it moves along its axis, not about it.
     """
 
@@ -80,7 +81,7 @@ class UrdfJoint:
         try:
             origin = _origin(element.find("origin"))
             axis = _axis(element.find("axis")) if kind in _MOVING else None
-            limits = _limits(element.find("limit")) if kind in _LIMITED else None
+            limits = _limits(element, kind) if kind in _MOVING else None
         except ValueError as error:
             raise ValueError(f"joint {name}: {error}") from error
         return cls(name, parent, child, origin, axis, limits, kind == "prismatic")
@@ -218,7 +219,8 @@ def _link(element: ET.Element, role: str) -> str:
 def _origin(element: ET.Element | None) -> Array:
     roll_pitch_yaw = _numbers(element, "rpy", "0 0 0", 3)
     # URDF turns about fixed axes: x, then y, then z.
-    R = np.asarray(Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix(), dtype=np.float64)
+    about_x, about_y, about_z = exp_so3(np.diag(roll_pitch_yaw))
+    R = about_z @ about_y @ about_x
     return rigid(R, _numbers(element, "xyz", "0 0 0", 3))
 
 
@@ -230,8 +232,13 @@ def _axis(element: ET.Element | None) -> Array:
     return axis / length
 
 
-def _limits(element: ET.Element | None) -> tuple[float, float]:
-    low, high = (float(_numbers(element, bound, "0", 1)[0]) for bound in ("lower", "upper"))
+def _limits(joint: ET.Element, kind: str) -> tuple[float, float] | None:
+    element, names = joint.find("safety_controller"), _SOFT
+    if element is None or not element.attrib.keys() >= {*_SOFT}:
+        if kind not in _LIMITED:
+            return None
+        element, names = joint.find("limit"), ("lower", "upper")
+    low, high = (float(_numbers(element, name, "0", 1)[0]) for name in names)
     return low, high
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.body_yaml import joints_from_yaml
-from bodycam_ros.body.urdf import CAMERA_SUFFIX, UNKNOWN_LIMITS
+from bodycam_ros.body.urdf import CAMERA_SUFFIX, WITHIN_A_TURN
 from bodycam_ros.body.urdf_document import LOOPS, UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse
@@ -167,8 +167,8 @@ def _ball(angles: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:
         )
     if any(not _is_identity(joint.parent_T_joint) for joint in angles[1:]):
         raise BodyError(f"joints {', '.join(names)}: the three axes of a ball meet in one point, unturned")
-    bounds = [joint.limits or UNKNOWN_LIMITS for joint in angles]
-    unknown = all(np.allclose(pair, UNKNOWN_LIMITS, rtol=0.0, atol=_EXACT) for pair in bounds)
+    bounds = [joint.limits or WITHIN_A_TURN for joint in angles]
+    unknown = all(np.allclose(pair, WITHIN_A_TURN, rtol=0.0, atol=_EXACT) for pair in bounds)
     return Joint(name=name, type="ball", angle_axes=axes, limits=None if unknown else tuple(bounds), **place)
 
 

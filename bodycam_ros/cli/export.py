@@ -65,6 +65,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--segment", metavar="NAME", help=f"segment or camera to write, or all; without, the root{_heeding('segment')}"
     )
+    parser.add_argument(
+        "--mass",
+        type=float,
+        metavar="KG",
+        help=f"mass of the whole person: links get an inertial, by de Leva 1996; without, none{_heeding('mass')}",
+    )
     parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"robot that is to follow ({ROBOT})")
     parser.add_argument(
         "--mapping", type=Path, metavar="YAML", help=f"which of its links follow what, see config/robot ({ROBOT})"
@@ -78,7 +84,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     sources, output = arguments.sources, arguments.output
     options = MotionOptions(
-        arguments.rate, arguments.pose, arguments.up, arguments.scale, arguments.names, arguments.segment
+        arguments.rate,
+        arguments.pose,
+        arguments.up,
+        arguments.scale,
+        arguments.names,
+        arguments.segment,
+        arguments.mass,
     )
     if arguments.to == ROBOT:
         return run_robot(arguments, options)

@@ -32,10 +32,8 @@ COMMANDS = {
     "evaluate": "measure and picture a solved recording",
     "view": "look at a body in a browser, and correct it",
     "export": "write a solved recording or a body for other programs",
-    "keystore": "make keys for the live graph, and say who may hear and say what",
     "settings": "print all settings with their defaults",
     "latency": "time the live graph from image to joint state (needs ROS 2)",
-    "discovery": "let the live nodes of several computers find each other (needs ROS 2)",
 }
 """Command -> what it is for, in the order of the way through.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 
 if TYPE_CHECKING:
-    from bodycam_ros.pipeline import PipelineSettings
+    from bodycam_ros.pipeline_settings import PipelineSettings
 
 
 def add_pipeline_flags(parser: argparse.ArgumentParser, map_is_optional: bool = False) -> None:
@@ -40,7 +40,7 @@ def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
 
 
 def _all_stages() -> "type[PipelineSettings]":
-    from bodycam_ros.pipeline import PipelineSettings
+    from bodycam_ros.pipeline_settings import PipelineSettings
 
     return PipelineSettings
 

@@ -5,6 +5,7 @@ Every node is a process of its own, or all are in one.
 The nodes are started, not imported: this file has no ROS.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -20,8 +21,8 @@ import yaml
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.kernels.preparation import prepare_kernels
+from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
 from bodycam_ros.moments import Noted, read_moments
-from bodycam_ros.nodes.graph import NodeProcess, live_graph, player
 from bodycam_ros.share_folder import share_folder
 
 _GRAPH, _PLAYER = "graph", "player"
@@ -70,17 +71,22 @@ def play_live(
         if find_spec(package) is None:
             raise BodycamError(f"this needs ROS 2, but {package} is not installed; 'make latency' installs it")
     prepare_kernels()
-    nodes = live_graph(reference_map, body, cameras, registrations)
-    playing = player(bag, rate, cameras)
-    nodes.append(replace(playing, parameters={**playing.parameters, "reader_wait": _READER_WAIT_S}))
-    nodes = [_as_measured(node, output_delay, scratch) for node in nodes]
+    arguments = GraphArguments(
+        map=str(reference_map),
+        body=str(body),
+        cameras=tuple(cameras),
+        registrations=registrations,
+        bagfile=str(bag),
+        rate=rate,
+    )
+    nodes = [_as_measured(node, output_delay, scratch) for node in graph(arguments)]
     commands = {node.name: [node.executable, *node.arguments()] for node in nodes}
     if one_process:
         settings = scratch / "settings.yaml"
         given = {f"/{node.name}": {"ros__parameters": dict(node.parameters)} for node in nodes}
-        settings.write_text(yaml.safe_dump(given))
-        words = [_GRAPH, "--map", str(reference_map), "--body", str(body), "--cameras", *cameras, "--bag", str(bag)]
-        words += ["--registrations", str(registrations), "--rate", str(rate)]
+        settings.write_text(yaml.safe_dump(json.loads(json.dumps(given))))  # lists instead of tuples
+        words = [_GRAPH, f"--map={reference_map}", f"--body={body}", f"--cameras={','.join(cameras)}"]
+        words += [f"--bagfile={bag}", f"--registrations={registrations}", f"--rate={rate}"]
         commands = {_GRAPH: [*words, "--ros-args", "--params-file", str(settings)]}
     _play(commands, scratch)
     return {node.name: read_moments(_moments_file(node.name, scratch)) for node in nodes}
@@ -96,11 +102,12 @@ def _play(commands: Mapping[str, Sequence[str]], scratch: Path) -> None:
         _check_alive(processes, scratch)
 
 
-def _as_measured(node: NodeProcess, output_delay: int, scratch: Path) -> NodeProcess:
+def _as_measured(node: GraphNode, output_delay: int, scratch: Path) -> GraphNode:
     # Images queue instead of being dropped, so that a queue shows.
     given: dict[str, dict[str, object]] = {
         "skeleton_solver": {"smoother.output_delay": output_delay},
         "tracker": {"longest_wait": 0.0},
+        _PLAYER: {"reader_wait": _READER_WAIT_S},
     }
     moments = {"moments": str(_moments_file(node.name, scratch))}
     return replace(node, parameters={**node.parameters, **given.get(node.executable, {}), **moments})

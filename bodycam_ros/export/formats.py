@@ -76,10 +76,6 @@ def _of_bag(make: Make) -> Make:
     return content
 
 
-def _of_body(make: Callable[[Path], Mapping[str, str]]) -> Make:
-    return lambda source, options, progress: make(source)
-
-
 _RATE = frozenset({"rate"})
 _FIGURE = frozenset({"rate", "pose", "names"})
 _MODEL = {mot.OSIM_SUFFIX: (osim.MARK.encode(), "OpenSim model")}
@@ -88,10 +84,15 @@ FORMATS: Mapping[str, Format] = {
     "urdf": Format(
         "the body, for RViz and every tool that reads robots",
         b"<robot",
-        _of_body(robot_files.robot_description),
+        lambda source, options, progress: robot_files.robot_description(source, options.mass),
+        options=frozenset({"mass"}),
         beside={robot_files.LOOPS_SUFFIX: (robot_files.LOOPS_HEADER.encode(), "loops of a URDF")},
     ),
-    "mjcf": Format("the body with its loops closed, for MuJoCo", b"<mujoco", _of_body(robot_files.mjcf)),
+    "mjcf": Format(
+        "the body with its loops closed, for MuJoCo",
+        b"<mujoco",
+        lambda source, options, progress: robot_files.mjcf(source),
+    ),
     "bvh": Format(
         "the motion as bones, for Blender, MotionBuilder, Maya",
         bvh.MARK.encode(),

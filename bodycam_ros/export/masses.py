@@ -1,31 +1,15 @@
 """What segments weigh, which no body file says: their surface of capsules, filled with water."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.mass import Mass
 from bodycam_ros.body.segment_shape import JOINT_RADIUS_M
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.capsules import capsule_surfaces
 
 _DENSITY = 1000.0  # [kg / m^3]
 _BALL_KG = _DENSITY * 4.0 / 3.0 * np.pi * JOINT_RADIUS_M**3
-
-
-@dataclass(frozen=True, eq=False)
-class Mass:
-    """Of a segment, in its frame.
-
-    Attributes:
-        kilograms: its mass.
-        centre: (3,) [m].
-        inertia: (3, 3) about the centre [kg m^2].
-    """
-
-    kilograms: float
-    centre: Array
-    inertia: Array
 
 
 def masses(body: BodyModel) -> dict[str, Mass]:

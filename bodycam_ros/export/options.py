@@ -1,4 +1,4 @@
-"""What a user may say about how motion is written for other programs."""
+"""What a user may say about how a body and its motion are written for other programs."""
 
 import math
 from dataclasses import dataclass, fields
@@ -10,11 +10,12 @@ from bodycam_ros.export.rest_pose import REST_POSES
 
 HIGHEST_RATE = 1000.0  # [1/s] beyond it a minute fills gigabytes, and nobody moves so quickly
 _LARGEST_SCALE = 1e6
+_HEAVIEST_KG = 1000.0
 
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """How motion is written; None: as the format has it.
+    """How a body and its motion are written; None: as the format has it.
 
     Attributes:
         rate: instants a second; None: those that were solved.
@@ -23,6 +24,7 @@ class MotionOptions:
         scale: units of the file to a metre.
         names: of the bones, a key of ``BONE_NAMES``.
         segment: segment or camera whose trajectory is wanted, or "all".
+        mass: of the whole person [kg].
 
     Raises:
         SettingsError: a value that cannot be.
@@ -34,12 +36,15 @@ class MotionOptions:
     scale: float | None = None
     names: str | None = None
     segment: str | None = None
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         if self.rate is not None and not 0.0 < self.rate <= HIGHEST_RATE:
             raise SettingsError(f"--rate must be above 0 and at most {HIGHEST_RATE:g} a second, not {self.rate:g}")
         if self.scale is not None and not (math.isfinite(self.scale) and 0.0 < self.scale <= _LARGEST_SCALE):
             raise SettingsError(f"--scale must be above 0 and at most {_LARGEST_SCALE:g}, not {self.scale:g}")
+        if self.mass is not None and not 0.0 < self.mass <= _HEAVIEST_KG:
+            raise SettingsError(f"--mass must be above 0 and at most {_HEAVIEST_KG:g} kg, not {self.mass:g}")
         for flag, value, known in (
             ("pose", self.pose, REST_POSES),
             ("up", self.up, UP_AXES),

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.mass import Mass
 from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
 from bodycam_ros.body.urdf import xml_numbers
 from bodycam_ros.errors import BodyError
 from bodycam_ros.export.axes import OPENSIM_R_OURS, turned
 from bodycam_ros.export.markers import Marker
-from bodycam_ros.export.masses import Mass, masses
+from bodycam_ros.export.masses import masses
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
 

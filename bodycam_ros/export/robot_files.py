@@ -15,6 +15,7 @@ from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.export.mjcf import mjcf_text
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
+from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.solved.topics import ROBOT, ROBOT_TYPE, published_robot
 
@@ -27,23 +28,34 @@ _BAG_SUFFIXES = (".mcap", ".db3")
 LOOPS_HEADER = "# Joints that close loops, which the URDF beside this leaves open, as in a body file of bodycam.\n"
 
 
-def robot_description(source: Path) -> dict[str, str]:
+def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, str]:
     """The URDF of a source: what a bag says on ``/robot_description``, or made of a body file; and its loops.
 
     What URDF cannot carry is said, in a warning that names it.
 
+    Args:
+        source: bag or body file.
+        mass_kg: of the whole person [kg], for links with ``<inertial>``; None: there are none.
+
     Raises:
-        BodyError: a body file that is missing or describes no body.
+        BodyError: a body file that is missing or describes no body, or a body that no person's masses fit.
         RecordingError: a bag that cannot be read, or that nobody solved.
     """
     if not is_bag(source):
         body = read_body(source)
         _warn_of_sigmas(body, source)
-        return {"": urdf_text(body), **_loops_file(body.loop_joints, source)}
+        with _named(source):
+            return {"": _with_masses(body, mass_kg), **_loops_file(body.loop_joints, source)}
     text = _published(source)
     with _named(source):
         loops = said_loops(text)
+        if mass_kg is not None:
+            text = _with_masses(body_from_urdf(text), mass_kg)
         return {"": text, **_loops_file(joints_from_yaml(loops) if loops else (), source)}
+
+
+def _with_masses(body: BodyModel, mass_kg: float | None) -> str:
+    return urdf_text(body, person_masses(body, mass_kg) if mass_kg is not None else None)
 
 
 def mjcf(source: Path) -> dict[str, str]:

@@ -77,12 +77,6 @@ class RegistrationRecord:
         if known is None or pose.position_sigma < known.position_sigma:
             self._registered[matches.camera][stamp_ns] = pose
 
-    def forget(self, camera: str, from_ns: int, until_ns: int) -> None:
-        """Where a camera was said to be between two stamps [ns] is not believed."""
-        registered = self._registered[camera]
-        for stamp_ns in [stamp_ns for stamp_ns in registered if from_ns <= stamp_ns <= until_ns]:
-            del registered[stamp_ns]
-
     def share(self, camera: str) -> float:
         """Share of a camera's images that are registered, 0 to 1."""
         return len(self._registered[camera]) / max(1, len(self._images[camera]))

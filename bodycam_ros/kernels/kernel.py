@@ -1,25 +1,24 @@
 """A function that is compiled to machine code by numba.
 
 A kernel is written in plain loops over float64, and has a twin in NumPy that tests hold it to. It states the types that
-it is compiled for, so that all kernels can be compiled beforehand, and once.
+it is compiled for, so that all kernels can be compiled beforehand, and once. numba is imported with the first kernel
+that is used: it takes 0.2 s, and half of what imports kernels, such as settings, uses none.
 """
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
-from numba.core.sigutils import normalize_signature
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, PACKAGE, kernel_folder
+from bodycam_ros.kernels.kernel_library import argument_checks, build_library, compiled_function
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_entries: list[tuple[Any, tuple[str, ...]]] = []
-_unsaved: list[str] = []
+_kernels: list["Kernel"] = []
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
@@ -33,14 +32,77 @@ def kernel(*signatures: str) -> Callable[[F], F]:
     """
 
     def compiled(function: F) -> F:
-        dispatcher = numba.njit(function, nogil=True, error_model="numpy")
-        if signatures and dispatcher is not function:  # as it is under NUMBA_DISABLE_JIT
-            _entries.append((dispatcher, signatures))
-            if _is_kept(function):
-                dispatcher._cache = _KernelCache(function)
-        return cast(F, dispatcher)
+        made = Kernel(cast(FunctionType, function), signatures)
+        if signatures:
+            _kernels.append(made)
+        return cast(F, made)
 
     return compiled
+
+
+class Kernel:
+    """A function, and what numba makes of it when it is first used.
+
+    Args:
+        function: plain Python.
+        signatures: types of the arguments that it is compiled for beforehand.
+    """
+
+    def __init__(self, function: FunctionType, signatures: tuple[str, ...]) -> None:
+        functools.update_wrapper(self, function)
+        self._function, self.signatures = function, signatures
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        return self._compiled(*arguments)
+
+    @functools.cached_property
+    def _compiled(self) -> Callable[..., Any]:
+        return cast(Callable[..., Any], self._in_library or self.dispatcher)
+
+    @functools.cached_property
+    def _in_library(self) -> Callable[..., Any] | None:
+        """The function out of the library of all kernels; None if it is not there."""
+        compiled = compiled_function(self._function) if self.signatures else None
+        if compiled is None:
+            return None
+        (signature,) = self.signatures
+        checks = argument_checks(signature)
+
+        def checked(*arguments: Any) -> Any:
+            try:
+                fitting = [check(value) for check, value in zip(checks, arguments, strict=True)]
+            except (AttributeError, TypeError, ValueError):  # numba may still take them, or name what is wrong
+                return self.dispatcher(*arguments)
+            return compiled(*fitting)
+
+        return checked
+
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """The function as numba's own object, its names of other kernels bound to theirs."""
+        import numba
+
+        from bodycam_ros.kernels.kernel_cache import keep
+
+        code, known = self._function.__code__, self._function.__globals__
+        others = {name: known[name].dispatcher for name in code.co_names if isinstance(known.get(name), Kernel)}
+        function = FunctionType(code, known | others, self._function.__name__)
+        dispatcher = numba.njit(function, nogil=True, error_model="numpy")
+        if self.signatures and dispatcher is not function:  # as it is under NUMBA_DISABLE_JIT
+            keep(dispatcher, function)
+        return dispatcher
+
+    def compile(self) -> None:
+        """Compile it for its types, or load it from where it was kept."""
+        if self._in_library is not None:
+            return
+        from numba.core.sigutils import normalize_signature
+
+        if not isinstance(self.dispatcher, FunctionType):
+            for signature in self.signatures:
+                arguments, _ = normalize_signature(signature)
+                self.dispatcher.compile(tuple(arguments))
 
 
 def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
@@ -53,56 +115,12 @@ def as_bytes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.require(values, np.uint8, ("C", "A", "W", "E"))
 
 
+def build_all(folder: Path) -> bool:
+    """Compile all kernels of the modules imported so far into a library in a folder; whether it could be done."""
+    return build_library(folder, [(each.dispatcher.py_func, each.signatures[0]) for each in _kernels])
+
+
 def compile_all() -> None:
     """Compile, or load from where they were kept, all kernels of the modules imported so far."""
-    for dispatcher, signatures in _entries:
-        for signature in signatures:
-            arguments, _ = normalize_signature(signature)
-            dispatcher.compile(tuple(arguments))
-
-
-def all_saved() -> bool:
-    """Whether the disk took all that was compiled by this process."""
-    return not _unsaved
-
-
-def _is_kept(function: Callable[..., Any]) -> bool:
-    """Whether there is a folder, whose name changes with the kernel's source."""
-    known = {PACKAGE / file for file in KERNEL_FILES}
-    return Path(function.__code__.co_filename) in known and kernel_folder() is not None
-
-
-class _KernelLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Says that a kernel is kept in ``kernel_folder``, which may be read-only."""
-
-    def __init__(self, function: Callable[..., Any], file: str) -> None:
-        super().__init__(function, file)
-        folder = kernel_folder()
-        assert folder is not None
-        self._cache_path = str(folder / Path(file).parent.name)
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> "_KernelLocator":
-        return cls(function, file)
-
-
-class _KernelCacheFiles(CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes = [_KernelLocator]
-
-
-class _KernelCache(FunctionCache):  # type: ignore[misc]
-    """Files that are damaged, and a disk that is full, cost time and nothing else."""
-
-    _impl_class = _KernelCacheFiles
-
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
-        try:
-            return super().load_overload(signature, target_context)
-        except Exception:  # what a damaged file makes of unpickling
-            return None
-
-    def save_overload(self, signature: Any, data: Any) -> None:
-        try:
-            super().save_overload(signature, data)
-        except OSError as error:
-            _unsaved.append(str(error))
+    for each in _kernels:
+        each.compile()

@@ -8,16 +8,16 @@ once it holds all kernels; from then on nothing in it changes, and it may be rea
 import hashlib
 import json
 import os
+import platform
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
-import llvmlite.binding
-import numba
 import numpy as np
 
 PACKAGE = Path(__file__).parent.parent
@@ -39,10 +39,17 @@ KERNEL_FILES = (
 )
 """All that hold kernels, in the order in which they are compiled."""
 
-CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels/kernel.py")
+CONSTANT_FILES = (
+    "camera/limits.py",
+    "camera/readout.py",
+    "kernels/kernel.py",
+    "kernels/kernel_cache.py",
+    "kernels/kernel_library.py",
+)
 """All else that is compiled into them."""
 
 _CONTENTS = "complete.json"
+_COMPILED = (".so", ".nbc", ".nbi")
 
 
 @cache
@@ -67,17 +74,23 @@ def kernel_folder() -> Path | None:
 @cache
 def folder_name() -> str:
     """What compiles, and what is compiled, as two short hashes."""
-    # As numba does: no features (what the processor's name implies) are not the same as not saying which.
-    processor, features = numba.config.CPU_NAME, numba.config.CPU_FEATURES
-    machine = (
-        sys.version,
-        numba.__version__,
-        np.__version__,
-        llvmlite.binding.get_host_cpu_name() if processor is None else processor,
-        llvmlite.binding.get_host_cpu_features().flatten() if features is None else features,
-    )
+    # Not by asking numba, whose import takes longer than all else that a tracker loads.
+    # Features that are empty (what the processor's name implies) are not the same as features that are not given.
+    given = [os.environ.get(variable) for variable in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")]
+    processor = [_this_processor() if text is None else text for text in given]
+    machine = (sys.version, version("numba"), version("llvmlite"), np.__version__, *processor)
     sources = [(PACKAGE / file).read_bytes() for file in (*KERNEL_FILES, *CONSTANT_FILES)]
     return f"{_short_hash(*(text.encode() for text in machine))}-{_short_hash(*sources)}"
+
+
+def _this_processor() -> str:
+    """What Linux says of the first processor, but for what changes from one moment to the next."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor()
+    kept = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU")
+    return "\n".join(line for line in lines if line.startswith(kept))
 
 
 def stale_folders(folder: Path) -> Iterator[Path]:
@@ -98,15 +111,16 @@ def is_complete(folder: Path) -> bool:
 
 def complete(folder: Path) -> None:
     """Say that a folder has all kernels now; raises OSError."""
-    contents = {str(file.relative_to(folder)): file.stat().st_size for file in sorted(folder.rglob("*.nb[ci]"))}
+    files = [file for file in sorted(folder.rglob("*")) if file.suffix in _COMPILED]
+    contents = {str(file.relative_to(folder)): file.stat().st_size for file in files}
     unfinished = folder / f"{_CONTENTS}.{os.getpid()}"
     unfinished.write_text(json.dumps(contents))
     unfinished.replace(folder / _CONTENTS)
 
 
 def _places() -> Iterator[Path]:
-    if numba.config.CACHE_DIR:
-        yield Path(numba.config.CACHE_DIR) / "bodycam_ros"
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(folder) / "bodycam_ros"
     yield PACKAGE / "__pycache__" / "kernels"
     with suppress(RuntimeError):  # no home
         place = _short_hash(bytes(PACKAGE))  # several installations do not clear each other's

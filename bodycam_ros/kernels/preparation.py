@@ -9,7 +9,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from bodycam_ros.kernels.kernel import all_saved, compile_all
+from bodycam_ros.kernels.kernel import build_all, compile_all
 from bodycam_ros.kernels.kernel_folder import KERNEL_FILES, complete, is_complete, kernel_folder, stale_folders
 
 logger = logging.getLogger(__name__)
@@ -32,9 +32,13 @@ def prepare_kernels() -> None:
         if is_complete(folder):
             return
         logger.warning("compiling the numerical kernels for this machine, once; takes %s", _HOW_LONG)
-        load_kernels()
-        if not all_saved():
-            return
+        _import_kernels()
+        if not build_all(folder):
+            compile_all()
+            from bodycam_ros.kernels.kernel_cache import all_saved
+
+            if not all_saved():
+                return
         with suppress(OSError):
             complete(folder)
             for stale in stale_folders(folder):
@@ -43,9 +47,13 @@ def prepare_kernels() -> None:
 
 def load_kernels() -> None:
     """Load all kernels into this process, so that none is loaded while images wait."""
+    _import_kernels()
+    compile_all()
+
+
+def _import_kernels() -> None:
     for file in KERNEL_FILES:
         import_module(f"bodycam_ros.{file.removesuffix('.py').replace('/', '.')}")
-    compile_all()
 
 
 @cache

@@ -22,6 +22,7 @@ LOOSE_M = 100.0  # [m] of a free joint: no opinion
 LOOSE_RAD = 10.0  # [rad] three turns: no opinion on a free rotation, yet the information matrix stays invertible
 TIGHT_RAD = 2e-4  # [rad] 0.1 mm at the end of a thigh: stiffer than any mount, softer than rounding
 TIGHT_M = 1e-4  # [m] leaves gaps of some micrometres; a millionth of what is loose is too stiff for a Cholesky factor
+FULL_TURN = 2.0 * np.pi  # [rad]
 FARTHEST_M = 100.0  # [m] of a place from its segment's origin; farther, a rotation's rounding tears joints apart
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
@@ -125,6 +126,16 @@ class Joint:
         axes[:3, :3] = self.axes_of_rotation.T
         twists: Array = axes[:, self.free_rows(slide_m)]
         return twists
+
+    @cached_property
+    def counts_turns(self) -> bool:
+        """Whether its angles grow without bound: of a free joint, and of a hinge that may turn by more than one turn.
+
+        The published angles of every other joint stay within one turn either way.
+        """
+        if self.type == "hinge":
+            return self.limits is None or float(np.abs(self.limits).max()) > FULL_TURN
+        return self.type == "free"
 
     @cached_property
     def joint_T_child(self) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.euler_angles import EulerOrder, nearest_turn
-from bodycam_ros.kinematics.joint import hinge_angle
+from bodycam_ros.kinematics.joint import FULL_TURN, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
 
 
@@ -82,7 +82,9 @@ class JointAngles:
 
 
 class JointAngleTracker:
-    """Follows the joint angles of a moving body, continuous over time: no jump by a turn or between Euler triples.
+    """Joint angles of a moving body, continuous over time: no jump at half a turn or between Euler triples.
+
+    An angle that passes a full turn, 2 pi, drops that turn, unless its joint counts turns (``Joint.counts_turns``).
 
     Attributes:
         names: (A) of the angles, in the order of all that this class returns.
@@ -92,6 +94,7 @@ class JointAngleTracker:
         self._body = body
         self._joint_angles = JointAngles(body)
         self.names = self._joint_angles.names
+        self._within_a_turn = angles_within_a_turn(body)
         self.reset()
 
     def reset(self) -> None:
@@ -101,5 +104,16 @@ class JointAngleTracker:
     def angles(self, world_T_segment: Array) -> Array:
         """Angles (A) of the segments' poses (S, 4, 4), the next instant after the last call's."""
         joint_poses = self._body.joint_poses(world_T_segment)
-        self._previous = self._joint_angles.angles(joint_poses, self._previous)
+        angles = self._joint_angles.angles(joint_poses, self._previous)
+        passed = self._within_a_turn & (np.abs(angles) > FULL_TURN)
+        self._previous = np.where(passed, angles - np.copysign(FULL_TURN, angles), angles)
         return self._previous.copy()
+
+    def change(self, previous: Array, angles: Array) -> Array:
+        """Change (A) from one call's angles (A) to the next call's (A), with the turns that were dropped between."""
+        return np.where(self._within_a_turn, nearest_turn(angles - previous, np.zeros(1)), angles - previous)
+
+
+def angles_within_a_turn(body: KinematicTree) -> NDArray[np.bool_]:
+    """(A) whether the published angle stays between -2 pi and 2 pi."""
+    return np.array([not joint.counts_turns for joint in body.tree_joints for _ in joint.angle_names], dtype=bool)

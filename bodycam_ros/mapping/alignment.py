@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
@@ -146,6 +145,7 @@ def _refine(
 
     The inset is seen in the gaps between tags, which blur widens as much as it shrinks the tags.
     """
+    from scipy.optimize import least_squares
 
     def unpack(x: Array) -> tuple[float, Array, Array, float]:
         return scale * float(np.exp(x[0])), R @ exp_so3(x[1:4]), t + scale * x[4:7], float(x[7])

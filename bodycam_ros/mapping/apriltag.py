@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, spline_filter
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
@@ -74,6 +73,8 @@ def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, sett
 
 def refined_tags(gray: NDArray[np.uint8], camera: CameraModel, family: int, settings: TagSettings) -> list[TagView]:
     """As ``detect_tags``, of a grey picture (rows, columns) and a family by its number in ``cv2.aruco``."""
+    from scipy.ndimage import spline_filter
+
     # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
     spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
     views: dict[int, TagView] = {}
@@ -144,6 +145,8 @@ def _edge_points(
     Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge. The edge is
     looked for along what the lens makes of a straight line; there are none where it shows none.
     """
+    from scipy.ndimage import map_coordinates
+
     stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(np.linalg.norm(end - start))))
     chord, _ = camera.unproject(start + stations[:, None] * (end - start))
     first, last = camera.unproject(np.array([start, end]))[0]

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import percentile_filter
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.frame_motion import FrameMotion
@@ -90,6 +89,8 @@ def choose_frames(motion: FrameMotion, name: str, settings: FrameChoiceSettings)
 
 def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
     """(N,) sharpness of the better frames around each, or of a poor part of the whole if that is more."""
+    from scipy.ndimage import percentile_filter
+
     duration_s = float(motion.seconds[-1] - motion.seconds[0])
     reach = round(_NEIGHBOURS_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
     usual: NDArray[np.float64] = percentile_filter(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.mutual_matches import mutual_matches
@@ -67,6 +66,8 @@ def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[t
     Photographs of one corner may all be each other's best partners. Spanning trees of the largest counts tie such
     a group to the others.
     """
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
     counts = counts + counts.T
     # Ties go to the lower row, on every machine.
     best = np.argsort(-counts, axis=1, kind="stable")[:, : settings.max_partners]

@@ -6,7 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import MapError
@@ -106,6 +105,8 @@ def plane_normals(
             where the neighbours are in no plane.
         settings: of the planes.
     """
+    from scipy.spatial import cKDTree
+
     count = min(settings.neighbours + 1, len(points))
     if count < 4 or not len(rows):
         return facing

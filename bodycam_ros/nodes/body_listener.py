@@ -17,11 +17,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.body_instants import AnglesAndRoot
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.pose import pose_and_covariance
-from bodycam_ros.nodes.angles_and_root import AnglesAndRoot
-from bodycam_ros.nodes.farewell import ignore_discovery
 from bodycam_ros.nodes.message_classes import message_class
+from bodycam_ros.nodes.process import ignore_discovery
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.view.live_body import LiveInstant
 

@@ -1,29 +1,24 @@
 """What the solver publishes: the body, and how it moves."""
 
 import time
-from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
 from rclpy.duration import Duration
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.link_transforms import LinkTransform, LinkTransforms
-from bodycam_ros.body.seen_limits import SeenLimits
+from bodycam_ros.body.link_transforms import LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.camera.readout import Readout
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.equipment.learned_body import learned_body
+from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
+from bodycam_ros.live.node_parameters import SolverParameters
+from bodycam_ros.live.pacing import Paced
 from bodycam_ros.messages.body import output_messages, transforms_message
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.status import text_message
-from bodycam_ros.messages.timing import SaidTiming, timing_message
+from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.parameters import SolverParameters
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
-from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_SAID, TRANSFORMS_SAID
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.outside.person_masses import person_masses
 from bodycam_ros.solving.body_state import BodyOutput
 
 OUTPUTS = {
@@ -41,111 +36,95 @@ _STATIC, _MARKERS = "/tf_static", "/skeleton"
 _ROUNDING_NS = 1_000_000
 """Of stamps: every second instant of 30 Hz is one of 15 Hz."""
 
+_STEP_S = 0.004
 _LAST_WORDS_S = 0.5
-
-_WORTH_TELLING_M = 1e-3
-"""By which a length of the equipment must have changed for the robot to be described anew."""
 
 
 class BodyTopics:
-    """Publishers of ``robot_description`` and of the body's motion.
+    """Publishers of ``robot_description``, once per body, and of the body's motion.
 
+    The description is published a second time, once, when learned lengths of equipment have settled.
     Where the node's parameter ``publish_links`` says so every link of ``robot_description`` is in ``/tf``, or
     ``/tf_static`` if it never moves in its parent; else the root alone, and robot_state_publisher has to add the rest.
 
     Args:
-        node: publishes.
+        stage: publishes.
         with_equipment: whether it says how the body is coupled to some.
     """
 
-    def __init__(self, node: StageNode[SolverParameters], with_equipment: bool = False) -> None:
-        self._node = node
-        self._make = node.make
-        self._timings: dict[str, Any] = {}
-        self._description = node.publisher("std_msgs/msg/String", "robot_description", latched(), LATCHED_SAID)
+    def __init__(self, stage: Stage[SolverParameters], with_equipment: bool = False) -> None:
+        self._stage, self._make = stage, stage.make
+        # Instants are solved in bursts, as images come. Who consumes joint states wants them evenly spaced.
+        self._paced: Paced[tuple[BodyOutput, BodyModel]] = Paced(self._publish)
+        stage.every(_STEP_S, self._paced.look, even_inactive=True)
+        self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # Transforms are everybody's; the rest moves with the node's namespace.
-            topic: node.publisher(
-                type_name,
-                topic if topic == "/tf" else topic[1:],
-                reliable(OUTPUT_DEPTH),
-                TRANSFORMS_SAID if topic == "/tf" else MOTION_SAID,
+            topic: stage.publisher(
+                type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH), overridable=True
             )
             for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
             if is_installed(type_name)
         }
         self._links: LinkTransforms | None = None
         self._marked_ns = 0
-        has_links = node.parameters.publish_links and is_installed(TRANSFORMS)
-        self._fixed_links = node.publisher(TRANSFORMS, _STATIC, latched(), LATCHED_SAID) if has_links else None
+        has_links = stage.parameters.publish_links and is_installed(TRANSFORMS)
+        self._fixed_links = stage.publisher(TRANSFORMS, _STATIC, latched()) if has_links else None
 
     def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        """Publish the body itself, coupled to equipment if there is some; those that come later hear it too."""
-        self._equipment = equipment
-        self._limits = SeenLimits(body)
-        self._lengths: EquipmentReport | None = None
-        self._describe_as_known()
-        for camera, mount in body.mounts.items():
-            if mount.readout is not None:
-                self._publish_timing(camera, mount.readout)
+        """Publish the body, coupled to equipment if there is some; later subscribers receive it too (latched).
 
-    def _describe_as_known(self) -> None:
-        """Publish the body with limits that hold, and with the lengths of its equipment as far as they are known."""
-        body, coupled = self._limits.body, self._lengths
-        if coupled is not None and self._equipment is not None:
-            body = learned_body(body, self._equipment, coupled.values)
-        text = urdf_text(body)
+        Raises:
+            BodyError: the body has no URDF, or no person's masses fit it.
+        """
+        self._equipment = equipment
+        self._lengths = SettledLengths(equipment) if equipment is not None else None
+        self._publish_description(body)
+
+    def _publish_description(self, body: BodyModel) -> None:
+        mass_kg = self._stage.parameters.mass
+        text = urdf_text(body, person_masses(body, mass_kg) if mass_kg > 0.0 else None)
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
             # Of the text that others read, so that they and we say the same of every link.
-            before, self._links = self._links, LinkTransforms(text)
-            if before is None or not _same_links(before.fixed, self._links.fixed):
-                now_ns = self._node.get_clock().now().nanoseconds
-                self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
+            self._links = LinkTransforms(text)
+            now_ns = self._stage.node.get_clock().now().nanoseconds
+            self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
 
-    def _has_learned(self, report: EquipmentReport | None) -> bool:
-        """Whether lengths of the equipment have become others than those that were published last."""
-        if report is None or not report.placed or not report.lengths:
-            return False
-        if self._lengths is not None and np.abs(report.values - self._lengths.values).max() < _WORTH_TELLING_M:
-            return False
-        self._lengths = report
-        return True
-
-    def _publish_timing(self, camera: str, readout: Readout) -> None:
-        """Tell those who register the camera how long its rows are read out."""
-        if camera not in self._timings:
-            self._timings[camera] = self._node.publisher("bodycam_msgs/msg/CameraTiming", f"{camera}/timing", latched())
-        self._timings[camera].publish(timing_message(self._make, camera, SaidTiming(0, "body", readout)))
+    def _describe_learned(self, output: BodyOutput, body: BodyModel) -> None:
+        """Publish the description again if the lengths of the equipment have settled."""
+        report = output.state.equipment
+        if self._lengths is None or self._equipment is None or report is None:
+            return
+        values = self._lengths.add(output.state.stamp_ns, report)
+        if values is not None:
+            self._publish_description(learned_body(body, self._equipment, values))
 
     def publish(self, output: BodyOutput, body: BodyModel) -> None:
-        """Publish where the body is at one instant."""
-        has_widened = self._limits.widen(output.positions)
-        if self._has_learned(output.state.equipment) or has_widened:
-            # What robot_description promises must hold for the joint states that follow.
-            self._describe_as_known()
+        """Publish where the body is at one instant; not at once where the one before has only just been published."""
+        self._paced.add(output.state.stamp_ns, (output, body))
+
+    def _publish(self, instant: tuple[BodyOutput, BodyModel]) -> None:
+        output, body = instant
+        stamp_ns = output.state.stamp_ns
+        self._describe_learned(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
-        messages = output_messages(self._make, output, body, links)
-        for topic, message in messages.items():
-            if topic in self._outputs and (topic != _MARKERS or self._are_markers_due(output.state.stamp_ns)):
+        for topic, message in output_messages(self._make, output, body, links).items():
+            if topic in self._outputs and (topic != _MARKERS or self._are_markers_due(stamp_ns)):
                 self._outputs[topic].publish(message)
+        self._stage.moments.note(Moment.SOLVED, "", stamp_ns)
 
     def _are_markers_due(self, stamp_ns: int) -> bool:
-        rate_hz, passed_ns = self._node.parameters.marker_rate, stamp_ns - self._marked_ns
+        rate_hz, passed_ns = self._stage.parameters.marker_rate, stamp_ns - self._marked_ns
         if not rate_hz or 0 <= passed_ns < 1e9 / rate_hz - _ROUNDING_NS:
             return False
         self._marked_ns = stamp_ns
         return True
 
-    def wait_until_heard(self) -> None:
-        """Give the readers the time to get the last messages, but all together no more than half a second."""
+    def finish(self) -> None:
+        """Publish what waits, and give the readers half a second to receive it."""
+        self._paced.flush()
         deadline_s = time.monotonic() + _LAST_WORDS_S
         for publisher in self._outputs.values():
             left_s = max(0.0, deadline_s - time.monotonic())
             publisher.wait_for_all_acked(Duration(nanoseconds=int(1e9 * left_s)))
-
-
-def _same_links(some: Sequence[LinkTransform], others: Sequence[LinkTransform]) -> bool:
-    return len(some) == len(others) and all(
-        one[:2] == other[:2] and np.array_equal(one[2], other[2]) for one, other in zip(some, others, strict=True)
-    )

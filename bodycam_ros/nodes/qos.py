@@ -4,7 +4,7 @@ A reader's depth bounds how far its node may fall behind before it loses message
 slowest reader may be.
 """
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 STAGE_DEPTH = 1000
 """Between stages: 33 s of one camera at 30 Hz, 10 MB. The registration of 16 cameras bears long bursts with it."""
@@ -14,35 +14,15 @@ OUTPUT_DEPTH = 200
 
 
 def reliable(depth: int) -> QoSProfile:
-    """Reliable delivery to those that listen by now."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+    """Reliable delivery to the subscriptions that are there."""
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def best_effort(depth: int) -> QoSProfile:
-    """What a camera driver that offers no more can be read with."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def sensor_data(depth: int) -> QoSProfile:
-    """What a camera driver publishes, as reliably as it offers that: who reads adapts (``Overridable.resolved``)."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
-
-
-def camera_info(depth: int) -> QoSProfile:
-    """The same of what some drivers say once and keep."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.BEST_AVAILABLE,
-        durability=DurabilityPolicy.BEST_AVAILABLE,
-    )
+    """What every driver's publisher fits."""
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def latched(depth: int = 1) -> QoSProfile:
     """The latest messages also reach those that come later."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -1,9 +1,8 @@
 """Node ``region_tracker``: the images of one static camera in, what it says of the body's segments out (B 2)."""
 
 import time
-from collections import Counter, deque
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections import deque
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
@@ -11,17 +10,18 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.errors import StationError
+from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
+from bodycam_ros.live.image_health import ImageHealth
+from bodycam_ros.live.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
+from bodycam_ros.live.static_cameras import read_world
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
-from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames, Ordered
-from bodycam_ros.nodes.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.messages.status import Health
+from bodycam_ros.nodes.camera_topics import ImageSource
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
-from bodycam_ros.nodes.region_parameters import REGION_GROUPS, RegionTrackerParameters
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.nodes.stations import read_world
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.outside.hands import with_hands
@@ -34,21 +34,9 @@ from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
 _NOBODY = f"nothing on {SEGMENTS_NOW} says where the body is, and there is no start file"
-_PATIENCE_S = 2.0
-"""Images may come slowly, from a bag that is played slowly; none for so long is an error."""
 
 
-@dataclass
-class _Tally:
-    """What happened since the last report."""
-
-    images: int = 0
-    latency_s: float = 0.0
-    seen: Counter[str] = field(default_factory=Counter)
-    confidence: float = 0.0
-
-
-class RegionTracking(StageNode[RegionTrackerParameters]):
+class RegionStage(Stage[RegionTrackerParameters]):
     """Says what each image of one station shows of the body.
 
     Images wait until somebody reads what is said, and, but for ``most_ahead`` of them, until the solver has answered:
@@ -57,11 +45,10 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
     After it was inactive, it looks where the solver has the body by then.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("region_tracker", RegionTrackerParameters, REGION_GROUPS, arguments=arguments)
+    name, parameters_type, groups = "region_tracker", RegionTrackerParameters, REGION_GROUPS
 
-    def prepare(self) -> None:
-        """Read body, surface and stations, and listen to the camera."""
+    def __init__(self, node: StageNode[RegionTrackerParameters]) -> None:
+        super().__init__(node)
         of = self.parameters
         self.camera = self.required("camera")
         file, path = Path(self.required("stations")), Path(self.required("body"))
@@ -78,22 +65,22 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         )
         self._answers = AnsweredFrames(of.most_ahead)
         self._thinning = EverySecondImage(of.longest_wait, of.recovery)
-        self._tally = _Tally()
-        self._restarts = -1
         self._begun_with: Ordered[QueuedImage] | None = None
         self._lately: deque[BodyNow] = deque(maxlen=2)
-        self._begin()
         self._said = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, self._on_body, latched(STAGE_DEPTH), even_inactive=True)
         self._images = ImageQueue(
-            self,
             self.camera,
-            of.transport,
+            self.skipped,
+            self.moments,
             of.image_queue,
             self._thinning,
             lambda: self.soon(self._look_next),
             lambda: self._waits_for() or "images come faster than they are looked at",
         )
+        self._health = ImageHealth(self.camera, self._images, self.skipped)
+        self._begin()
+        self._source = ImageSource(self, self.camera, of.transport, of.image_queue, self._images.receive)
         self.every(_LOOK_S, self._look)
         self.trigger("~/reset", self._reset)
 
@@ -101,12 +88,12 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         """Where the body is, the solver says, and goes on doing so."""
         self._images.forget()
         lately = [*self._lately]
-        self._begin()
+        self._restart()
         for now in lately:
             self._hear(now)
 
     def _reset(self) -> tuple[bool, str]:
-        self._begin()
+        self._restart()
         return True, f"camera {self.camera} begins anew: where the body is, the solver has to say, or the start file"
 
     def settings_changed(self) -> None:
@@ -114,6 +101,10 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         of = self.parameters
         self._answers.most_ahead = of.most_ahead
         self._thinning.longest_wait_s, self._thinning.recovery_s = of.longest_wait, of.recovery
+
+    def _restart(self) -> None:
+        self._health.restarts += 1
+        self._begin()
 
     def _begin(self) -> None:
         """Nothing is known of the body and its colours."""
@@ -123,7 +114,6 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         self._answers.forget()
         self._lately.clear()
         self._answered_ns = self._solved_ns = 0
-        self._restarts += 1
         self._asked_since_s: float | None = None
         self._looking_since_s: float | None = None
 
@@ -154,8 +144,8 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         if following.begins_anew and following is not self._begun_with:
             # Once: it may have to wait here.
             self._begun_with = following
-            self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
-            self._begin()
+            self.log.warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+            self._restart()
         self._asked_since_s = self._asked_since_s or time.monotonic()
         if following.item.image.stamp_ns <= self._solved_ns <= self._images.newest_ns:
             self._leave_out()
@@ -203,50 +193,17 @@ class RegionTracking(StageNode[RegionTrackerParameters]):
         self._count(said, came_s)
 
     def _count(self, said: SaidSegments, came_s: float) -> None:
-        tally = self._tally
-        tally.images += 1
-        tally.latency_s += time.monotonic() - came_s
+        tally = self._health.tally
+        tally.images, tally.latency_s = tally.images + 1, tally.latency_s + time.monotonic() - came_s
         tally.seen.update(each.segment for each in said.evidence)
         tally.confidence += sum(said.confidence[each.segment] for each in said.evidence)
 
     def health(self) -> list[Health]:
         """How the images of the last second fared."""
-        tally, self._tally = self._tally, _Tally()
-        arrived, lost, seen = self._images.count(), self.skipped.lately(), tally.seen.total()
-        values: dict[str, object] = {
-            "images per second": arrived,
-            "looked at per second": tally.images,
-            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
-            "images waiting": len(self._images),
-            "segments per image": round(seen / max(1, tally.images), 1),
-            "confidence": round(tally.confidence / seen, 2) if seen else "none",
-            "times begun anew": self._restarts,
-            **self.skipped.counts,
-            "last error": self.skipped.latest or "none",
-        }
-        level, text = self._judge(tally, arrived, lost)
-        return [Health(f"camera {self.camera}", level, text, values)]
-
-    def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
-        source = self._images.source
-        if tally.images == 0:
-            if len(self._images):
-                return HealthLevel.ERROR, f"no image is looked at: {self._waits_for() or 'the one before takes long'}"
-            if arrived and lost:
-                return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
-            if source.quiet_s < _PATIENCE_S:
-                return HealthLevel.OK, "between two images"
-            return HealthLevel.ERROR, source.what_is_wrong()
-        if not tally.seen:
-            return HealthLevel.ERROR, "no segment of the body is seen; is it before the camera?"
-        if self._images.is_thinned:
-            return HealthLevel.WARN, self._images.is_thinned
-        if lost:
-            return HealthLevel.WARN, f"looking, but some input was left out: {self.skipped.latest}"
-        unseen = [segment for segment in self._body.segments if not tally.seen[segment]]
-        return HealthLevel.OK, f"looking; sees nothing of {few(unseen)}" if unseen else "looking"
+        source, lacking = self._source, self._waits_for() if len(self._images) else ""
+        segments = tuple(self._body.segments)
+        return [self._health.of_region_tracker(source.quiet_s, source.what_is_wrong(), lacking, segments)]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(RegionTracking, "region_tracker")
+make = partial(StageNode, RegionStage)
+"""Makes the node."""

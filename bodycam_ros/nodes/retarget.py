@@ -1,8 +1,6 @@
 """Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -10,45 +8,33 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
+from bodycam_ros.live.node_parameters import RetargetParameters
+from bodycam_ros.live.robot_health import RobotHealth
 from bodycam_ros.messages.body import joint_state_message, transforms_message
+from bodycam_ros.messages.body_instants import ToldBody
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.header import MAP_FRAME
-from bodycam_ros.messages.status import Health, HealthLevel, text_message
+from bodycam_ros.messages.status import Health, text_message
 from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.parameters import declare, robot_settings
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
-from bodycam_ros.nodes.qos_overrides import LATCHED_SAID, MOTION_HEARD, MOTION_SAID, TRANSFORMS_SAID
-from bodycam_ros.nodes.retarget_parameters import RetargetParameters
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.nodes.told_body import ToldBody
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RobotState
+from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 _SKIPPED = "instants skipped"
 _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
-@dataclass
-class _Tally:
-    """What happened since the last report."""
-
-    instants: int = 0
-    held: int = 0
-    farthest_m: float = 0.0
-
-
-class RetargetNode(StageNode[RetargetParameters]):
+class RetargetStage(Stage[RetargetParameters]):
     """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("retarget", RetargetParameters, arguments=arguments)
-        self._retarget = robot_settings(self.given).retarget
-        declare(self, self._retarget, "retarget")
+    name, parameters_type, groups = "retarget", RetargetParameters, ("retarget",)
+    settings_types = (RobotSettings,)
 
-    def prepare(self) -> None:
-        """Read the robot, and listen to the body."""
+    def __init__(self, node: StageNode[RetargetParameters]) -> None:
+        super().__init__(node)
+        self._retarget = node.parameters.of(RobotSettings).retarget
         of = self.parameters
         # Without one the robot would publish what it listens to.
         if not _NAMESPACE.fullmatch(of.robot):
@@ -58,15 +44,17 @@ class RetargetNode(StageNode[RetargetParameters]):
         self._body: BodyModel | None = None
         self._told = ToldBody(self._follow, partial(self.skipped.add, _SKIPPED))
         self._followed_ns = -1
-        self._tally = _Tally()
+        self._health = RobotHealth(self.skipped)
         told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
         often = partial(reliable, OUTPUT_DEPTH)
-        self._described = self.publisher("std_msgs/msg/String", told, latched(), LATCHED_SAID)
-        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), MOTION_SAID)
-        self._tf = self.publisher(TRANSFORMS, "/tf", often(), TRANSFORMS_SAID) if is_installed(TRANSFORMS) else None
+        self._described = self.publisher("std_msgs/msg/String", told, latched())
+        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
+        self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
         self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
-        self.subscription("sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), MOTION_HEARD)
-        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), MOTION_HEARD)
+        self.subscription(
+            "sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), overridable=True
+        )
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), overridable=True)
 
     def begin(self) -> None:
         """Say what robot it is."""
@@ -105,9 +93,7 @@ class RetargetNode(StageNode[RetargetParameters]):
         self._publish(self._following.follow(instant_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:
-        self._tally.instants += 1
-        self._tally.held += state.held
-        self._tally.farthest_m = max(self._tally.farthest_m, *state.errors_m.values())
+        self._health.add(state)
         names = self._robot.joint_names
         self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
@@ -116,21 +102,8 @@ class RetargetNode(StageNode[RetargetParameters]):
 
     def health(self) -> list[Health]:
         """How the robot follows."""
-        tally, self._tally = self._tally, _Tally()
-        values: dict[str, object] = {
-            "instants per second": tally.instants,
-            "farthest hand or foot [cm]": round(100.0 * tally.farthest_m, 1),
-            "instants held by limits": tally.held,
-            **self.skipped.counts,
-        }
-        skipped = self.skipped.lately()
-        if not tally.instants:
-            text = self.skipped.latest if skipped or self._body is None else ""
-            return [Health("robot", HealthLevel.WARN, text or "nothing to follow: no body is solved", values)]
-        level, text = (HealthLevel.WARN, "its limits hold it back") if tally.held else (HealthLevel.OK, "follows")
-        return [Health("robot", level, text, values)]
+        return [self._health.report(self._body is not None)]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(RetargetNode, "retarget")
+make = partial(StageNode, RetargetStage)
+"""Makes the node."""

@@ -1,130 +1,134 @@
-"""What every node of the graph has: checked parameters, guarded callbacks, health reports."""
+"""A managed node, and the stage that it runs: made by its configuration, dropped by its cleanup."""
 
+import gc
 import socket
+import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-import rclpy
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
-from rclpy.timer import Timer
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.errors import BodycamError, SettingsError
-from bodycam_ros.messages.factory import Message
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.live.flow_of_frames import Skipped
+from bodycam_ros.live.node_parameters import ManagedParameters
+from bodycam_ros.live.work import Work
+from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
-from bodycam_ros.nodes.common_parameters import CommonParameters, ManagedParameters
-from bodycam_ros.nodes.composable_node import ComposableNode
-from bodycam_ros.nodes.flow_of_frames import Skipped
-from bodycam_ros.nodes.live_parameters import NodeSettings, change, refused
-from bodycam_ros.nodes.managed_node import ManagedNode
+from bodycam_ros.nodes.later_action import LaterAction
 from bodycam_ros.nodes.message_classes import message_class, node_messages
-from bodycam_ros.nodes.parameters import (
-    declare,
-    given_parameters,
-    own_parameters,
-    settings_from_parameters,
-)
+from bodycam_ros.nodes.parameters import NodeParameters
+from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.qos import reliable
-from bodycam_ros.nodes.qos_overrides import FIXED, Overridable, given_overrides
-from bodycam_ros.nodes.topic_events import TopicEvents
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.settings import SettingsGroups
 
-P = TypeVar("P", bound=CommonParameters)
+P = TypeVar("P", bound=ManagedParameters)
 
-_SPIN_S = 0.2
 _REPORT_S = 1.0
-_CLOCKLESS_REPORTS = 2
-"""A simulation's clock may be some seconds late."""
 _DIAGNOSTICS_DEPTH = 100
+_STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
-class StageNode(ComposableNode, ManagedNode, Generic[P]):
-    """A node with the settings of some stages.
+class Diagnostics:
+    """Publishes the health of a node's parts on ``/diagnostics``, each under the node's full name."""
+
+    def __init__(self, node: Node, make: MessageFactory) -> None:
+        self._node, self._make = node, make
+        kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
+        self._publisher = node.create_publisher(kind, "/diagnostics", reliable(_DIAGNOSTICS_DEPTH))
+
+    def publish(self, parts: Sequence[Health]) -> None:
+        """Publish the health of some parts, by the node's clock, or the time of day before there is /clock."""
+        own, name = self._node.get_name(), self._node.get_fully_qualified_name().strip("/")
+        named = [replace(part, name=name if part.name == own else f"{name}: {part.name}") for part in parts]
+        now_ns = self._node.get_clock().now().nanoseconds or time.time_ns()
+        self._publisher.publish(diagnostics_message(self._make, now_ns, named, socket.gethostname()))
+
+
+def frame_prefix(node: Node, given: str) -> str:
+    """Prefix of a node's frames: what its parameter has, or the node's namespace; ``/`` stands for none."""
+    prefix = given or f"{node.get_namespace().strip('/')}/"
+    return prefix.removeprefix("/")
+
+
+class Stage(Generic[P]):
+    """What a node does while it is configured.
+
+    Its topics, timers and services are made by the methods below, work while the node is active, and go with it. A
+    BodycamError in one of them ends the node's work.
 
     Args:
-        name: of the node, unless it is remapped.
-        parameters_type: dataclass of its own parameters.
-        groups: the groups of settings that it uses; a parameter file may hold others too.
-        arguments: of this node alone, as on a command line ("--ros-args", "-r", ...), where others share the process.
+        node: whose stage it is.
 
     Attributes:
-        overrides: what they say of the quality of service of topics, by name.
-        given: what parameter files and the command line say of the rest, by name.
-        parameters: its own parameters.
-        settings: of all stages.
-        calibration_settings: of the calibration of a body.
+        name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, and the groups
+            of settings that it has.
+        settings_types: what these groups belong to.
+        action: type and name of the action that the node serves; None: none. See ``LaterAction``.
         make: makes messages.
-        skipped: what could not be used since the node was configured, warned about once and counted.
-        moments: when frames came and went, if the parameter ``moments`` asks for that.
+        skipped: counts what could not be used, and warns of the first.
+        moments: when frames came and went, if the parameter ``moments`` names a file.
 
     Raises:
-        SettingsError: a parameter is unknown, of the wrong type, or out of its range.
+        BodycamError: a file or a parameter is wrong.
     """
 
-    made: ClassVar[list[Node]] = []
-    """The nodes of this process. One whose start was refused is in ROS as well, and has to leave it."""
+    name: ClassVar[str]
+    parameters_type: ClassVar[type[Any]]
+    groups: ClassVar[tuple[str, ...]] = ()
+    settings_types: ClassVar[tuple[type[SettingsGroups], ...]] = (PipelineSettings,)
+    action: ClassVar[tuple[str, str] | None] = None
 
-    def __init__(
-        self, name: str, parameters_type: type[P], groups: Sequence[str] = (), arguments: Sequence[str] = ()
-    ) -> None:
-        super().__init__(name, arguments)
-        self.made.append(self)
-        self.overrides = given_overrides(self)
-        self.given = given_parameters(self)
-        self.parameters = own_parameters(self.given, parameters_type)
-        self.settings, self.calibration_settings = settings_from_parameters(self.given)
-        declare(self, self.parameters)
-        for group in groups:
-            of = self.calibration_settings if group in CalibrationSettings.groups() else self.settings
-            declare(self, getattr(of, group), group)
-        self.autostart = not isinstance(self.parameters, ManagedParameters) or self.parameters.autostart
-        self.make = node_messages(self.parameters.frame_prefix)
-        self.skipped = Skipped(self.get_logger().warning)
-        self.moments = Moments(Path(self.parameters.moments) if self.parameters.moments else None)
-        self._diagnostics = self.publisher(
-            "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", reliable(_DIAGNOSTICS_DEPTH)
-        )
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._clockless = 0
-        self.every(_REPORT_S, self._report_health, even_inactive=True)
+    def __init__(self, node: "StageNode[P]") -> None:
+        self.node, self.make, self.moments = node, node.make, node.moments
+        self.log, self.required = node.get_logger(), node.parameters.required
+        self.skipped = Skipped(self.log.warning)
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Count anew what cannot be used."""
-        self.skipped = Skipped(self.get_logger().warning)
-        return super().on_configure(state)
+    def begin(self) -> None:
+        """The node becomes active."""
 
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Change what may change now, checked as in a file; refuse the rest, and say why."""
-        before = NodeSettings(self.parameters, self.settings, self.calibration_settings)
-        try:
-            after, to_set = change(self, before, parameter_list, self._is_configured)
-        except SettingsError as error:
-            return refused(error)
-        result = super().set_parameters_atomically(to_set)
-        if result.successful:
-            self.parameters, self.settings, self.calibration_settings = after.own, after.pipeline, after.calibration
-            if self._is_configured:
-                self.settings_changed()
-        return result
+    def pause(self) -> None:
+        """The node becomes inactive: publish what is due, and keep what is known."""
+
+    def finish(self) -> None:
+        """The last step before the stage goes; publishing still works."""
 
     def settings_changed(self) -> None:
-        """Hand on what has changed to those who have settings of their own."""
+        """Parameters have changed."""
 
-    def publisher(self, type_name: str, topic: str, quality: QoSProfile, may: Overridable = FIXED) -> Any:
-        """A publisher of a message type by name, and what of its quality a user may override."""
-        options = may.options(self.overrides, self.resolve_topic_name(topic), "publisher")
-        return self.create_publisher(message_class(type_name), topic, quality, qos_overriding_options=options)
+    def work_on(self, goal: Message) -> Work:
+        """Begin the work of a goal of the action; raises BodycamError where that is not possible."""
+        raise BodycamError("there is no such work")
+
+    def health(self) -> list[Health]:
+        """The health of all parts since the last call; once a second, while the node is active."""
+        return []
+
+    @property
+    def parameters(self) -> P:
+        """The node's own parameters."""
+        return self.node.parameters.own
+
+    @property
+    def settings(self) -> PipelineSettings:
+        """Settings of all stages."""
+        return self.node.parameters.of(PipelineSettings)
+
+    def publisher(self, type_name: str, topic: str, quality: QoSProfile, overridable: bool = False) -> Any:
+        """A publisher of a message type by its name; a user may override its quality of service where that is said."""
+        options = QoSOverridingOptions.with_default_policies() if overridable else None
+        made = self.node.create_publisher(message_class(type_name), topic, quality, qos_overriding_options=options)
+        return self.node.keep(self.node.destroy_publisher, made)
 
     def subscription(
         self,
@@ -132,108 +136,246 @@ class StageNode(ComposableNode, ManagedNode, Generic[P]):
         topic: str,
         callback: Callable[[Any], None],
         quality: QoSProfile,
-        may: Overridable = FIXED,
-        events: TopicEvents | None = None,
+        overridable: bool = False,
         even_inactive: bool = False,
-    ) -> Subscription:
-        """A subscription; its callback is guarded, what the middleware tells of it is counted."""
-        subscribe = partial(
-            self.create_subscription,
-            message_class(type_name),
-            topic,
-            self.guarded(callback, even_inactive),
-            quality,
-            qos_overriding_options=may.options(self.overrides, self.resolve_topic_name(topic), "subscription"),
+        adapts: bool = False,
+    ) -> Any:
+        """A subscription; see ``guarded``. Where it adapts to publishers, those that it does not fit are no warning."""
+        options = QoSOverridingOptions.with_default_policies() if overridable else None
+        guarded = self.guarded(callback, even_inactive)
+        kind = message_class(type_name)
+        events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
+        made = self.node.create_subscription(
+            kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events
         )
-        return events.subscribed(lambda callbacks: subscribe(event_callbacks=callbacks)) if events else subscribe()
+        return self.node.keep(self.node.destroy_subscription, made)
 
-    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Timer:
-        """Call back again and again, guarded; in real time, whatever clock the node is given."""
-        return self.create_timer(seconds, self.guarded(callback, even_inactive), clock=self._steady)
+    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:
+        """Call back again and again, in real time; see ``guarded``."""
+        made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
+        return self.node.keep(self.node.destroy_timer, made)
 
-    def soon(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
-        """Call back once, guarded, after what has arrived by now is served."""
-        assert self.executor is not None
-        self.executor.create_task(self.guarded(callback, even_inactive))
-
-    def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> None:
-        """Serve a ``std_srvs/Trigger``; the callback says whether it was done, and what.
-
-        Whoever asks hears of a BodycamError, and the node goes on.
-        """
+    def service(self, kind: Any, name: str, callback: Callable[[Message], tuple[bool, str]]) -> Any:
+        """A service whose answer has ``success`` and ``message``; a BodycamError is the answer to whoever asks."""
 
         def answer(request: Message, response: Message) -> Message:
             try:
-                response.success, response.message = callback()
+                response.success, response.message = callback(request)
             except BodycamError as error:
                 response.success, response.message = False, str(error)
             return response
 
-        self.create_service(Trigger, name, answer)
+        return self.node.keep(self.node.destroy_service, self.node.create_service(kind, name, answer))
 
-    def required(self, name: str) -> str:
-        """The value of a parameter that has no default.
+    def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> Any:
+        """A service ``std_srvs/Trigger``."""
+        return self.service(Trigger, name, lambda request: callback())
+
+    def soon(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
+        """Call back once, after what has arrived by now."""
+        assert self.node.executor is not None
+        self.node.executor.create_task(self.guarded(callback, even_inactive))
+
+    def guarded(self, callback: Callable[..., None], even_inactive: bool = False) -> Callable[..., None]:
+        """The callback; it does nothing while the node is inactive, unless it is for that, or the stage is gone."""
+
+        def guarded(*arguments: Any) -> None:
+            node = self.node
+            if node.stage is self and node.failure is None and (even_inactive or node.is_active):
+                try:
+                    callback(*arguments)
+                except BodycamError as error:
+                    node.fail(error)
+
+        return guarded
+
+
+class StageNode(LifecycleNode, Generic[P]):
+    """A managed node that runs a stage.
+
+    An error of the user's while it works ends the process of a node that has started by itself. A node that is managed
+    becomes unconfigured: once the file or topic is mended it can be configured again.
+
+    Args:
+        stage_type: what it runs.
+        arguments: of this node alone, as on a command line ("--ros-args", "-r", ...), where others share the process.
+
+    Attributes:
+        parameters: its own, and the settings of its stage.
+        make: makes messages.
+        moments: when frames came and went.
+        stage: while the node is configured.
+        is_active: whether it works.
+        failure: the user's error that has ended the work.
+
+    """
+
+    def __init__(self, stage_type: type[Stage[P]], arguments: Sequence[str] = ()) -> None:
+        super().__init__(
+            stage_type.name,
+            cli_args=[*arguments],
+            automatically_declare_parameters_from_overrides=True,
+            enable_logger_service=True,
+        )
+        self._stage_type = stage_type
+        self.stage: Stage[P] | None = None
+        self.is_active = False
+        self.failure: BodycamError | None = None
+        self._why = ""
+        self._entities: list[tuple[Callable[[Any], object], Any]] = []
+
+    def bring_up(self) -> None:
+        """Read the parameters, and configure and activate the node unless somebody else is to do so.
 
         Raises:
-            SettingsError: it is empty.
+            BodycamError: a parameter is of the wrong type or out of its range, or why the stage cannot begin.
         """
-        value: str = getattr(self.parameters, name)
-        if not value:
-            text = self.describe_parameter(name).description
-            raise SettingsError(f"the parameter '{name}' is missing ({text}); give it with --ros-args -p {name}:=...")
-        return value
-
-    def health(self) -> list[Health]:
-        """How the node fares since the last call of this; for ``/diagnostics``, once a second."""
-        return []
-
-    def report(self, stamp_ns: int, health: Sequence[Health]) -> None:
-        """Publish health now, under the node's name, and its namespace's: all that run speak on one topic."""
-        name = self.get_fully_qualified_name().strip("/")
-        own = self.get_name()
-        named = [replace(part, name=name if part.name == own else f"{name}: {part.name}") for part in health]
-        self._diagnostics.publish(diagnostics_message(self.make, stamp_ns, named, socket.gethostname()))
-
-    def _report_health(self) -> None:
-        parts = self.health() if self.is_active else [self._rest()]
-        now_ns = self.get_clock().now().nanoseconds
-        if now_ns == 0:
-            now_ns = Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds
-            parts += self._missing_clock()
-        if parts:
-            self.report(now_ns, parts)
-
-    def _rest(self) -> Health:
-        """The node is not at work, and why."""
-        if self.why is None:
-            return Health(self.get_name(), HealthLevel.OK, self.state)
-        return Health(self.get_name(), HealthLevel.ERROR, f"{self.state}: {self.why}")
-
-    def _missing_clock(self) -> list[Health]:
-        """The node is to follow a simulation's clock, which is not there."""
-        self._clockless += 1
-        if self._clockless < _CLOCKLESS_REPORTS:
-            return []
-        text = "use_sim_time is set, but nobody publishes /clock"
-        if self._clockless == _CLOCKLESS_REPORTS:
-            self.get_logger().warning(f"{text}; nothing waits for it, but the stamps of /diagnostics are not its own")
-        return [Health("clock", HealthLevel.WARN, text)]
+        of = self._stage_type
+        settings = [each() for each in of.settings_types]
+        self.parameters: NodeParameters[P] = NodeParameters(self, of.parameters_type, settings, of.groups)
+        self.parameters.on_change(self._changed)
+        own = self.parameters.own
+        self.make = node_messages(frame_prefix(self, own.frame_prefix))
+        self.moments = Moments(Path(own.moments) if own.moments else None)
+        self.action = None if of.action is None else LaterAction(self, *of.action, self._begin_work)
+        self._diagnostics = Diagnostics(self, self.make)
+        self.create_timer(_REPORT_S, self._report, clock=_STEADY)
+        if not own.autostart:
+            return
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() != TransitionCallbackReturn.SUCCESS:
+                raise self.failure or BodycamError(self._why)
 
     def work(self, stopped: Callable[[], bool]) -> None:
-        """Serve the subscriptions until the node fails, is shut down, or is stopped."""
-        executor = light_executor()
-        executor.add_node(self)
-        never = rclpy.task.Future()
-        # In slices: Python hears of signals between them, and without a time limit rclpy 7.1.6's EventsExecutor hangs.
-        while not self.is_over and not stopped():
-            executor.spin_until_future_complete(never, _SPIN_S)
-        executor.remove_node(self)
+        """Serve the stage until it fails, or is stopped; raises the BodycamError that ends a node by itself."""
+        spin(self, lambda: stopped() or (self.failure is not None and self.parameters.own.autostart))
+        if self.failure is not None:
+            raise self.failure
 
+    def finish(self) -> None:
+        """The last step of the stage, for whoever ends the process."""
+        if self.stage is not None:
+            self.stage.finish()
+        self.moments.write()
 
-def light_executor() -> Executor:
-    """The executor that takes half the time per message, where this rclpy has it."""
-    try:
-        from rclpy.experimental import EventsExecutor
-    except ImportError:
-        return SingleThreadedExecutor()
-    return EventsExecutor()
+    def fail(self, error: BodycamError) -> None:
+        """An error of the user's has ended the work."""
+        self.failure, self._why = error, str(error)
+        if not self.parameters.own.autostart and self.executor is not None:
+            # Later: what has failed is still being called. A transition that fails leads to ``on_error``.
+            self.executor.create_task(self.trigger_deactivate if self.is_active else self.trigger_cleanup)
+
+    def keep(self, destroy: Callable[[Any], object], entity: Any) -> Any:
+        """Destroy a topic, timer or service once the stage goes."""
+        self._entities.append((destroy, entity))
+        return entity
+
+    def drop(self, entity: Any) -> None:
+        """Destroy one of these now."""
+        for entry in [entry for entry in self._entities if entry[1] is entity]:
+            self._entities.remove(entry)
+            entry[0](entity)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make the stage."""
+        return self._step(self._configure, super().on_configure, state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin."""
+        return self._step(self._activate, super().on_activate, state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Pause."""
+        return self._step(self._deactivate, super().on_deactivate, state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the stage; one that cannot take its last step stays."""
+        return self._step(self._cleanup, super().on_cleanup, state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the stage. The node stays, finalized, until its process ends."""
+        self.is_active = False
+        self._step(self._cleanup, super().on_shutdown, state)
+        self._drop()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Become unconfigured."""
+        self.is_active, self.failure = False, None
+        self._drop()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        try:
+            self.stage = self._stage_type(self)
+        except BaseException:
+            self._drop()
+            raise
+        self.parameters.is_configured = True
+
+    def _activate(self) -> None:
+        assert self.stage is not None
+        self.stage.begin()
+        self.is_active = True
+
+    def _deactivate(self) -> None:
+        assert self.stage is not None
+        self.is_active = False
+        self.stage.pause()
+
+    def _cleanup(self) -> None:
+        if self.stage is not None:
+            self.stage.finish()
+            self._drop()
+
+    def _drop(self) -> None:
+        self.stage = None
+        self.parameters.is_configured = False
+        while self._entities:
+            destroy, entity = self._entities.pop()
+            destroy(entity)
+        if self.executor is not None:
+            # A map is large, and what subscribes refers to itself in circles.
+            self.executor.create_task(gc.collect)
+
+    def _step(
+        self,
+        step: Callable[[], None],
+        of_rclpy: Callable[[LifecycleState], TransitionCallbackReturn],
+        state: LifecycleState,
+    ) -> TransitionCallbackReturn:
+        """A transition, whose error is logged here, for rclpy drops it."""
+        if self.failure is not None:
+            return TransitionCallbackReturn.ERROR
+        try:
+            step()
+        except BodycamError as error:
+            if self.parameters.own.autostart:
+                self.failure = error
+            else:
+                self.get_logger().error(str(error))
+            self._why = str(error)
+            return TransitionCallbackReturn.FAILURE
+        except Exception:
+            self._why = traceback.format_exc()
+            self.get_logger().error(self._why)
+            return TransitionCallbackReturn.ERROR
+        self._why = ""
+        return of_rclpy(state)
+
+    def _begin_work(self, goal: Message) -> Work:
+        if self.stage is None or not self.is_active:
+            raise BodycamError("the node is not active")
+        return self.stage.work_on(goal)
+
+    def _changed(self) -> None:
+        if self.stage is not None:
+            self.stage.settings_changed()
+
+    def _report(self) -> None:
+        if self.stage is not None and self.is_active:
+            self._diagnostics.publish(self.stage.health())
+            return
+        level = HealthLevel.ERROR if self._why else HealthLevel.OK
+        state = "inactive" if self.stage is not None else "unconfigured"
+        self._diagnostics.publish([Health(self.get_name(), level, f"{state}: {self._why}" if self._why else state)])

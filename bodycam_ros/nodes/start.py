@@ -1,82 +1,62 @@
 """Starts a node in its process: ``ros2 run bodycam_ros tracker``, or ``python -m bodycam_ros.nodes.start tracker``.
 
-The nodes are imported here and not above, because some things must be settled before NumPy and OpenCV are loaded.
+``graph`` runs all nodes in one process. Nothing else is imported above: some things must be settled before NumPy and
+OpenCV are loaded.
 """
 
 import os
 import signal
 import sys
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
-NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "humans", "player", "graph")
-
-_GRAPH = "graph_command"
-"""The module of ``graph``; that of this name tells which nodes there are."""
-
-
-def tracker() -> NoReturn:
-    """Run the tracker of one camera."""
-    _run("tracker")
-
-
-def region_tracker() -> NoReturn:
-    """Run the region tracker of one static camera."""
-    _run("region_tracker")
-
-
-def registration() -> NoReturn:
-    """Run the registration of all cameras."""
-    _run("registration")
-
-
-def skeleton_solver() -> NoReturn:
-    """Run the solver of the body."""
-    _run("skeleton_solver")
-
-
-def retarget() -> NoReturn:
-    """Run a robot that follows the body."""
-    _run("retarget")
-
-
-def humans() -> NoReturn:
-    """Describe the body as REP-155 does."""
-    _run("humans")
-
-
-def player() -> NoReturn:
-    """Play a bag."""
-    _run("player")
-
-
-def graph() -> NoReturn:
-    """Run all nodes, in one process or forked from it."""
-    _run("graph")
+NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player")
+GRAPH = "graph"
 
 
 def _run(name: str) -> NoReturn:
-    # Until the node listens to signals itself Ctrl-C just ends it: half-loaded libraries would give a traceback.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Until the node handles signals itself they just end it: half-loaded libraries would give a traceback.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
+    if {"--help", "-h"} & {*sys.argv[1:]} and name != GRAPH:
+        print(import_module("bodycam_ros.live.help_text").help_text(name))
+        _end(0)
     # Every camera has a process, so threads inside one would only get in the others' way.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    wanted = import_module("bodycam_ros.live.graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
         preparation = import_module("bodycam_ros.kernels.preparation")
         preparation.prepare_kernels()
         preparation.load_kernels()
-    code: int = import_module(f"bodycam_ros.nodes.{_GRAPH if name == 'graph' else name}").main()
+    run: Any = import_module("bodycam_ros.nodes.process").run
+    if name == GRAPH:
+        _end(run(name, *(partial(_node(node.executable), node.arguments()) for node in wanted)))
+    _end(run(name, _node(name)))
+
+
+def _node(executable: str) -> Any:
+    """What makes a node of the executable's kind."""
+    return import_module(f"bodycam_ros.nodes.{executable}").make
+
+
+def _end(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         # The terminal may be gone.
         with suppress(OSError):
             stream.flush()
-    # The node has left ROS and said all it had to. Unloading Python, OpenCV, gtsam and Fast DDS takes ten times as long
-    # as that, and tells nobody anything.
+    # The nodes have left ROS. Unloading Python, OpenCV, gtsam and Fast DDS takes ten times as long as that.
     os._exit(code)
 
 
+tracker, region_tracker, registration, skeleton_solver, retarget, player, graph = (
+    partial(_run, name) for name in (*NODES, GRAPH)
+)
+"""Entry points of the executables."""
+
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        sys.exit(f"usage: python -m bodycam_ros.nodes.start {{{','.join(NODES)}}} [--ros-args ...]")
+    if len(sys.argv) < 2 or sys.argv[1] not in (*NODES, GRAPH):
+        sys.exit(f"usage: python -m bodycam_ros.nodes.start {{{','.join((*NODES, GRAPH))}}} [--ros-args ...]")
     _run(sys.argv.pop(1))

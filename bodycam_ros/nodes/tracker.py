@@ -1,46 +1,32 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera_tracker import landmark_tracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.lens.lens_watch import LensWatch
+from bodycam_ros.live.flow_of_frames import AnsweredFrames
+from bodycam_ros.live.image_health import ImageHealth
+from bodycam_ros.live.image_queue import ImageQueue
+from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.status import Health
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.flow_of_frames import AnsweredFrames
-from bodycam_ros.nodes.image_queue import ImageQueue
-from bodycam_ros.nodes.loaded_map import load_map
-from bodycam_ros.nodes.parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
 from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.run import run
-from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.nodes.ways import AnsweredClock
-from bodycam_ros.pipeline import landmark_tracker
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
+from bodycam_ros.registration.loaded_map import load_map
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
-_PATIENCE_S = 2.0
-"""Images may come slowly, from a bag that is played slowly; none for so long is an error."""
 
 
-@dataclass
-class _Tally:
-    """What happened since the last report."""
-
-    images: int = 0
-    tracks: int = 0
-    keyframes: int = 0
-    latency_s: float = 0.0
-
-
-class Tracker(StageNode[TrackerParameters]):
+class TrackerStage(Stage[TrackerParameters]):
     """Tracks the features of one camera.
 
     Images wait, up to ``image_queue`` of them, until the camera_info is here and somebody reads the tracks: a track
@@ -49,38 +35,36 @@ class Tracker(StageNode[TrackerParameters]):
     While it is inactive it looks at none, and afterwards it begins anew.
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
-        super().__init__("tracker", TrackerParameters, TRACKER_GROUPS, arguments=arguments)
+    name, parameters_type, groups = "tracker", TrackerParameters, TRACKER_GROUPS
 
-    def prepare(self) -> None:
-        """Load the map, and listen to the camera."""
+    def __init__(self, node: StageNode[TrackerParameters]) -> None:
+        super().__init__(node)
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
         self._lens: LensWatch | None = None
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
-        self._tally = _Tally()
-        self._restarts = 0
         self._readers = 0
         self._tracks = self.publisher("bodycam_msgs/msg/FeatureTracks", f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self.subscription(
             "bodycam_msgs/msg/LandmarkMatches", f"{self.camera}/landmarks", self._on_landmarks, reliable(STAGE_DEPTH)
         )
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._on_request, reliable(1))
-        self._answered_clock = AnsweredClock(self, self.camera)
         of = self.parameters
         self._images = ImageQueue(
-            self,
             self.camera,
-            of.transport,
+            self.skipped,
+            self.moments,
             of.image_queue,
             self._thinning,
             lambda: self.soon(self._track_next),
             self._what_is_lacking,
         )
+        self._health = ImageHealth(self.camera, self._images, self.skipped)
+        self._source = ImageSource(self, self.camera, of.transport, of.image_queue, self._images.receive)
         # The last: who sees it reading camera_info may take it that it reads the rest.
-        self._models = CameraModels(self, [self.camera], self._on_camera, keeps=False, fatal=True)
+        self._models = CameraModels(self, [self.camera], self._on_camera, fatal=True)
         # A reader of the tracks may come when no further image does.
         self.every(_LOOK_S, self._look)
         self.trigger("~/reset", self._reset)
@@ -94,7 +78,7 @@ class Tracker(StageNode[TrackerParameters]):
     def _reset(self) -> tuple[bool, str]:
         if self._tracker is None:
             return True, f"nothing is known yet: there is no {self.camera}/camera_info"
-        self._restarts += 1
+        self._health.restarts += 1
         self._begin()
         return True, f"camera {self.camera} begins anew: the next image is a keyframe without a predecessor"
 
@@ -139,8 +123,8 @@ class Tracker(StageNode[TrackerParameters]):
             return
         if len(self._images):
             if self._images.next.begins_anew:
-                self._restarts += 1
-                self.get_logger().warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
+                self._health.restarts += 1
+                self.log.warning(f"camera {self.camera}: the time of its images goes back; it begins anew")
                 self._begin()
             came_s = self._images.next.item.seconds
             # While the registration does not answer images wait for it to start, and not because the machine is slow.
@@ -161,13 +145,12 @@ class Tracker(StageNode[TrackerParameters]):
         self._tracks.publish(tracks_message(self.make, frame))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self._answers.sent(frame.stamp_ns)
-        self._tally.images += 1
-        self._tally.tracks += len(frame.track_ids)
-        self._tally.keyframes += frame.keyframe
-        self._tally.latency_s += time.monotonic() - came_s
+        tally = self._health.tally
+        tally.images, tally.latency_s = tally.images + 1, tally.latency_s + time.monotonic() - came_s
+        tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
         # Not while others wait: to keep up comes first.
         if self._lens is not None and not len(self._images) and self._lens.look(grey) and self._lens.remark:
-            self.get_logger().warning(self._lens.remark)
+            self.log.warning(self._lens.remark)
 
     def _on_landmarks(self, message: Message) -> None:
         if self._tracker is None:
@@ -190,49 +173,14 @@ class Tracker(StageNode[TrackerParameters]):
 
     def health(self) -> list[Health]:
         """How the images of the last second fared."""
-        tally, self._tally = self._tally, _Tally()
-        arrived, lost = self._images.count(), self.skipped.lately()
-        values: dict[str, object] = {
-            "images per second": arrived,
-            "tracked per second": tally.images,
-            "tracks per image": round(tally.tracks / max(1, tally.images), 1),
-            "keyframes": tally.keyframes,
-            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
-            "images waiting": len(self._images),
-            "times begun anew": self._restarts,
-            "camera_info changed": self._models.changes,
-            "lens": self._lens.said if self._lens else "unknown",
-            **self._answered_clock.values(),
-            **self.skipped.counts,
-            "last error": self.skipped.latest or "none",
-        }
-        level, text = self._judge(tally, arrived, lost)
-        return [Health(f"camera {self.camera}", level, text, values)]
-
-    def _judge(self, tally: _Tally, arrived: int, lost: int) -> tuple[HealthLevel, str]:
-        waiting, source = len(self._images), self._images.source
-        if tally.images == 0:
-            if self._tracker is None and (arrived or waiting):
-                return HealthLevel.ERROR, f"images, but no {self.camera}/camera_info"
-            if arrived and lost and not waiting:
-                return HealthLevel.ERROR, f"none of the images can be used: {self.skipped.latest}"
-            if arrived == 0 and not waiting and source.quiet_s < _PATIENCE_S:
-                return HealthLevel.OK, "between two images"
-            if arrived == 0 and not waiting:
-                lacking = f", and no {self.camera}/camera_info" if self._tracker is None else ""
-                return HealthLevel.ERROR, source.what_is_wrong() + lacking
-            return HealthLevel.ERROR, f"no image is tracked: {self._what_is_lacking()}"
-        if tally.tracks == 0:
-            return HealthLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
-        if self._lens is not None and self._lens.remark:
-            return HealthLevel.WARN, self._lens.remark
-        if self._images.is_thinned:
-            return HealthLevel.WARN, self._images.is_thinned
-        if lost:
-            return HealthLevel.WARN, f"tracking, but some input was left out: {self.skipped.latest}"
-        return HealthLevel.OK, "tracking"
+        lens = (self._lens.said, self._lens.remark) if self._lens is not None else ("unknown", "")
+        source, has_info = self._source, self._tracker is not None
+        return [
+            self._health.of_tracker(
+                source.quiet_s, source.what_is_wrong(), self._what_is_lacking(), has_info, lens, self._models.changes
+            )
+        ]
 
 
-def main() -> int:
-    """Run the node until it is stopped; its exit code."""
-    return run(Tracker, "tracker")
+make = partial(StageNode, TrackerStage)
+"""Makes the node."""

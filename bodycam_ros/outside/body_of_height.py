@@ -22,9 +22,11 @@ from bodycam_ros.outside.hands import with_hands
 SHORTEST_M, TALLEST_M = 0.6, 2.75
 """Nobody stands who is shorter, and nobody was taller."""
 
-_SPINE = 0.5 * (0.094 / 1.77 + 0.107 / 1.61)  # above the hips
-_NECK = 0.5 * (0.477 / 1.77 + 0.429 / 1.61)  # above the spine's joint
-_SHOULDERS = 0.5 * (0.5155 / 1.741 + 0.4979 / 1.735) - _SPINE
+SPINE_ABOVE_HIPS = 0.5 * (0.094 / 1.77 + 0.107 / 1.61)
+NECK_ABOVE_SPINE = 0.5 * (0.477 / 1.77 + 0.429 / 1.61)
+"""Height of the joint of the spine above the hips, and of the neck above that, in statures."""
+
+_SHOULDERS = 0.5 * (0.5155 / 1.741 + 0.4979 / 1.735) - SPINE_ABOVE_HIPS
 _HALF_HIPS, _HALF_SHOULDERS = 0.05, 0.105
 
 
@@ -36,7 +38,7 @@ def body_of_height(height_m: float, name: str) -> BodyModel:
     """
     if not SHORTEST_M <= height_m <= TALLEST_M:
         raise BodyError(f"{height_m:g} m is nobody's height; expected {SHORTEST_M:g} to {TALLEST_M:g} m, such as 1.78")
-    offsets = {"torso": ("pelvis", (0.0, 0.0, _SPINE)), "head": ("torso", (0.0, 0.0, _NECK))}
+    offsets = {"torso": ("pelvis", (0.0, 0.0, SPINE_ABOVE_HIPS)), "head": ("torso", (0.0, 0.0, NECK_ABOVE_SPINE))}
     for side, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
         offsets |= {
             f"upper_arm{side}": ("torso", (0.0, sign * _HALF_SHOULDERS, _SHOULDERS)),

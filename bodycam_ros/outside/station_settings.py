@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings

@@ -3,29 +3,13 @@
 pycolmap does it on the rays of our calibrated cameras, so a fisheye image needs no pinhole.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.geometry import inverse
-from bodycam_ros.settings import setting
-
-
-@dataclass(frozen=True)
-class AbsolutePoseSettings:
-    """RANSAC of the absolute registration."""
-
-    ransac_px: float = setting(
-        3.0, unit="px", limits=(0.5, 20.0), reason="inlier threshold; the fit that follows tightens it"
-    )
-    ransac_min_inliers: int = setting(12, limits=(4, 500), reason="chance agreement of wrong matches stays below this")
-    ransac_max_trials: int = setting(5000, limits=(100, 1_000_000), reason="finds 4 good matches among 85 % outliers")
-    ransac_seed: int = setting(
-        7, limits=(0, 2**31 - 1), reason="fixed, so that two runs over one recording are identical"
-    )
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 
 
 def find_pose(

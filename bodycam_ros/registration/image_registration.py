@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings

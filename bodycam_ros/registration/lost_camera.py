@@ -1,16 +1,15 @@
 """Where a lost camera may be: where the body has it, where a picture like its own was taken, or anywhere in the map."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings, find_pose
+from bodycam_ros.registration.absolute_pose import find_pose
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.matching import MatchingSettings, match_by_looks, match_near_prediction
+from bodycam_ros.registration.matching import MatchingSettings, match_by_looks
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _SIGMAS = 3.0  # of where the body has the camera, for a landmark's place in the image
@@ -25,28 +24,6 @@ _BLOCKS = (slice(0, 3), slice(3, 6))
 """Of a covariance: rotation and translation."""
 
 Matches = tuple[NDArray[np.int64], NDArray[np.int64]]
-
-
-@dataclass(frozen=True)
-class _Expectation:
-    """Where a camera should be, and by how much that may be wrong [rad, m] along any axis."""
-
-    stamp_ns: int
-    world_T_camera: NDArray[np.float64]
-    turn: float
-    shift: float
-
-    def at(self, stamp_ns: int) -> "_Expectation":
-        """What is left of it some time earlier or later."""
-        passed_s = 1e-9 * abs(stamp_ns - self.stamp_ns)
-        turn, shift = float(np.hypot(self.turn, _TURNS * passed_s)), float(np.hypot(self.shift, _MOVES * passed_s))
-        return _Expectation(stamp_ns, self.world_T_camera, turn, shift)
-
-    def agrees(self, world_T_camera: NDArray[np.float64]) -> bool:
-        """Whether the camera may be there. What looks alike beside the expected place is elsewhere by more."""
-        apart = log_se3(inverse(self.world_T_camera) @ world_T_camera)
-        turned, moved = np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])
-        return bool(turned < _AGREES * self.turn + _EXACT and moved < _AGREES * self.shift + _EXACT)
 
 
 class LostCamera:
@@ -68,14 +45,6 @@ class LostCamera:
     ) -> None:
         self._camera, self._map, self._local = camera, reference_map, local
         self._matching, self._absolute_pose = matching, absolute_pose
-        self._expected: _Expectation | None = None
-
-    def expect(self, stamp_ns: int, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
-        """See ``Registrar.expect``."""
-        if not (np.isfinite(world_T_camera).all() and np.isfinite(covariance).all()):
-            return
-        turn, shift = (float(np.sqrt(max(np.linalg.eigvalsh(covariance[s, s])[-1], 0.0))) for s in _BLOCKS)
-        self._expected = _Expectation(stamp_ns, world_T_camera, turn, shift)
 
     def poses(
         self,
@@ -90,22 +59,6 @@ class LostCamera:
             stamp_ns: of the image [ns].
             pixels, descriptors, scales: (M, 2), (M, 128), (M,) its keypoints, the strongest first.
         """
-        if (expected := self._expected) is not None and abs(stamp_ns - expected.stamp_ns) < 1e9 * _LATEST_S:
-            expected = expected.at(stamp_ns)
-            matches = match_near_prediction(
-                self._map,
-                self._camera,
-                expected.world_T_camera,
-                pixels,
-                descriptors,
-                scales,
-                self._radius_px(expected),
-                self._matching,
-                self._local.around(expected.world_T_camera[:3, 3]),
-            )
-            found = self._pose(pixels, matches)
-            if found is not None and expected.agrees(found):
-                yield found
         for matches in self._alike(descriptors):
             found = self._pose(pixels, matches)
             if found is not None:
@@ -125,12 +78,3 @@ class LostCamera:
         if len(named) < self._absolute_pose.ransac_min_inliers:
             return None
         return find_pose(self._camera, self._map.points_world[landmarks], pixels[named], self._absolute_pose)
-
-    def _radius_px(self, expected: _Expectation) -> float:
-        """How far from where it is expected a landmark may show."""
-        T = expected.world_T_camera
-        offsets = self._map.points_world[self._local.around(T[:3, 3])] - T[:3, 3]
-        distances = np.linalg.norm(offsets[offsets @ T[:3, 2] > 0.0], axis=1)
-        near = float(np.quantile(distances, _NEAR_SHARE)) if len(distances) else np.inf
-        radius = _SIGMAS * self._camera.fx * float(np.hypot(expected.turn, expected.shift / near))
-        return float(np.clip(radius, self._matching.lost_radius_px, self._matching.max_expected_radius_px))

@@ -42,7 +42,7 @@ class MapPhotographs:
     """Photographs that a reference map was made from, and which landmarks they show.
 
     Attributes:
-        jpegs: the K grey pictures, encoded.
+        jpegs: the K grey pictures, encoded; of a map that was read, pages of its file that processes share.
         cameras: that would have taken them at their size.
         camera_of_view: (K,) uint16 which of the cameras took each.
         world_T_camera: (K, 4, 4) their poses.
@@ -51,7 +51,7 @@ class MapPhotographs:
         normals: (L, 3) float32 unit normal of the surface that a landmark lies on, towards those who saw it.
     """
 
-    jpegs: tuple[bytes, ...]
+    jpegs: tuple[bytes | memoryview, ...]
     cameras: tuple[CameraModel, ...]
     camera_of_view: NDArray[np.uint16]
     world_T_camera: NDArray[np.float64]
@@ -91,7 +91,7 @@ class MapPhotographs:
         )
         if not sound:
             raise MapError(f"{path}: damaged, or of another map; build the map again with 'bodycam map'")
-        data = arrays["jpegs"].tobytes()
+        data = arrays["jpegs"].data
         starts = np.concatenate([[0], ends[:-1]])
         try:
             cameras, camera_of_view = cameras_from(arrays, count)

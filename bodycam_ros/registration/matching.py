@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels.kernel import as_bytes
+from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
@@ -60,12 +60,6 @@ class MatchingSettings:
         reason="whose landmarks a lost camera is asked for before those of the whole map; with 10 a camera in 60 is "
         "found only then",
     )
-    max_expected_radius_px: float = setting(
-        150.0,
-        unit="px",
-        limits=(5.0, 2000.0),
-        reason="search around the projection where the body says where a lost camera is, however unsure it is",
-    )
     max_size_ratio: float = setting(
         2.0, limits=(1.1, 10.0), reason="seen size of the feature against the size that its landmark predicts"
     )
@@ -114,8 +108,8 @@ def match_near_prediction(
     visible, projected = asked[large_enough][in_view], projected[in_view]
     if len(visible) == 0 or len(pixels) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    near = cKDTree(pixels).sparse_distance_matrix(cKDTree(projected), radius_px, output_type="coo_matrix")
-    feature, look = _looks_of(reference_map.descriptor_landmark, near.row.astype(np.int64), visible[near.col])
+    feature, near, _ = near_pairs(pixels, projected, radius_px)
+    feature, look = _looks_of(reference_map.descriptor_landmark, feature, visible[near])
     landmark = reference_map.descriptor_landmark[look].astype(np.int64)
 
     offsets = reference_map.points_world[landmark] - centre

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.absolute_pose import AbsolutePoseSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
-from bodycam_ros.registration.doubted_place import DoubtedPlace, DoubtSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.lost_camera import LostCamera
@@ -37,11 +36,11 @@ class Registrar:
 
     Args:
         camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
-        settings, matching, absolute_pose, pose_fit, shutter, doubt: settings of the registrar and of its steps.
+        settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
         readout: how long the camera's rows are read out, as far as it is known before the first image.
 
     Attributes:
-        settings, doubt_settings: may be replaced between two images.
+        settings: may be replaced between two images.
         readout: the read-out time of the camera's rows.
     """
 
@@ -55,7 +54,6 @@ class Registrar:
         pose_fit: PoseFitSettings | None = None,
         shutter: ShutterSettings | None = None,
         readout: Readout | None = None,
-        doubt: DoubtSettings | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
@@ -75,30 +73,11 @@ class Registrar:
         self._frames_predicted = 0
         self._motion: ImageMotion | None = None
         self._until_rows = 0
-        self.doubt_settings = doubt or DoubtSettings()
-        self._doubted: DoubtedPlace | None = None
 
     def learn(self, readout: Readout) -> None:
         """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
         if readout.sigma <= self.readout.sigma and not self.readout.contradicts(readout):
             self.readout = ReadoutTime(self._shutter, readout)
-
-    def expect(self, stamp_ns: int, world_T_camera: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
-        """Somebody knows where the camera should be, such as the body that carries it; a lost camera looks there first.
-
-        Args:
-            stamp_ns: when [ns]; it is of use for half a second before and after.
-            world_T_camera: (4, 4) the pose.
-            covariance: (6, 6) of it, rotation [rad] then translation [m], both in camera axes.
-        """
-        self._lost.expect(stamp_ns, world_T_camera, covariance)
-
-    def doubt(self, stamp_ns: int) -> None:
-        """The body contradicts the pose of an image [ns]: search anew, and come back by stronger evidence only."""
-        if self._world_T_camera is not None:
-            self._doubted = DoubtedPlace(stamp_ns, self._world_T_camera, len(self._carried.rows), self.doubt_settings)
-        self._world_T_camera, self._velocity, self._frames_predicted = None, np.zeros(6), 0
-        self._carried.forget(np.ones(len(self._carried.rows), bool))
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks that its tracks show."""
@@ -108,11 +87,6 @@ class Registrar:
         fit = self._fit(frame, rows, predicted)
         if len(frame.described):
             rows, fit = self._register_described(frame, rows, fit, predicted)
-        if fit and self._doubted:
-            if self._doubted.refuses(frame.stamp_ns, fit.world_T_camera, fit.inliers.sum()):
-                rows, fit, predicted = rows[self._carried.forget(np.ones(len(rows), bool))], None, None
-            else:
-                self._doubted = None
         rows, shifts = self._strike_out(frame, rows, fit)
         self._remember(frame, fit, predicted)
         if fit is not None:

@@ -13,7 +13,7 @@ from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
 from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask

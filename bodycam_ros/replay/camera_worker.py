@@ -23,14 +23,13 @@ from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.images_backwards import images_backwards
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.beat import Beat
-from bodycam_ros.replay.body_feedback import BodyHints
 from bodycam_ros.replay.growth_epochs import Growth, GrowthOfOne
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -123,7 +122,6 @@ class RegistrationTask:
         slim: of these none of tracks, and none of the landmarks but the pose by them.
         backwards: register the last image first. Then time is mirrored: stamps, what comes of them, and the read-out of
             the rows count from the end; ``mirrored_ns`` turns stamps back.
-        hints: of the body that a pass before this one gave; not for one that goes backwards.
         readouts: camera -> how long its rows are read out, where something but the recording knows.
     """
 
@@ -134,7 +132,6 @@ class RegistrationTask:
     with_messages: bool = True
     slim: bool = False
     backwards: bool = False
-    hints: BodyHints = BodyHints()
     readouts: Mapping[str, Readout] = field(default_factory=dict)
 
 
@@ -203,7 +200,6 @@ def register_images(
             )
             for camera in cameras
         }
-        hints = {camera: task.hints.of(camera) for camera in cameras}
         beat = Beat(task.max_rate)
         stamp_ns = 0
         images = images_backwards(recording, cameras) if task.backwards else recording.images(cameras)
@@ -217,7 +213,6 @@ def register_images(
                 if growth.is_behind(stamp_ns):
                     yield AwaitedGrowth(stamp_ns)
                 growth.catch_up(stamp_ns)
-            hints[image.camera].tell(pipelines[image.camera], stamp_ns)
             try:
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
@@ -24,12 +23,11 @@ from bodycam_ros.growth.registration_record import RegisteredImagePose, Registra
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
 from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.registration.rolling_shutter import steady_pixels
-from bodycam_ros.replay.body_feedback import BodyFeedback, BodyHints
 from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
 from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.tracking.keypoints import KeypointDetector
@@ -54,13 +52,10 @@ class MapExtension:
         jobs: processes.
         cameras: that are used; all by default.
         readouts: camera -> how long its rows are read out, where somebody but the recording knows.
-        body: that carries the cameras, where it is known: then it says in which places they cannot have been, and where
-            to look for those that are lost.
         on_progress: told how far it is.
 
     Attributes:
         rounds: what each brought.
-        hints: what the body knew of its cameras after the latest round that went forwards.
         elapsed_s: time that they took.
     """
 
@@ -72,13 +67,11 @@ class MapExtension:
         jobs: int,
         cameras: Sequence[str] | None = None,
         readouts: Mapping[str, Readout] | None = None,
-        body: BodyModel | None = None,
         on_progress: OnProgress = lambda step, share: None,
     ) -> None:
         self._recording_path, self._map_path = recording_path, map_path
         self._map = ReferenceMap.load(map_path)
         check_metric(self._map, map_path)
-        self._body = body
         self._pipeline, self._settings = settings, settings.extend
         self._jobs, self._readouts, self._on_progress = jobs, readouts or {}, on_progress
         with open_recording(recording_path) as recording:
@@ -86,7 +79,6 @@ class MapExtension:
             self._cameras = {name: recording.camera_model(name) for name in names}
             self._start_ns, self._duration_s = recording.start_ns, recording.duration_s
         self.rounds: list[ExtensionRound] = []
-        self.hints = BodyHints()
         self.elapsed_s = 0.0
 
     def run(self) -> ReferenceMap:
@@ -122,9 +114,7 @@ class MapExtension:
             with_messages=False,
             readouts=self._readouts,
             backwards=backwards,
-            hints=BodyHints() if backwards else self.hints,
         )
-        feedback = BodyFeedback(self._body, self._cameras, self._pipeline) if self._body and not backwards else None
         step = f"round {len(self.rounds) + 1}, {'backwards' if backwards else 'forwards'}"
         first_ns = None
         unusable: Counter[str] = Counter()
@@ -133,8 +123,6 @@ class MapExtension:
             if isinstance(item, RegisteredImage):
                 stamp_ns = mirrored_ns(self._start_ns, self._duration_s, item.stamp_ns) if backwards else item.stamp_ns
                 record.add(item.matches, stamp_ns, backwards)
-                if feedback is not None:
-                    feedback.hear(item.matches)
             elif isinstance(item, LostImages):
                 logger.warning("%s", item)
             else:
@@ -143,11 +131,6 @@ class MapExtension:
 
         for camera, count in sorted(unusable.items()):
             logger.warning("camera %s: %d images could not be used", camera, count)
-        if feedback is not None:
-            self.hints = feedback.end()
-            for camera, stretches in self.hints.doubted_ns.items():
-                for first_stamp_ns, last_stamp_ns in stretches:
-                    record.forget(camera, first_stamp_ns, last_stamp_ns)
 
     def _note(self, record: RegistrationRecord, backwards: bool, extended: ReferenceMap) -> None:
         landmarks = extended.grown - self._map.grown

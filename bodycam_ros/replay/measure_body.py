@@ -18,7 +18,7 @@ from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.station import Station
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.replay.front_end import warm_up

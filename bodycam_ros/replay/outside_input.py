@@ -14,7 +14,7 @@ from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_watch import StationWatch
 from bodycam_ros.outside.stations_file import read_stations, refuse_worn
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.solving.seen_body import SeenBody

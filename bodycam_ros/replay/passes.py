@@ -10,7 +10,7 @@ from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.extend import MapExtension, OnProgress
 from bodycam_ros.replay.known_readouts import known_readouts
@@ -54,7 +54,6 @@ def replay_in_passes(
             settings,
             jobs,
             force,
-            None,
             on_progress,
             equipment,
             on_step,
@@ -69,7 +68,7 @@ def replay_in_passes(
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
         readouts = known_readouts(recording, body, cameras)
     rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, person, on_step)
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, on_step)
     with scratch_folder(Path(gettempdir())) as scratch:
         extension.run().save(scratch / "map")
         summary = replay(
@@ -80,7 +79,6 @@ def replay_in_passes(
             settings,
             jobs,
             force,
-            extension.hints,
             on_progress,
             held,
             on_step,

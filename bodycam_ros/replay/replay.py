@@ -20,12 +20,12 @@ from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
-from bodycam_ros.replay.body_feedback import BodyHints
 from bodycam_ros.replay.camera_clock import CameraClocks
 from bodycam_ros.replay.camera_worker import (
     DroppedImages,
@@ -59,7 +59,6 @@ def replay(
     settings: PipelineSettings,
     jobs: int,
     force: bool = False,
-    hints: BodyHints | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | Equipment | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
@@ -76,7 +75,6 @@ def replay(
         settings: of all stages.
         jobs: processes for the cameras.
         force: replace an output that is there already.
-        hints: what the body of a pass before this one knew of its cameras.
         on_progress: called with the seconds of the recording that are done.
         equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
         on_step: called with each step beside it, and the share of it that is done.
@@ -121,9 +119,7 @@ def replay(
         out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
         in_its_mode = [camera for camera, readout in known.items() if readout == body.mounts[camera].readout]
         rows = ReadoutLog(cameras, settings.readout, in_its_mode)
-        task = RegistrationTask(
-            recording_path, map_path or Path(), settings, readouts=known, hints=hints or BodyHints(), slim=slim
-        )
+        task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=known, slim=slim)
         clocks = CameraClocks([*cameras, *stations])
         start_ns = None
         for item in _read(task, cameras, jobs, stations):

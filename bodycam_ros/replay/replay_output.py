@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.seen_limits import SeenLimits
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
@@ -59,7 +58,6 @@ class ReplayOutput:
         self._make = recorded_messages()
         self._health_due_ns = -1
         self._begun_ns = 0
-        self._limits = SeenLimits(body)
         self.coupled = EquipmentLog()
         self.seen = SeenSegments()
 
@@ -72,8 +70,8 @@ class ReplayOutput:
             self._writer.write("/map/points", stamp_ns, points)
 
     def write_robot(self) -> None:
-        """The robot, as of the beginning, but with limits that all of the recording's joint states keep."""
-        body, coupled = self._limits.body, self.coupled.record()
+        """The robot, as of the beginning, but with the lengths of its equipment that the recording gave."""
+        body, coupled = self._body, self.coupled.record()
         if coupled is not None and self._equipment is not None:
             body = learned_body(body, self._equipment, coupled.values)
         text = text_message(self._make, urdf_text(body))
@@ -122,7 +120,6 @@ class ReplayOutput:
         for output in outputs:
             self._summary.solved += 1
             self._summary.predicted += output.state.predicted
-            self._limits.widen(output.positions)
             self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
             if output.state.equipment is not None:
                 self.coupled.add(output.state.stamp_ns, output.state.equipment)

@@ -1,6 +1,6 @@
 """The body of a solved bag and how it moved, apart from the cameras: all that programs for motion ask for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.kinematics.joint_angles import angles_within_a_turn
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.header import stamp_ns
@@ -64,11 +65,18 @@ def read_solved_body(path: Path, progress: Progress) -> SolvedBody:
                     continue
                 with contradictions_named(path, topic):
                     coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
-    motion, record = moved.joined(), coupled.record()
+    motion, record = _without_dropped_turns(body, moved.joined()), coupled.record()
     placed = np.ones(len(motion.stamps_ns), bool)
     if record is not None:
         placed = np.isin(motion.stamps_ns, record.stamps_ns[record.placed])
     return SolvedBody(path, body, motion, placed)
+
+
+def _without_dropped_turns(body: BodyModel, motion: BodyMotion) -> BodyMotion:
+    """The motion with angles that count turns, as files of motion have them."""
+    angles, turning = motion.joint_angles.copy(), angles_within_a_turn(body)
+    angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
+    return replace(motion, joint_angles=angles)
 
 
 def plain_name(path: Path) -> str:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import adjoint, inverse
@@ -194,10 +192,9 @@ class BodyCovariance:
         ends = self._pairs[self._of_pair @ np.abs(self._joint_information).sum(axis=(1, 2)) > 0.0].tolist()
         for each in held:
             ends.append([self._body.segment_index[name] for name in (each.joint.child, each.joint.parent)])
-        rows, columns = np.array(ends, int).reshape(-1, 2).T
-        count = len(self._pose)
-        graph = csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-        _, part = connected_components(graph, directed=False)
+        part = np.arange(len(self._pose))
+        for one, other in ends:
+            part[part == part[one]] = part[other]
         return np.asarray(np.bincount(part)[part])
 
     def _hold(

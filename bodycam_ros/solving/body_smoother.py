@@ -4,6 +4,7 @@ One pose per segment and instant; only gtsam's native factors, so that it never 
 (DESIGN 4.2). A frame is answered when it is ``output_delay`` frames old, when its neighbours on both sides have spoken.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -44,7 +45,6 @@ from bodycam_ros.solving.looking_on import LookingOn
 from bodycam_ros.solving.motion import MotionSettings
 from bodycam_ros.solving.pose_memory import PoseMemory, PoseMemorySettings
 from bodycam_ros.solving.recorded_instants import Recorded, RecordedInstant
-from bodycam_ros.solving.refusal_log import RefusalLog
 from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.solving.segment_turns import TurnSince, turns_of_unseen
 from bodycam_ros.solving.smoother_settings import SmootherSettings
@@ -68,7 +68,7 @@ class BodySmoother:
         on_progress: told the share that is done while a recording is solved as a whole.
 
     Attributes:
-        refusals: whose registrations were not believed, and for how long.
+        refused: camera -> instants at which its registration was not used.
 
     Raises:
         BodyError: no camera is mounted on the body, and none looks at it.
@@ -112,7 +112,7 @@ class BodySmoother:
         self._memory = PoseMemory(body, memory or PoseMemorySettings(), self._coupled)
         self._contacts = contacts or FootContacts(body)
         self._silence = Silence(self.settings.max_pause)
-        self.refusals = RefusalLog(self._trust_settings.doubt_after)
+        self.refused: Counter[str] = Counter()
         self._bridged_before = 0
         self._begin_anew()
 
@@ -174,7 +174,7 @@ class BodySmoother:
         dt_s = 1e-9 * (frame.stamp_ns - self._window.instants[-1].stamp_ns) if index else 0.0
         moved = self._going_on.predict(frame.stamp_ns, dt_s, self._jumped)
         trusted = self._trust.judge(registered, moved, frame.stamp_ns)
-        self.refusals.add({camera: frame.matches[camera].stamp_ns for camera in registered}, trusted.refused)
+        self.refused.update(trusted.refused)
         path = moved if moved is not None else self._going_on.begin([*trusted.evidence.values(), *placed])
         seen_by_pose = {seen.segment for seen in trusted.evidence.values()}
         measured = list(turns_of_unseen(self.body, frame, self._window.instants, seen_by_pose, self._evidence))
@@ -219,7 +219,6 @@ class BodySmoother:
         """The states that were still waiting for later frames; the recording is over."""
         if self._window.instants:
             self._window.settle()
-        self.refusals.end()
         return self._publish(0) + self._outgoing.flush()
 
     def _publish_before(self, stamp_ns: int) -> list[BodyState]:

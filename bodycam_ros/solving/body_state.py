@@ -46,7 +46,7 @@ class BodyOutput:
     Attributes:
         state: poses of all segments.
         joint_names: A names, in constant order.
-        positions: (A,) continuous joint angles [rad].
+        positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
         velocities: (A,) [rad/s].
         root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
     """
@@ -62,6 +62,7 @@ def moving(
     state: BodyState,
     joint_names: tuple[str, ...],
     positions: NDArray[np.float64],
+    change: NDArray[np.float64],
     root: int,
     before: BodyOutput | None,
 ) -> BodyOutput:
@@ -70,7 +71,8 @@ def moving(
     Args:
         state: the body.
         joint_names: A names.
-        positions: (A,) continuous joint angles [rad].
+        positions: (A,) joint angles [rad].
+        change: (A,) of them since the state before [rad].
         root: row of the root segment.
         before: what was published before.
     """
@@ -78,4 +80,4 @@ def moving(
         return BodyOutput(state, joint_names, positions, np.zeros(len(positions)), np.zeros(6))
     passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
     step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
-    return BodyOutput(state, joint_names, positions, (positions - before.positions) / passed_s, step / passed_s)
+    return BodyOutput(state, joint_names, positions, change / passed_s, step / passed_s)

@@ -56,12 +56,6 @@ class TrustSettings:
         limits=(1, 100),
         reason="a camera that nobody contradicts and that insists for this many frames in a row is believed",
     )
-    doubt_after: float = setting(
-        0.2,
-        unit="s",
-        limits=(0.0, 10.0),
-        reason="refused for this long without a break, a camera is told to search anew; in a blink it may still swing",
-    )
 
 
 @dataclass(frozen=True)

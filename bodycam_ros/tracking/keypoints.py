@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.settings import setting
 
 DESCRIPTOR_LENGTH = 128
@@ -155,13 +155,13 @@ def thin_out(pixels: NDArray[np.float32], strengths: NDArray[np.float32], min_di
     """
     if len(pixels) == 0:
         return np.zeros(0, np.intp)
-    pairs = cKDTree(pixels).query_pairs(min_distance_px, output_type="ndarray")
+    stronger, weaker, _ = near_pairs(pixels, pixels, min_distance_px)
     rank = np.empty(len(pixels), np.intp)
     rank[np.argsort(-strengths, kind="stable")] = np.arange(len(pixels))
-    stronger_first = np.where((rank[pairs[:, 0]] < rank[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1])
+    pairs = np.column_stack([stronger, weaker])[rank[stronger] < rank[weaker]]
     kept = np.ones(len(pixels), bool)
     # A point falls only to one that stays itself, so the strongest must be asked first.
-    for stronger, weaker in stronger_first[np.argsort(rank[stronger_first[:, 0]], kind="stable")].tolist():
+    for stronger, weaker in pairs[np.argsort(rank[pairs[:, 0]], kind="stable")].tolist():
         if kept[stronger]:
             kept[weaker] = False
     return np.flatnonzero(kept)
@@ -169,7 +169,7 @@ def thin_out(pixels: NDArray[np.float32], strengths: NDArray[np.float32], min_di
 
 def far_from(pixels: NDArray[np.float32], others: NDArray[np.float32], min_distance_px: float) -> NDArray[np.bool_]:
     """Which points (N, 2) have none of the others (M, 2) within a distance [px]."""
-    if len(pixels) == 0 or len(others) == 0:
-        return np.ones(len(pixels), bool)
-    nearest, _ = cKDTree(others).query(pixels, distance_upper_bound=min_distance_px)
-    return np.asarray(~np.isfinite(nearest))
+    rows, _, squared = near_pairs(pixels, others, min_distance_px)
+    far = np.ones(len(pixels), bool)
+    far[rows[squared < min_distance_px**2]] = False
+    return far

@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _REFITS = 2
+_SWEEPS = 8  # of Jacobi's rotations; five reach the last digit
 _SHORTEST = 1e-9  # a bearing that was sampled twice yields no rotation, but no NaN either
 
 
@@ -111,9 +112,49 @@ def _aligned(previous: Array, current: Array, chosen: Mask) -> Array:
             for i in range(3):
                 for j in range(3):
                     product[i, j] += current[n, i] * previous[n, j]
-    u, _, vt = np.linalg.svd(product)
-    R: Array = u @ vt
-    if np.linalg.det(R) < 0.0:
-        u[:, 2] = -u[:, 2]
-        R = u @ vt
+    return _nearest_rotation(product)
+
+
+@kernel()
+def _nearest_rotation(M: Array) -> Array:
+    """Rotation R (3, 3) of the largest trace of R.T @ M: by Horn's quaternion, which needs no LAPACK."""
+    N = np.empty((4, 4))
+    N[0, 0] = M[0, 0] + M[1, 1] + M[2, 2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        N[1 + i, 1 + i] = M[i, i] - M[j, j] - M[k, k]
+        N[0, 1 + i] = N[1 + i, 0] = M[k, j] - M[j, k]
+        N[1 + i, 1 + j] = N[1 + j, 1 + i] = M[i, j] + M[j, i]
+    w, x, y, z = _largest_eigenvector(N)
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
     return R
+
+
+@kernel()
+def _largest_eigenvector(N: Array) -> tuple[float, float, float, float]:
+    """Unit eigenvector of the largest eigenvalue of a symmetric matrix (4, 4), which is changed: Jacobi's rotations."""
+    V = np.eye(4)
+    for _ in range(_SWEEPS):
+        for p in range(3):
+            for q in range(p + 1, 4):
+                if N[p, q] == 0.0:
+                    continue
+                ratio = (N[q, q] - N[p, p]) / (2.0 * N[p, q])
+                tangent = 1.0 / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
+                if ratio < 0.0:
+                    tangent = -tangent
+                cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+                sine = tangent * cosine
+                for k in range(4):
+                    N[k, p], N[k, q] = cosine * N[k, p] - sine * N[k, q], sine * N[k, p] + cosine * N[k, q]
+                    V[k, p], V[k, q] = cosine * V[k, p] - sine * V[k, q], sine * V[k, p] + cosine * V[k, q]
+                for k in range(4):
+                    N[p, k], N[q, k] = cosine * N[p, k] - sine * N[q, k], sine * N[p, k] + cosine * N[q, k]
+    best = 0
+    for k in range(1, 4):
+        if N[k, k] > N[best, best]:
+            best = k
+    return V[0, best], V[1, best], V[2, best], V[3, best]

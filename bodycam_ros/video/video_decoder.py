@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-
-from av import CodecContext, Packet, VideoFrame
-from av.error import FFmpegError
-from av.video.codeccontext import VideoCodecContext
+from typing import TYPE_CHECKING
 
 from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.video.video_frame import DecodedFrame
+
+if TYPE_CHECKING:
+    from av import VideoFrame
+    from av.video.codeccontext import VideoCodecContext
 
 
 class VideoDecoder:
@@ -63,6 +64,10 @@ class VideoDecoder:
         """Be ready for a keyframe: after damage, or where the codec changes, with a decoder that remembers nothing."""
         if self._codec is not None and self._codec.name == codec and not self._damage:
             return []
+        # Loaded by the first frame of a video: most recordings hold photographs.
+        from av import CodecContext
+        from av.video.codeccontext import VideoCodecContext
+
         ready = self.flush()
         decoder = CodecContext.create(codec, "r")
         assert isinstance(decoder, VideoCodecContext)
@@ -74,6 +79,9 @@ class VideoDecoder:
         return ready
 
     def _decode(self, packet: VideoPacket | None) -> list[CameraImage]:
+        from av import Packet
+        from av.error import FFmpegError
+
         assert self._codec is not None
         coded = None
         if packet is not None:
@@ -89,7 +97,7 @@ class VideoDecoder:
             return lost
         return [image for frame in frames for image in self._of_frame(frame)]
 
-    def _of_frame(self, frame: VideoFrame) -> list[CameraImage]:
+    def _of_frame(self, frame: "VideoFrame") -> list[CameraImage]:
         """The image of a frame, behind those that should have come before it and did not."""
         number = self._number if frame.pts is None else frame.pts
         passed = [earlier for earlier in self._waiting if earlier < number]
@@ -106,7 +114,7 @@ def decode_last(images: Sequence[CameraImage]) -> CameraImage:
     return [*ready, *decoder.flush()][-1]
 
 
-def _decoded(image: CameraImage, frame: VideoFrame) -> CameraImage:
+def _decoded(image: CameraImage, frame: "VideoFrame") -> CameraImage:
     return replace(image, content=DecodedFrame(frame))
 
 

@@ -1,12 +1,15 @@
 """The pixels of a decoded frame."""
 
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
-from av import VideoFrame
-from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
+
+if TYPE_CHECKING:
+    from av import VideoFrame
 
 _LUMA_FIRST = {f"yuv{full}{layout}p" for full in ("", "j") for layout in ("420", "422", "444")} | {"nv12", "gray"}
 """Pixel formats with 8 bits whose first plane is the light, row by row."""
@@ -23,7 +26,7 @@ class DecodedFrame:
         frame: as the decoder gave it.
     """
 
-    def __init__(self, frame: VideoFrame) -> None:
+    def __init__(self, frame: "VideoFrame") -> None:
         self._frame = frame
 
     def grey(self) -> NDArray[np.uint8]:
@@ -46,12 +49,14 @@ class DecodedFrame:
         return np.ascontiguousarray(pixels)
 
 
-def grey_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
+def grey_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:
     """Grey pixels (H, W) of a frame, black 0 and white 255: its luma, without a detour over colours.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
     """
+    from av.error import FFmpegError
+
     name = frame.format.name
     try:
         if name not in _LUMA_FIRST:
@@ -68,12 +73,14 @@ def grey_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
     return np.ascontiguousarray(rows) if is_full else np.asarray(cv2.LUT(rows, _WITHOUT_ROOM), dtype=np.uint8)
 
 
-def bgr_pixels(frame: VideoFrame) -> NDArray[np.uint8]:
+def bgr_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:
     """Pixels (H, W, 3) of a frame in OpenCV's order; grey pixels (H, W) of one that has no colours.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
     """
+    from av.error import FFmpegError
+
     if frame.format.name.startswith("gray"):
         return grey_pixels(frame)
     try:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError
+from bodycam_ros.kinematics.joint import FULL_TURN
 
 EXACT = 1e-9
 
@@ -49,6 +51,40 @@ def test_a_body_with_everything_comes_back(body: BodyModel) -> None:
     again = body_from_urdf(urdf_text(limited(body)))
     assert_same_body(again, limited(body))
     assert urdf_text(again) == urdf_text(limited(body))
+
+
+def test_limits_hold_for_every_published_angle_and_soft_limits_are_the_range_of_motion(body: BodyModel) -> None:
+    elements = {joint.attrib["name"]: joint for joint in ElementTree.fromstring(urdf_text(limited(body))).iter("joint")}
+    for name in ("hip_y", "knee", "ankle_x"):
+        limit = elements[name].find("limit")
+        assert elements[name].attrib["type"] == "revolute" and limit is not None
+        np.testing.assert_allclose([float(limit.attrib[end]) for end in ("lower", "upper")], [-FULL_TURN, FULL_TURN])
+    soft = elements["hip_y"].find("safety_controller")
+    assert soft is not None and soft.attrib["k_position"] == "0" and "k_velocity" in soft.attrib
+    assert (soft.attrib["soft_lower_limit"], soft.attrib["soft_upper_limit"]) == ("-0.5", "2.0")
+    assert elements["ankle_x"].find("safety_controller") is None
+    for name in ("axle", "cart_z"):
+        assert elements[name].attrib["type"] == "continuous"
+
+
+def test_limits_of_a_body_are_within_a_turn_unless_it_is_a_hinge_that_turns_farther(body: BodyModel) -> None:
+    wide = {"hip": ((-7.0, 2.0), (-0.7, 0.8), (-0.4, 0.9)), "knee": ((-9.0, 9.0),)}
+    again = body_from_urdf(
+        urdf_text(replace(body, joints=tuple(replace(joint, limits=wide.get(joint.name)) for joint in body.joints)))
+    )
+    limits = {joint.name: joint.limits for joint in again.joints}
+    np.testing.assert_allclose(limits["hip"], ((-FULL_TURN, 2.0), *wide["hip"][1:]))
+    assert limits["knee"] == wide["knee"]
+
+
+def test_limits_without_soft_ones_are_the_range_of_motion(body: BodyModel) -> None:
+    robot = ElementTree.fromstring(urdf_text(limited(body)))
+    for joint in robot.iter("joint"):
+        soft, limit = joint.find("safety_controller"), joint.find("limit")
+        if soft is not None and limit is not None:
+            limit.attrib |= {end: soft.attrib[f"soft_{end}_limit"] for end in ("lower", "upper")}
+            joint.remove(soft)
+    assert_same_body(body_from_urdf(ElementTree.tostring(robot, encoding="unicode")), limited(body))
 
 
 @pytest.mark.parametrize(

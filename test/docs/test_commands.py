@@ -7,6 +7,9 @@ import pytest
 from doc_blocks import DocBlock, doc_blocks
 
 from bodycam_ros.cli import main as command_line
+from bodycam_ros.live.graph import GraphArguments
+from bodycam_ros.live.node_parameters import OF_NODES
+from bodycam_ros.settings import describe
 
 REPOSITORY = Path(__file__).parents[2]
 DOCS = REPOSITORY / "docs"
@@ -58,16 +61,13 @@ def test_what_is_marked_runs(
 
 
 def test_launch_arguments_are_known() -> None:
-    declared = set(
-        re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', (REPOSITORY / "launch/bodycam.launch.py").read_text())
-    )
-    settings = re.compile(r"^    (\w+): [\w\[\], .]+ = setting\(", re.MULTILINE)
-    of_nodes = {
-        name for path in (REPOSITORY / "bodycam_ros/nodes").glob("*.py") for name in settings.findall(path.read_text())
-    }
+    launch_file = (REPOSITORY / "launch/bodycam.launch.py").read_text()
+    declared = {*re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', launch_file)}
+    declared |= {each.name for each in describe(GraphArguments)}
+    of_nodes = {each.name for parameters in OF_NODES.values() for each in describe(parameters)}
     used = {match for path in DOCS.glob("*.md") for match in re.findall(r"\b([a-z]\w*):=", path.read_text())}
     assert {"stations", "urdf"} <= used
-    of_ros = {"__ns"}
+    of_ros = {"__ns", "__node"}
     assert used <= declared | of_nodes | of_ros
 
 

@@ -14,7 +14,8 @@ from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.solving.body_state import BodyOutput
 
 FRAME_NS = 33_333_333

@@ -28,6 +28,18 @@ def test_a_body_becomes_a_urdf_that_is_the_same_body(sample: Path, tmp_path: Pat
     assert read_body(output).segments == body.segments
 
 
+@pytest.mark.parametrize("source", ["ride.yaml", "out"])
+def test_a_mass_gives_the_person_inertials_and_the_equipment_none(ride: Walk, tmp_path: Path, source: str) -> None:
+    write_body(ride.body, tmp_path / "ride.yaml")
+    write_solved(ride, tmp_path / "out")
+    arguments = ["export", str(tmp_path / source), "--to", "urdf", "--mass", "70", "-o", str(tmp_path / "body.urdf")]
+    assert main(arguments) == 0
+    links = yourdfpy.URDF.load(str(tmp_path / "body.urdf"), load_meshes=False).link_map
+    masses = {name: link.inertial.mass for name, link in links.items() if link.inertial is not None}
+    assert sum(masses.values()) == pytest.approx(70.0)
+    assert set(masses) == set(ride.body.segments) - ride.body.equipment_segments
+
+
 def test_a_solved_bag_gives_the_urdf_that_it_published(tmp_path: Path) -> None:
     with write_recording(tmp_path / "out") as writer:
         for text in ("<robot name='early'/>", "<robot name='late'/>"):

@@ -92,6 +92,8 @@ def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(
         ("--to bvh --scale -1", "--scale must be above 0"),
         ("--to csv --up y", "--up says nothing to csv; bvh, c3d heed it"),
         ("--to glb --scale 100", "--scale says nothing to glb; bvh heeds it"),
+        ("--to mjcf --mass 70", "--mass says nothing to mjcf; urdf heeds it"),
+        ("--to urdf --mass 0", "--mass must be above 0 and at most 1000 kg, not 0"),
         ("--to urdf --rate 30", "--rate says nothing to urdf; bvh, trc"),
         ("--to tum --segment tail", "--segment tail: the body has no such segment or camera; there are pelvis, torso"),
     ],

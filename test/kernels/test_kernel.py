@@ -20,7 +20,7 @@ def _inverse(value: float) -> float:
 
 def test_a_kernel_is_compiled_for_the_types_it_states_alone() -> None:
     compile_all()
-    before = list(inverse_sum.signatures)
+    before = list(inverse_sum.dispatcher.signatures)
     assert len(before) == 1
     assert inverse_sum(np.array([0.5, 0.25])) == 6.0
-    assert inverse_sum.signatures == before
+    assert inverse_sum.dispatcher.signatures == before

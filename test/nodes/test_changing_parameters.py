@@ -1,7 +1,8 @@
 """Parameters of nodes: which change while they run, which are refused and why, and that a dump of them loads back."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,33 +11,35 @@ import yaml
 from driven_camera import DrivenCamera
 from two_cameras import write_map
 
+from bodycam_ros.all_settings import all_groups
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.nodes.graph import NodeProcess
-from bodycam_ros.pipeline import PipelineSettings
-from bodycam_ros.settings import read_settings_file
+from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.live.node_parameters import GROUPS
+from bodycam_ros.pipeline_settings import PipelineSettings
 
 _CONFIG = Path(__file__).parents[2] / "config"
 _START_S = 60.0
-_NODES = {
-    "tracker": "Tracker",
-    "region_tracker": "RegionTracking",
-    "registration": "Registration",
-    "skeleton_solver": "SkeletonSolver",
-    "retarget": "RetargetNode",
-    "player": "Player",
-}
+_OWN = {"tracker": {"camera": "left"}, "skeleton_solver": {"body": "body.yaml"}, "player": {"bagfile": "bag"}}
 
 
 @pytest.fixture
-def make(graph: Any) -> Callable[..., Any]:
+def make(graph: Any) -> Iterator[Callable[..., Any]]:
     """Makes a node in this process, not configured yet, of parameters and of a parameter file."""
-    from importlib import import_module
+    made = []
 
     def node(name: str, given: Mapping[str, object], file: Path | None = None) -> Any:
-        arguments = NodeProcess(name, name, given).arguments(file)
-        return getattr(import_module(f"bodycam_ros.nodes.{name}"), _NODES[name])(arguments)
+        arguments = GraphNode(name, name, given if name == "player" else {**given, "autostart": False}).arguments()
+        made.append(import_module(f"bodycam_ros.nodes.{name}").make(["--ros-args", *_file(file), *arguments]))
+        made[-1].bring_up()
+        return made[-1]
 
-    return node
+    yield node
+    for each in made:
+        each.destroy_node()
+
+
+def _file(path: Path | None) -> list[str]:
+    return [] if path is None else ["--params-file", str(path)]
 
 
 def _dump(values: Mapping[str, Any], node: str, path: Path) -> Path:
@@ -90,12 +93,13 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     from rclpy.parameter import Parameter
 
     given = {"camera": "left", "keypoints.max_keypoints": 200}
-    graph.run(NodeProcess("tracker", "tracker", given))
+    graph.run(GraphNode("tracker", "tracker", given))
     cases: list[tuple[str, Any, str]] = [
-        ("longest_wait", 2, ""),
+        ("longest_wait", 2.0, ""),
+        ("longest_wait", 2, "type"),
         ("most_ahead", 7, ""),
         ("most_ahead", 0, "most_ahead"),
-        ("recovery", "soon", "recovery"),
+        ("recovery", "soon", "type"),
         ("image_queue", 10, "image_queue"),
         ("moments", "times.csv", "moments"),
         ("tracker.keyframe_interval", 5, "tracker.keyframe_interval"),
@@ -115,21 +119,24 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     assert (given | changed).items() <= values.items()
     assert set(graph.end().values()) == {0}, graph.report()
     again = make("tracker", {}, _dump(values, "tracker", tmp_path / "tracker.yaml"))
-    again.prepare()  # with the topics come the parameters of their quality of service
-    assert _same(_values(again), values)
+    again.trigger_configure()  # with the topics come the parameters of their quality of service
+    assert _same(_values(again), values | {"autostart": False})
 
 
-def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], tmp_path: Path) -> None:
-    from bodycam_ros.nodes.parameters import settings_from_parameters
+@pytest.mark.parametrize("name", ["tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player"])
+def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], tmp_path: Path, name: str) -> None:
+    own = _OWN.get(name, {})
+    node = make(name, own, _CONFIG / "all_settings.yaml")
+    values = _values(node)
+    assert own.items() <= values.items()
+    if name == "skeleton_solver":
+        assert node.parameters.of(PipelineSettings) == PipelineSettings()
+        assert node.parameters.of(CalibrationSettings) == CalibrationSettings()
+    assert _same(_values(make(name, {}, _dump(values, name, tmp_path / f"{name}.yaml"))), values)
 
-    own = {"tracker": {"camera": "left"}, "skeleton_solver": {"body": "body.yaml"}, "player": {"bag": "bag"}}
-    groups = read_settings_file(_CONFIG / "all_settings.yaml")
-    given = {f"{group}.{name}": value for group, values in groups.items() for name, value in values.items()}
-    assert settings_from_parameters(given) == (PipelineSettings(), CalibrationSettings())
-    for name in _NODES:
-        values = _values(make(name, own.get(name, {}), _CONFIG / "all_settings.yaml"))
-        assert own.get(name, {}).items() <= values.items()
-        assert _same(_values(make(name, {}, _dump(values, name, tmp_path / f"{name}.yaml"))), values), name
+
+def test_all_groups_are_known_to_the_nodes() -> None:
+    assert GROUPS == {*all_groups()}
 
 
 def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
@@ -144,21 +151,22 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
     for name, value in (("map", other), ("registrar.min_inliers", 15), ("growth.capacity", 500)):
         assert not _set(node, name, value)
     assert "capacity" in _set(node, "growth.capacity", 5)
-    assert "autostart" in _set(node, "autostart", False)
-    node.bring_up()
-    assert len(node.map.landmark_ids) == 7, "it has read what was set before"
+    assert "autostart" in _set(node, "autostart", True)
+    assert node.trigger_configure() == node.trigger_activate()
+    stage = node.stage
+    assert len(stage.map.landmark_ids) == 7, "it has read what was set before"
     assert "map" in _set(node, "map", other)
     assert "growth.capacity" in _set(node, "growth.capacity", 600)
     camera = DrivenCamera(graph, "left", latched(), latched())
     camera.inform()
     deadline_s = time.monotonic() + _START_S
-    while not node._registrars:
+    while not stage.live.cameras:
         assert time.monotonic() < deadline_s, "the camera_info does not come"
         rclpy.spin_once(node, timeout_sec=0.05)
-    (registrar,) = node._registrars.values()
+    (registrar,) = stage.live.cameras.values()
     assert registrar.settings.min_inliers == 15
-    assert not _set(node, "registrar.min_inliers", 25) and not _set(node, "doubt.reach", 1)
-    assert (registrar.settings.min_inliers, registrar.doubt_settings.reach) == (25, 1.0)
+    assert not _set(node, "registrar.min_inliers", 25)
+    assert registrar.settings.min_inliers == 25
     refusal = _set(node, "registrar.min_inliers", 1)
     assert "min_inliers" in refusal
-    assert (registrar.settings, registrar.settings.min_inliers) == (node.settings.registrar, 25)
+    assert (registrar.settings, registrar.settings.min_inliers) == (stage.settings.registrar, 25)

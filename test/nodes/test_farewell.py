@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.live.graph import GraphNode
 
 _START_S, _SOON_S = 90.0, 60.0
 
 
 def test_nodes_that_are_stopped_by_a_signal_leave_with_code_0(graph: Any) -> None:
     numbers = (signal.SIGINT, signal.SIGTERM)
-    started = graph.start(*(NodeProcess("tracker", f"tracker_{n.name}", {"camera": n.name}) for n in numbers))
+    started = graph.start(*(GraphNode("tracker", f"tracker_{n.name}", {"camera": n.name}) for n in numbers))
     infos = [graph.publisher(f"/{number.name}/camera_info", "sensor_msgs/msg/CameraInfo") for number in numbers]
     graph.until(lambda: all(each.get_subscription_count() for each in infos), _START_S, "the trackers are up")
     for each, number in zip(started, numbers, strict=True):
@@ -27,7 +27,7 @@ def test_nodes_that_are_stopped_by_a_signal_leave_with_code_0(graph: Any) -> Non
 def test_a_node_is_stopped_while_it_starts(graph: Any, loading: str) -> None:
     """By Ctrl-C and by who starts it: libraries are loading, or it is entering ROS."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        (started,) = graph.start(NodeProcess("tracker", f"hasty_{number.name}", {"camera": "left"}))
+        (started,) = graph.start(GraphNode("tracker", f"hasty_{number.name}", {"camera": "left"}))
         maps = Path(f"/proc/{started.process.pid}/maps")
         graph.until(lambda maps=maps: loading in maps.read_text(), _START_S, f"{loading} is loaded")
         started.process.send_signal(number)
@@ -39,7 +39,7 @@ def test_a_node_that_leaves_learns_of_no_publisher_any_more(graph: Any) -> None:
     """Fast DDS would wait for its discovery callbacks for ever."""
     import rclpy
 
-    from bodycam_ros.nodes.farewell import ignore_discovery
+    from bodycam_ros.nodes.process import ignore_discovery
 
     contexts = [rclpy.Context(), rclpy.Context()]
     for context in contexts:

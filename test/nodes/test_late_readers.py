@@ -3,25 +3,27 @@
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.nodes.graph import READERS_OF_LANDMARKS, NodeProcess, live_graph, player
+from live_graph import live_graph, player
+
+from bodycam_ros.live.graph import READERS_OF_LANDMARKS, GraphNode
 
 CAMERA = "waist_front"
 _START_S, _IMAGES = 60.0, 60
 
 
-def _without_solver(sample: Path, **given: object) -> list[NodeProcess]:
+def _without_solver(sample: Path, **given: object) -> list[GraphNode]:
     """Tracker, registration and a player that waits for these two, of one camera."""
     tracker, registration, _ = live_graph(sample / "map", sample / "body.yaml", (CAMERA,))
     assert registration.parameters["landmark_readers"] == READERS_OF_LANDMARKS
     playing = player(sample / "sample/bag", 10.0, (CAMERA,))
     return [
         tracker,
-        NodeProcess("registration", "registration", {**registration.parameters, **given}),
-        NodeProcess("player", "player", {**playing.parameters, "readers": 2, "settle": 0.0}),
+        GraphNode("registration", "registration", {**registration.parameters, **given}),
+        GraphNode("player", "player", {**playing.parameters, "readers": 2, "settle": 0.0}),
     ]
 
 
-def _start(graph: Any, nodes: list[NodeProcess]) -> None:
+def _start(graph: Any, nodes: list[GraphNode]) -> None:
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
     graph.run(*nodes[:-1])
     graph.until_known(_START_S)

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
+from live_graph import live_graph, player
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.nodes.graph import live_graph, player
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.outside.person_masses import person_masses
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved
@@ -22,6 +24,7 @@ from bodycam_ros.solved.solved_recording import read_solved
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")
 FRAMES = 30
+MASS_KG = 72.5
 
 _START_S, _PLAY_S, _SOON_S = 180.0, 300.0, 60.0
 
@@ -56,11 +59,11 @@ def test_live_joint_states_agree_with_the_replay(
     }
     graph.listen(landmarks | of_body)
     # No image may be left out: the replay leaves none out either.
-    patient = {"tracker": {"longest_wait": 0.0}}
+    given = {"tracker": {"longest_wait": 0.0}, "skeleton_solver": {"mass": MASS_KG}}
     start = graph.start if frames > FRAMES else graph.run
     start(
         *(
-            replace(node, parameters={**node.parameters, **patient.get(node.executable, {})})
+            replace(node, parameters={**node.parameters, **given.get(node.executable, {})})
             for node in live_graph(reference_map, body, cameras, registrations=2)
         )
     )
@@ -83,6 +86,10 @@ def test_live_joint_states_agree_with_the_replay(
     assert int(graph.diagnostics("skeleton_solver: body")["late registrations"]) <= LATE * sum(images.values())
     assert set(graph.end().values()) == {0}, graph.report()
     assert "Traceback" not in graph.report()
+
+    described = read_body(body)
+    once = [urdf_text(described, person_masses(described, MASS_KG))]
+    assert [message.data for message in graph.messages("/robot_description")] == once
 
     live = read_solved(graph.write(tmp_path / "live"))
     _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)

@@ -7,7 +7,7 @@ import pytest
 from tiny_bag import write_tiny_bag
 from two_cameras import write_map
 
-from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _PATIENCE_S = 120.0
@@ -19,7 +19,7 @@ def test_an_extension_says_how_far_it_is_and_can_be_called_off(graph: Any, sampl
 
     action = pytest.importorskip("bodycam_msgs.action", reason="bodycam_msgs was built before it had actions")
     given = {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]}
-    (registration,) = graph.run(NodeProcess("registration", "registration", given))
+    (registration,) = graph.run(GraphNode("registration", "registration", given))
     told: list[Any] = []
     output = tmp_path / "extended"
 

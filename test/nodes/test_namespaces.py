@@ -5,7 +5,7 @@ from typing import Any
 
 from tiny_bag import write_tiny_bag
 
-from bodycam_ros.nodes.graph import NodeProcess
+from bodycam_ros.live.graph import GraphNode
 
 _START_S, _SOON_S = 60.0, 60.0
 
@@ -17,9 +17,9 @@ def test_a_bag_is_played_into_the_players_namespace(graph: Any, tmp_path: Path) 
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
     bag, theirs = str(write_tiny_bag(tmp_path / "bag", 12)), {"frame_prefix": "anna/"}
     graph.run(
-        NodeProcess("tracker", "tracker_left", {"camera": "left"}),
-        NodeProcess("tracker", "tracker_left", {"camera": "left", **theirs}, "anna"),
-        NodeProcess("player", "player", {"bag": bag, "cameras": ["left"], "loop": True, **theirs}, "anna"),
+        GraphNode("tracker", "tracker_left", {"camera": "left"}),
+        GraphNode("tracker", "tracker_left", {"camera": "left", **theirs}, "anna"),
+        GraphNode("player", "player", {"bagfile": bag, "cameras": ["left"], "loop": True, **theirs}, "anna"),
     )
     graph.until(lambda: len(graph.heard["/anna/left/tracks"]) >= 12, _START_S, "all images are tracked")
     assert {message.header.frame_id for message in graph.messages("/anna/left/tracks")} == {"anna/left_optical_frame"}

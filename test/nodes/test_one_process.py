@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 
-from bodycam_ros.nodes.graph import NodeProcess
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import read_solved
@@ -24,7 +24,7 @@ _START_S, _PLAY_S, _SOON_S = 90.0, 120.0, 60.0
 
 
 @dataclass(frozen=True)
-class GraphProcess(NodeProcess):
+class GraphProcess(GraphNode):
     """All nodes by one command, with flags and not as parameters."""
 
     flags: tuple[str, ...] = ()
@@ -59,8 +59,18 @@ def played(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
 
     folder = tmp_path_factory.mktemp("one_process")
     bag = write_altered_sample(sample, folder / "bag", cameras=CAMERAS, frames=FRAMES)
-    flags = ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "--cameras", *CAMERAS]
-    flags += ["--bag", str(bag), "--ros-args", "-p", "longest_wait:=0.0", "-p", "settle:=3.0"]
+    flags = ["--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "--cameras", ",".join(CAMERAS)]
+    flags += [
+        "--bagfile",
+        str(bag),
+        "--registrations",
+        "1",
+        "--ros-args",
+        "-p",
+        "longest_wait:=0.0",
+        "-p",
+        "settle:=3.0",
+    ]
     with running_graph(folder) as graph:
         graph.listen(OUTPUTS | {f"/{camera}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for camera in CAMERAS})
         (process,) = graph.start(GraphProcess("graph", "graph", flags=tuple(flags)))
@@ -105,7 +115,3 @@ def test_every_node_reports_under_its_own_name(played: Any) -> None:
 def test_ctrl_c_ends_all_nodes(played: Any) -> None:
     assert played.codes == {"graph": 0}
     assert "Traceback" not in played.printed
-
-
-def test_nodes_hear_each_other_directly(played: Any) -> None:
-    assert "this middleware carries messages within the process" not in played.printed

@@ -9,8 +9,8 @@ from made_video import HEIGHT, WIDTH, make_video, write_lens
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.nodes.message_classes import is_installed
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
@@ -33,7 +33,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
-    from bodycam_ros.nodes.played_video import PlayedVideo
+    from bodycam_ros.live.played_video import PlayedVideo
 
     with open_recording(bag) as recording:
         expected = {image.stamp_ns: decode_grey(image) for image in recording.images(["left"])}
@@ -59,8 +59,8 @@ def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
 def test_the_tracker_reads_what_the_player_makes_of_a_video(graph: Any, bag: Path) -> None:
     graph.listen({"/left/timing": "bodycam_msgs/msg/CameraTiming", "/left/tracks": "bodycam_msgs/msg/FeatureTracks"})
     graph.run(
-        NodeProcess("tracker", "tracker_left", {"camera": "left"}),
-        NodeProcess("player", "player", {"bag": str(bag), "cameras": ["left"]}),
+        GraphNode("tracker", "tracker_left", {"camera": "left"}),
+        GraphNode("player", "player", {"bagfile": str(bag), "cameras": ["left"]}),
     )
     graph.until(lambda: len(graph.heard["/left/tracks"]) > 10, _START_S, "frames are tracked")
     graph.until(lambda: graph.heard["/left/timing"], _START_S, "the timing is heard")

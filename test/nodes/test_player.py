@@ -7,16 +7,16 @@ from typing import Any
 from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import NodeProcess
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 _START_S, _SOON_S = 60.0, 60.0
 _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
-def _player(bag: Path, **given: object) -> NodeProcess:
-    return NodeProcess("player", "player", {"bag": str(bag), "settle": 0.5, **given})
+def _player(bag: Path, **given: object) -> GraphNode:
+    return GraphNode("player", "player", {"bagfile": str(bag), "settle": 0.5, **given})
 
 
 def _stamps(messages: Sequence[Any]) -> list[int]:
@@ -37,22 +37,6 @@ def test_only_the_cameras_asked_for_are_played_in_order_and_over_again(graph: An
     assert not any(graph.count_publishers(topic) for topic in images if "right" in topic)
     graph.until(lambda: graph.diagnostics("player"), _SOON_S, "it reports")
     assert player.end() == 0
-
-
-def test_who_comes_late_hears_of_the_cameras_too(graph: Any, tmp_path: Path) -> None:
-    from rclpy.qos import DurabilityPolicy
-
-    bag = write_tiny_bag(tmp_path / "bag")
-    graph.listen({"/right/camera_info": INFO})
-    # So slowly that the second image would come after half an hour.
-    slow = {"cameras": ["left", "right"], "rate": 0.001, "readers": 0, "settle": 0.0}
-    (player,) = graph.run(_player(bag, **slow))
-    graph.until(lambda: len(graph.heard["/right/camera_info"]) > 2, _START_S, "it is repeated for those in time")
-    graph.listen({"/left/camera_info": INFO})
-    graph.until(lambda: graph.heard["/left/camera_info"], _SOON_S, "and for those who come late")
-    (offer,) = graph.listener.get_publishers_info_by_topic("/left/camera_info")
-    assert offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert player.end() == 0, "it does not sleep until the next image"
 
 
 def test_it_names_what_it_waits_for_and_gives_up(graph: Any, tmp_path: Path) -> None:
@@ -76,7 +60,7 @@ def test_it_pauses_steps_and_says_what_time_it_is(graph: Any, tmp_path: Path) ->
     bag = write_tiny_bag(tmp_path / "bag", frames)
     graph.listen({"/left/image_raw/compressed": IMAGE, "/clock": "rosgraph_msgs/msg/Clock"} | _DIAGNOSTICS)
     own = {"readers": 0, "settle": 0.0, "clock": 50.0, "start_paused": True, "use_sim_time": True}
-    follower = NodeProcess("tracker", "tracker", {"camera": "right", "use_sim_time": True})
+    follower = GraphNode("tracker", "tracker", {"camera": "right", "use_sim_time": True})
     player, _ = graph.run(_player(bag, **own), follower)
     images = graph.heard["/left/image_raw/compressed"]
 

@@ -12,9 +12,9 @@ from unshown_progress import Unshown
 
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.kinematics.joint_angles import JointAngles
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import follower
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
@@ -55,7 +55,7 @@ def test_a_robot_follows_live_as_offline(
 ) -> None:
     graph.listen(_HEARD)
     solver = SaidBySolver(graph, solved)
-    (started,) = graph.run(*follower(talos_urdf(), MAPPING))
+    (started,) = graph.run(GraphNode("retarget", "retarget", {"urdf": str(talos_urdf()), "mapping": str(MAPPING)}))
     graph.until_known(_START_S)
     graph.until(solver.is_heard, _START_S, "the robot hears the solver")
 

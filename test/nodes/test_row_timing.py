@@ -7,9 +7,9 @@ import numpy as np
 from two_cameras import BODY, write_map
 
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
-from bodycam_ros.nodes.graph import NodeProcess
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _START_S, _SOON_S = 60.0, 60.0
@@ -31,8 +31,8 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
     of_right.publish(timing_message(make, "right", SaidTiming(0, "given", Readout(*KNOWN_S["right"]))))
     graph.listen({f"/{c}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for c in KNOWN_S})
     graph.run(
-        NodeProcess("skeleton_solver", "skeleton_solver", {"body": str(body)}),
-        NodeProcess("registration", "registration", {"map": str(write_map(tmp_path / "map")), "body": str(body)}),
+        GraphNode("skeleton_solver", "skeleton_solver", {"body": str(body)}),
+        GraphNode("registration", "registration", {"map": str(write_map(tmp_path / "map")), "body": str(body)}),
     )
     graph.until(
         lambda: (

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_graph import live_graph, player
 from numpy.typing import NDArray
 from outside.dressed_body import DressedBody, small_motion, stations_around
 from outside.painted_bag import FRAME_NS, START_NS, write_bag
@@ -13,12 +14,11 @@ from outside.painted_bag import FRAME_NS, START_NS, write_bag
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import live_graph, player, stations_of
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.outside.stations_file import write_stations
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.replay.replay import replay
 from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
 
@@ -87,15 +87,15 @@ def test_a_person_is_followed_live_as_in_a_replay(
     replay(bag, None, body, tmp_path / "replayed", PipelineSettings(), jobs=1, outside=outside)
     replayed = read_solved(tmp_path / "replayed")
 
-    nodes = live_graph(None, body, outside=outside)
-    stations = stations_of(nodes)
+    nodes = live_graph("", body, stations=str(outside.stations), start=str(outside.start))
+    stations = [node.parameters["camera"] for node in nodes if node.executable == "region_tracker"]
     said = {f"/{station}/segment_poses": "bodycam_msgs/msg/SegmentPoses" for station in stations}
     graph.listen(_OUTPUTS | said)
     # No image may be left out, however busy the machine is: the replay leaves none out either.
     patient = {"region_tracker": {"longest_wait": 0.0}, "skeleton_solver": {"assembler.max_wait": 60.0}}
     graph.run(*(replace(node, parameters={**node.parameters, **patient[node.executable]}) for node in nodes))
     graph.until_known(_START_S)
-    (playing,) = graph.run(player(bag, 1.0, stations=stations))
+    (playing,) = graph.run(player(bag, 1.0, stations, image_only=stations))
     graph.until(lambda: playing.is_over, _START_S, "the bag is played")
     assert playing.error is None, graph.report()
     graph.until(lambda: all(len(graph.heard[topic]) >= FRAMES for topic in said), _SOON_S, "every image is looked at")

@@ -7,8 +7,8 @@ import numpy as np
 from driven_camera import DrivenCamera, stamps
 from two_cameras import write_map
 
+from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.graph import NodeProcess
 
 HOUR_NS = 3_600_000_000_000
 _START_S, _SOON_S = 60.0, 60.0
@@ -81,11 +81,8 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
     graph.listen({f"/{camera.name}/tracks": "bodycam_msgs/msg/FeatureTracks" for camera in cameras})
     graph.listen(_DIAGNOSTICS)
     early.inform()
-    clockless = NodeProcess("tracker", "tracker_best", {**best.tracker.parameters, "use_sim_time": True})
-    graph.run(clockless, early.tracker, late.tracker)
+    graph.run(best.tracker, early.tracker, late.tracker)
     graph.until(lambda: all(c.images.get_subscription_count() for c in cameras), _START_S, "the trackers read")
-    graph.until(lambda: graph.diagnostics("tracker_best: clock"), _SOON_S, "the missing clock is told")
-    assert "nobody publishes /clock" in graph.diagnostics("tracker_best: clock")["text"]
 
     images = iter(stamps(0, 1000))
 
@@ -126,7 +123,7 @@ def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: An
     camera = DrivenCamera(graph, "left", reliable(100), latched())
     graph.listen(_TRACKS | {"/left/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
     camera.inform()
-    seldom = NodeProcess("tracker", "tracker_left", {**camera.tracker.parameters, "tracker.keyframe_interval": 300})
+    seldom = GraphNode("tracker", "tracker_left", {**camera.tracker.parameters, "tracker.keyframe_interval": 300})
     graph.run(seldom)
     images = iter(stamps(0, 2000))
 
@@ -141,7 +138,7 @@ def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: An
     graph.until(lambda: count("tracks") >= 20, _START_S, "the tracker tracks")
     assert keyframes() == [0], "an image that stands still needs no other"
     shared = {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]}
-    graph.run(NodeProcess("registration", "registration", shared))
+    graph.run(GraphNode("registration", "registration", shared))
     graph.until(lambda: count("landmarks") >= 1, _START_S, "the registration hears")
     came = len(graph.heard["/left/tracks"])
     graph.until(lambda: count("tracks") and len(keyframes()) > 1, _SOON_S, "it gets a keyframe")

@@ -8,7 +8,6 @@ import pytest
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -79,51 +78,6 @@ def test_a_map_of_noise_registers_nothing(reference_map, seen) -> None:
     )
     registrar = Registrar(camera, noise)
     assert [registrar.register(frame).world_T_camera for frame in frames] == [None] * len(frames)
-
-
-def uncertain(turn: float, shift: float) -> np.ndarray:
-    """Covariance of a pose, of these sigmas along every axis [rad, m]."""
-    return np.diag([turn**2] * 3 + [shift**2] * 3)
-
-
-def twice(reference_map: ReferenceMap) -> ReferenceMap:
-    """Two halls that look the same, the other 200 m away, and no photograph to begin at in one of them."""
-    count = len(reference_map.landmark_ids)
-    next_id = int(reference_map.landmark_ids.max()) + 1
-
-    def both(values: np.ndarray, more: np.ndarray | int = 0) -> np.ndarray:
-        return np.concatenate([values, (values + more).astype(values.dtype)])
-
-    return dataclasses.replace(
-        reference_map,
-        landmark_ids=both(reference_map.landmark_ids, next_id),
-        points_world=both(reference_map.points_world, np.array([200.0, 0.0, 0.0])),
-        descriptor_landmark=both(reference_map.descriptor_landmark, count),
-        descriptors=both(reference_map.descriptors),
-        descriptor_view=both(reference_map.descriptor_view),
-        descriptor_size=both(reference_map.descriptor_size),
-        world_T_camera=np.zeros((0, 4, 4)),
-        photographs=None,
-    )
-
-
-@pytest.mark.parametrize("off", [(0.02, 0.02), (0.2, 0.1)])
-def test_a_lost_camera_is_looked_for_where_it_is_expected(reference_map, seen, off: tuple[float, float]) -> None:
-    """In two halls that look the same nobody finds it but who is told in which it is."""
-    camera, frames = seen
-    true = Registrar(camera, reference_map).register(frames[0]).world_T_camera
-    twins = twice(reference_map)
-    told, untold, late = (Registrar(camera, twins) for _ in range(3))
-    turn, shift = off
-    near = true @ exp_se3(np.array([0.0, turn, -turn, shift, 0.0, -shift]))
-    told.expect(frames[0].stamp_ns, near, uncertain(*off))
-    late.expect(frames[0].stamp_ns - 600_000_000, near, uncertain(*off))
-    assert untold.register(frames[0]).world_T_camera is None
-    assert late.register(frames[0]).world_T_camera is None
-    found = told.register(frames[0]).world_T_camera
-    assert found is not None
-    step = log_se3(inverse(true) @ found)
-    assert np.linalg.norm(step[:3]) < 0.01 and np.linalg.norm(step[3:]) < 0.03
 
 
 def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:

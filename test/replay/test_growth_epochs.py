@@ -16,7 +16,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
-from bodycam_ros.pipeline import PipelineSettings
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap

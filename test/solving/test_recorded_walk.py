@@ -13,7 +13,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, rigid, umeyama
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
@@ -67,7 +68,6 @@ def test_one_wrong_camera_overrules_nobody(walk: Walk, undisturbed: list[BodySta
 
     skeleton, states = walk.solve(moved)
     assert skeleton.refused == {camera: len(undisturbed)}
-    assert [doubt.camera for doubt in skeleton.doubts] == [camera]
     ours, usual = (np.stack([state.world_T_segment for state in each]) for each in (states, undisturbed))
     assert np.linalg.norm((ours - usual)[..., :3, 3], axis=-1).max() < 0.012
     # Of a segment whose own camera is refused nothing but its neighbours says how it is turned.

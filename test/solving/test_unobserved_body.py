@@ -8,7 +8,8 @@ from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, positio
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.pipeline import PipelineSettings, SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.solving.body_frame import BodyFrame
 from bodycam_ros.solving.body_smoother import BodySmoother
@@ -98,7 +99,7 @@ def test_registrations_that_are_noise_are_survived(camera: str) -> None:
         frames.append(BodyFrame(frame.stamp_ns, matches))
     smoother = BodySmoother(body, lenses(body))
     states = solve(smoother, frames)
-    counts = smoother.refusals.counts
+    counts = smoother.refused
     assert counts[camera] > 50 and sum(counts.values()) < 70
     by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
     chest = position_errors(body, by_frame)[:, 0]

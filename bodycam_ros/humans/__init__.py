@@ -1,1 +1,0 @@
-"""The body as REP-155 describes humans: joints with one axis each, named and ordered as in human_description."""

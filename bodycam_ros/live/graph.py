@@ -1,0 +1,266 @@
+"""Which nodes make the live graph. Imports neither ROS nor NumPy: ``ros2 launch`` reads it in its own interpreter.
+
+Each argument is declared once, in ``GraphArguments``, most of them as the parameter of a node; the launch file and the
+executable ``graph`` take their arguments from there. One that a node has as a parameter goes to that node.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, Final, NoReturn
+from xml.etree import ElementTree
+
+from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StationError
+from bodycam_ros.live.node_parameters import (
+    OF_NODES,
+    CommonParameters,
+    ManagedParameters,
+    PlayerParameters,
+    RegistrationParameters,
+    RetargetParameters,
+    SolverParameters,
+    TrackerParameters,
+)
+from bodycam_ros.settings import describe, setting, settings_from_mapping
+from bodycam_ros.yaml_file import read_text, read_yaml
+
+USER_ERROR: Final = 2
+"""Exit code of a node whose map, body, camera or bag is wrong: the launch file ends then, for starting the node again
+would not mend that. A defect ends with 1, as Python does."""
+
+READERS_OF_INFO: Final = 3
+"""Nodes that read each camera's camera_info: its tracker, the registration, the solver."""
+
+READERS_OF_LANDMARKS: Final = 2
+"""Nodes that read each camera's landmarks: its tracker and the solver."""
+
+_OPTICAL = "_optical_frame"
+_CLOCK_HZ = 40.0
+"""Of the clock that is played, as ros2 bag has it."""
+
+_OF_STATIONS = ("surface", "start")
+_OF_WORN = ("cameras", "rig", "grown_map")
+
+
+def _as(parameters_type: type, name: str) -> Any:
+    """The parameter of a node, as an argument."""
+    of = next(f for f in fields(parameters_type) if f.name == name)
+    assert of.default is not MISSING
+    return field(default=of.default, metadata=of.metadata)
+
+
+@dataclass(frozen=True)
+class GraphArguments:
+    """Arguments of the launch file and of the executable ``graph``."""
+
+    map: str = _as(TrackerParameters, "map")
+    body: str = _as(SolverParameters, "body")
+    rig: str = _as(SolverParameters, "rig")
+    overwrite_body: bool = _as(SolverParameters, "overwrite_body")
+    equipment: str = _as(SolverParameters, "equipment")
+    cameras: tuple[str, ...] = setting((), reason="the cameras to use; all of the body if empty")
+    registrations: int = setting(
+        4, limits=(1, 100), reason="nodes that share the registration of the cameras: one has time for 4 at 30 Hz"
+    )
+    grown_map: str = _as(RegistrationParameters, "grown_map")
+    stations: str = _as(SolverParameters, "stations")
+    surface: str = _as(OF_NODES["region_tracker"], "surface")
+    start: str = _as(SolverParameters, "start")
+    urdf: str = _as(RetargetParameters, "urdf")
+    mapping: str = _as(RetargetParameters, "mapping")
+    bagfile: str = _as(PlayerParameters, "bagfile")
+    rate: float = _as(PlayerParameters, "rate")
+    loop: bool = _as(PlayerParameters, "loop")
+    transport: str = _as(TrackerParameters, "transport")
+    frame_prefix: str = _as(CommonParameters, "frame_prefix")
+    use_sim_time: bool = setting(
+        False, reason="whether the nodes' clocks follow /clock, which the player then publishes; stamps are the images'"
+    )
+    autostart: bool = _as(ManagedParameters, "autostart")
+    nodes: tuple[str, ...] = setting(
+        (),
+        reason="what this computer runs: kinds such as tracker, or names such as tracker_head; all if empty",
+    )
+
+    @classmethod
+    def from_texts(cls, texts: Mapping[str, str]) -> "GraphArguments":
+        """Arguments as words of a command line; lists have commas.
+
+        Raises:
+            SettingsError: a word is not what the argument needs.
+        """
+        kinds = {each.name: each.type for each in describe(cls)}
+        values = {name: _value(name, text, kinds[name]) for name, text in texts.items() if name in kinds}
+        return settings_from_mapping(cls, values, "arguments")
+
+
+@dataclass(frozen=True)
+class GraphNode:
+    """A node of the graph.
+
+    Attributes:
+        executable: as in ``ros2 run bodycam_ros EXECUTABLE``.
+        name: of the node.
+        parameters: its own, where they differ from their defaults.
+        namespace: where it is not that of its process.
+    """
+
+    executable: str
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    namespace: str = ""
+
+    def arguments(self) -> list[str]:
+        """Command line after the executable, for those who start it without a launch file."""
+        given = [f"{name}:={json.dumps(value)}" for name, value in self.parameters.items()]
+        words = ["--ros-args", "-r", f"__node:={self.name}"]
+        words += ["-r", f"__ns:=/{self.namespace.strip('/')}"] if self.namespace.strip("/") else []
+        return [*words, *(part for parameter in given for part in ("-p", parameter))]
+
+
+def graph(of: GraphArguments) -> list[GraphNode]:
+    """A tracker for each worn camera, the registrations and the solver; a region tracker for each static camera.
+
+    A robot follows where one is given, and a bag is played once the whole graph reads it.
+
+    Raises:
+        BodyError, StationError, SettingsError: a file with names of cameras cannot be read, an argument is missing, or
+            two of them exclude each other.
+    """
+    if not of.body:
+        raise SettingsError("the argument 'body' is missing; give body:=body.yaml")
+    stations = list(read_yaml(of.stations, "file of static cameras", StationError) or ()) if of.stations else []
+    if not stations and (needless := _given(of, _OF_STATIONS)):
+        raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
+    worn = _worn_cameras(of, bool(stations))
+    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera) for camera in worn]
+    count = min(of.registrations, len(worn))
+    for number in range(count):
+        nodes.append(
+            _node(
+                "registration",
+                "registration" if count == 1 else f"registration_{number + 1}",
+                of,
+                cameras=worn[number::count],
+                publish_map=number == 0,
+                landmark_readers=READERS_OF_LANDMARKS,
+            )
+        )
+    nodes += [_node("region_tracker", f"region_tracker_{each}", of, camera=each) for each in stations]
+    of_solver: dict[str, Any] = {"cameras": worn} if of.cameras else {}
+    nodes.append(_node("skeleton_solver", "skeleton_solver", of, **of_solver, **({} if worn else {"worn": False})))
+    if of.urdf or of.mapping:
+        if not (of.urdf and of.mapping):
+            raise BodyError("a robot that follows needs both: urdf:=ROBOT.urdf mapping:=MAPPING.yaml")
+        nodes.append(_node("retarget", "retarget", of))
+    if unknown := [name for name in of.nodes if name not in _names(nodes)]:
+        raise SettingsError(f"nodes: the graph has no {', '.join(unknown)}; it has {', '.join(_names(nodes))}")
+    nodes = [node for node in nodes if not of.nodes or {node.executable, node.name} & {*of.nodes}]
+    if of.bagfile:
+        read: dict[str, Any] = {"cameras": [*worn, *stations], "readers": READERS_OF_INFO}
+        read |= {"image_only": stations} if stations else {}
+        read |= {"clock": _CLOCK_HZ} if of.use_sim_time else {}
+        nodes.append(_node("player", "player", of, **read))
+    return nodes
+
+
+def from_command_line(words: Sequence[str]) -> list[GraphNode]:
+    """The nodes that the executable ``graph`` runs; a wrong argument ends the process with one line."""
+    parser = argparse.ArgumentParser(
+        "graph",
+        description="The live graph in one process.",
+        epilog="Settings: --ros-args --params-file FILE. A namespace: --ros-args -r __ns:=/anna",
+    )
+    for each in describe(GraphArguments):
+        flag = f"--{each.name.replace('_', '-')}"
+        if each.type is bool:
+            parser.add_argument(flag, action=argparse.BooleanOptionalAction, default=each.default, help=each.text())
+        else:
+            parser.add_argument(flag, default="", help=each.text().replace("%", "%%"))
+    own = words[: words.index("--ros-args")] if "--ros-args" in words else words
+    given = {name: str(value) for name, value in vars(parser.parse_args(own)).items() if value != ""}
+    try:
+        return graph(GraphArguments.from_texts(given))
+    except BodycamError as error:
+        _refuse(parser, error)
+
+
+def _refuse(parser: argparse.ArgumentParser, error: BodycamError) -> NoReturn:
+    print(f"{parser.prog}: error: {error}", file=sys.stderr)
+    sys.exit(2)
+
+
+def _node(executable: str, name: str, of: GraphArguments, **own: Any) -> GraphNode:
+    """A node with the arguments that it has as parameters, where they differ from the default."""
+    known = {each.name for each in describe(OF_NODES[executable])} - {"cameras"}
+    given = {
+        each.name: getattr(of, each.name)
+        for each in describe(GraphArguments)
+        if each.name in known and getattr(of, each.name) != each.default
+    }
+    follows_clock = {"use_sim_time": True} if of.use_sim_time and executable != "player" else {}
+    return GraphNode(executable, name, {**given, **own, **follows_clock})
+
+
+def _worn_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
+    """The cameras on the body that are used."""
+    if of.rig:
+        there = _cameras_in(of.rig, "rig file")
+        if of.cameras:
+            raise BodyError(f"{of.rig}: a calibration needs all cameras of the rig, so leave out 'cameras'")
+        return there
+    there = _cameras_in(of.body, "body file")
+    if of.equipment.endswith((".yaml", ".yml")):
+        there += _cameras_in(of.equipment, "equipment file")
+    if unknown := [camera for camera in of.cameras if camera not in there]:
+        raise BodyError(f"{of.body}: the body has no camera {', '.join(unknown)}; it has {', '.join(there) or 'none'}")
+    if not of.map:
+        if not has_stations:
+            raise StationError(
+                "there is neither a map, which cameras on the body are registered in, nor a file of static cameras; "
+                "give map:=MAP, stations:=cameras.yaml, or both"
+            )
+        if needless := _given(of, _OF_WORN):
+            raise StationError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
+        return []
+    if not there and not has_stations:
+        raise BodyError(f"{of.body}: the body has no camera")
+    return [*dict.fromkeys(of.cameras)] or there
+
+
+def _cameras_in(path: str, what: str) -> list[str]:
+    """Names of the cameras in a body, rig or equipment file. Nodes read all of it; the launch file needs no more."""
+    if path.lower().endswith(".urdf"):
+        try:
+            links = ElementTree.fromstring(read_text(path, what, BodyError)).iterfind("link")
+        except ElementTree.ParseError as error:
+            raise BodyError(f"{path}: is no URDF: {error}") from error
+        names = [link.get("name", "") for link in links]
+        return [name.removesuffix(_OPTICAL) for name in names if name.endswith(_OPTICAL)]
+    document = read_yaml(path, what, BodyError)
+    cameras = document.get("cameras") if isinstance(document, Mapping) else None
+    if cameras is not None and not isinstance(cameras, Mapping):
+        raise BodyError(f"{path}: 'cameras' must be a table, a camera in each line")
+    return [str(camera) for camera in cameras or ()]
+
+
+def _given(of: GraphArguments, names: Iterable[str]) -> list[str]:
+    return [name for name in names if getattr(of, name)]
+
+
+def _names(nodes: Sequence[GraphNode]) -> list[str]:
+    return list(dict.fromkeys([*(node.executable for node in nodes), *(node.name for node in nodes)]))
+
+
+def _value(name: str, text: str, kind: type) -> Any:
+    if kind is tuple:
+        return tuple(each.strip() for each in text.split(",") if each.strip())
+    if kind is str:
+        return text
+    try:
+        return {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+    except (KeyError, ValueError):
+        expected = "true or false" if kind is bool else "a number"
+        raise SettingsError(f"{name}: expected {expected}, got {text!r}") from None

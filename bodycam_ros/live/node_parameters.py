@@ -1,0 +1,309 @@
+"""The parameters of the nodes, each with unit, range and reason. Imports neither ROS nor NumPy."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from bodycam_ros.settings import setting
+
+TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
+REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter")
+REGION_GROUPS: Final = ("region", "motion")
+SOLVER_GROUPS: Final = (
+    *("readout", "clock", "assembler", "smoother", "motion", "trust", "memory", "covariance", "contact", "evidence"),
+    *("coupling", "region", "verdict", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
+    *("rest_pose", "refinement", "joint_limits", "assessment", "anthropometry"),
+)
+"""The groups of settings that each node uses."""
+
+
+@dataclass(frozen=True)
+class CommonParameters:
+    """Of every node."""
+
+    frame_prefix: str = setting(
+        "",
+        reason="before the names of all frames but the map's, such as 'anna/', as robot_state_publisher has it: so "
+        "several people share one map and one /tf; the node's namespace and a slash if empty, '/' for none",
+    )
+    moments: str = setting(
+        "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"
+    )
+
+
+@dataclass(frozen=True)
+class ManagedParameters(CommonParameters):
+    """Of every node that can be managed; the player works as long as it lives."""
+
+    autostart: bool = setting(
+        True,
+        reason="whether the node configures and activates itself, and ends where it cannot; else whoever manages it "
+        "does so, with 'ros2 lifecycle set' for one, and a configuration that fails leaves it unconfigured",
+    )
+
+
+@dataclass(frozen=True)
+class TrackerParameters(ManagedParameters):
+    """Of the node ``tracker``."""
+
+    camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
+    map: str = setting(
+        "",
+        reason="folder of the reference map, made by 'bodycam map'; with its photographs landmarks are found directly, "
+        "without it features are tracked until the registration names them",
+    )
+    transport: str = setting(
+        "compressed",
+        reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
+        "'foxglove' <camera>/image_raw/compressed_video or foxglove, which need foxglove_msgs; another one is taken if "
+        "it alone is published",
+    )
+    image_queue: int = setting(
+        60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
+    )
+    most_ahead: int = setting(
+        5,
+        unit="frames",
+        limits=(1, 10000),
+        reason="how far the tracker may run ahead of the registration: 0.2 s",
+        live=True,
+    )
+    longest_wait: float = setting(
+        1.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="when an image has waited for longer the machine does not keep up, and every second one is left out "
+        "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
+        live=True,
+    )
+    recovery: float = setting(
+        5.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="how long no image may have waited for more than a quarter of that, before all are tracked again",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class RegistrationParameters(ManagedParameters):
+    """Of the node ``registration``."""
+
+    map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
+    body: str = setting("", reason="body YAML, which names the cameras; not needed if 'cameras' is given")
+    cameras: tuple[str, ...] = setting(
+        (), reason="the cameras to register; those of 'body' if empty; several nodes may share them"
+    )
+    publish_map: bool = setting(True, reason="of several nodes over one map only one needs to publish map/points")
+    landmark_readers: int = setting(
+        1,
+        limits=(0, 100),
+        reason="a camera's first frames wait until so many nodes read its landmarks; the whole graph has two a camera, "
+        "tracker and solver",
+        live=True,
+    )
+    landmark_wait: float = setting(
+        10.0, unit="s", limits=(0.0, 600.0), reason="go on without them when they are not there by then", live=True
+    )
+    grown_map: str = setting(
+        "",
+        reason="folder to be, in which each registration keeps its map with all that has grown, under its own name; "
+        "started again it goes on from there; nothing is kept if empty",
+    )
+    save_interval: float = setting(
+        60.0,
+        unit="s",
+        limits=(1.0, 86400.0),
+        reason="how often 'grown_map' is written if it has changed; so much of the growth is lost by a crash, and the "
+        "whole map, some 20 MB, is written each time",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class SolverParameters(ManagedParameters):
+    """Of the node ``skeleton_solver``."""
+
+    body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
+    equipment: str = setting(
+        "",
+        reason="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
+        "such as 'bicycle'",
+    )
+    cameras: tuple[str, ...] = setting((), reason="the cameras to listen to; all of the body if empty")
+    rig: str = setting(
+        "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
+    )
+    map: str = setting(
+        "",
+        reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made; "
+        "with 'stations': the map whose frame is the world",
+    )
+    stations: str = setting(
+        "", reason="YAML of static cameras, whose <camera>/segment_poses are listened to; none if empty"
+    )
+    start: str = setting(
+        "", reason="with 'stations': YAML of where the body is at first; if empty worn cameras must tell"
+    )
+    worn: bool = setting(True, reason="whether to listen to cameras on the body; false where static ones alone tell")
+    publish_links: bool = setting(
+        True,
+        reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
+        "robot_state_publisher says so: then /tf has the root alone",
+    )
+    mass: float = setting(
+        0.0,
+        unit="kg",
+        limits=(0.0, 1000.0),
+        reason="mass of the whole person; robot_description then has inertials, by the table of de Leva 1996; 0: none",
+    )
+    marker_rate: float = setting(
+        1000.0,
+        unit="Hz",
+        limits=(0.0, 1000.0),
+        reason="/skeleton is published at most so often, for people who look at it; 0: never",
+        live=True,
+    )
+    overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
+    facing: float = setting(
+        float("nan"),
+        unit="deg",
+        reason="with 'rig': where the person faces in the N-pose, about the map's z from its x; by hips and shoulders "
+        "if it is not given",
+    )
+    info_wait: float = setting(
+        0.5,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="once the first camera_info is here, how long to wait for the other cameras' before starting; they join "
+        "when theirs comes",
+        live=True,
+    )
+    idle_flush: float = setting(
+        3.0,
+        unit="s",
+        limits=(0.1, 600.0),
+        reason="when no camera was heard for so long, publish the instants that wait for later ones",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class RegionTrackerParameters(ManagedParameters):
+    """Of the node ``region_tracker``."""
+
+    camera: str = setting("", reason="the static camera; its images are on <camera>/image_raw/compressed, in colour")
+    stations: str = setting("", reason="YAML of the static cameras: where they stand, and their lenses")
+    body: str = setting("", reason="body YAML; the solver must have the same")
+    surface: str = setting(
+        "", reason="folder of the segments' meshes; if empty the one that 'body' names, or capsules along its bones"
+    )
+    start: str = setting(
+        "", reason="YAML of where the body is in the first image; if empty it waits until worn cameras tell the solver"
+    )
+    equipment: str = setting("", reason="as the solver has it")
+    map: str = setting(
+        "", reason="folder of the reference map whose frame is the world; if empty the frame of 'stations' is"
+    )
+    transport: str = setting("compressed", reason="as of the tracker")
+    image_queue: int = setting(
+        150,
+        unit="images",
+        limits=(1, 10000),
+        reason="how far it may fall behind before images are lost: 5 s, for at first limbs are looked for; those that "
+        "the solver has not waited for are left out anyway",
+    )
+    most_ahead: int = setting(
+        1,
+        unit="frames",
+        limits=(1, 10000),
+        reason="how far it may run ahead of the solver: on a cyclist all cameras together leave 0.9 cm, with 1 each by "
+        "itself leaves 1.0, with 2 it leaves 1.2, with 3 the feet are lost",
+        live=True,
+    )
+    longest_wait: float = setting(
+        1.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="when an image has waited for longer every second one is left out",
+        live=True,
+    )
+    recovery: float = setting(
+        5.0,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="how long none may have waited before all are looked at again",
+        live=True,
+    )
+    start_wait: float = setting(
+        0.5,
+        unit="s",
+        limits=(0.0, 600.0),
+        reason="with 'start': how long the first image waits for a solver that knows where the body is by now, as it "
+        "does where this node was started again",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class RetargetParameters(ManagedParameters):
+    """Of the node ``retarget``."""
+
+    urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and where ROS knows them")
+    mapping: str = setting("", reason="YAML of which links of the robot follow what, as config/robot/talos.yaml")
+    robot: str = setting("robot", reason="namespace of what is published of the robot, and prefix of its root's frame")
+
+
+@dataclass(frozen=True)
+class PlayerParameters(CommonParameters):
+    """Of the node ``player``."""
+
+    bagfile: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
+    cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
+    rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded", live=True)
+    loop: bool = setting(
+        False, reason="begin again at the end, with the stamps as recorded: time jumps back", live=True
+    )
+    start_paused: bool = setting(False, reason="play nothing until ~/resume or ~/play_next asks for it")
+    clock: float = setting(
+        0.0,
+        unit="Hz",
+        limits=(0.0, 1000.0),
+        reason="how often /clock is published, for nodes with use_sim_time; 0: never; rosbag2 has 40",
+    )
+    readers: int = setting(
+        1,
+        limits=(0, 100),
+        reason="wait for so many nodes that read each camera_info; the whole graph has three a camera",
+    )
+    reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
+    image_only: tuple[str, ...] = setting(
+        (), reason="cameras whose camera_info nobody has to read: static ones, whose lens is in a file"
+    )
+    settle: float = setting(
+        1.0, unit="s", limits=(0.0, 60.0), reason="once they are there, give them time to find each other as well"
+    )
+
+
+OF_NODES = {
+    "tracker": TrackerParameters,
+    "region_tracker": RegionTrackerParameters,
+    "registration": RegistrationParameters,
+    "skeleton_solver": SolverParameters,
+    "retarget": RetargetParameters,
+    "player": PlayerParameters,
+}
+"""By the name of the executable."""
+
+ALL = tuple(OF_NODES.values())
+"""One parameter file serves all nodes, so each must know what is meant for another."""
+
+GROUPS: Final = frozenset(
+    """
+    tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
+    readout clock assembler smoother motion trust memory covariance contact evidence coupling region verdict
+    motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
+    frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
+    sound_peaks claps whole_sound clocks shape stations doctor lens retarget
+    """.split()
+)
+"""Groups of settings of all nodes and commands: one file serves all of them."""

@@ -1,0 +1,161 @@
+"""The process of a node, or of several: signals, executors, exit codes, and how nodes leave ROS."""
+
+import faulthandler
+import gc
+import logging
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, Protocol
+
+import cv2
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.live.fast_dds import without_discovery_callbacks
+from bodycam_ros.live.graph import USER_ERROR
+from bodycam_ros.live.signals import Signals
+
+PATIENCE_S = 60.0
+"""Leaving takes 0.03 s of processor time: a process that is still there then is stuck, however busy the machine is."""
+
+_SPIN_S = 0.2
+_LOOK_S = 0.1
+
+
+class WorkingNode(Protocol):
+    """A node as its process uses it."""
+
+    def bring_up(self) -> None:
+        """Begin; raises a BodycamError where that is not possible."""
+
+    def work(self, stopped: Callable[[], bool]) -> None:
+        """Work until it is over, or stopped; raises the BodycamError that ends it."""
+
+    def finish(self) -> None:
+        """Take the last step; publishing still works."""
+
+
+def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
+    """Run nodes in this process until one fails, all are over, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
+
+    Each has a thread and an executor of its own: numba's kernels and OpenCV let other threads run meanwhile.
+
+    Args:
+        name: of the executable, for its errors.
+        make_nodes: make the nodes.
+    """
+    cv2.setNumThreads(1)
+    logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
+    signals = Signals()
+    nodes: list[Any] = []
+    try:
+        # Own handlers: rclpy's close the context at once, and nothing could be published or saved any more.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        for make in make_nodes:
+            if signals.have_come():
+                break
+            nodes.append(make())
+            nodes[-1].bring_up()
+        _work(nodes, signals.have_come)
+    except BodycamError as error:
+        return _printed(name, error)
+    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
+        # DDS does not let it take part: it lacks keys, or its arguments are none of ROS.
+        return _printed(name, " ".join(str(error).split()))
+    finally:
+        # A second signal, which a launch file sends, must not cut this short.
+        signals.ignore()
+        leave_ros(nodes)
+    return 0
+
+
+def _work(nodes: Sequence[WorkingNode], stopped: Callable[[], bool]) -> None:
+    if len(nodes) == 1:
+        nodes[0].work(stopped)
+        nodes[0].finish()
+        return
+    over = threading.Event()
+    errors: list[BaseException] = []
+
+    def work(node: WorkingNode) -> None:
+        try:
+            node.work(over.is_set)
+            node.finish()
+        except BaseException as error:
+            errors.append(error)
+            over.set()
+
+    threads = [threading.Thread(target=work, args=(node,)) for node in nodes]
+    for thread in threads:
+        thread.start()
+    while not stopped() and any(thread.is_alive() for thread in threads):
+        over.wait(_LOOK_S)
+    over.set()
+    for thread in threads:
+        thread.join()
+    for error in errors:
+        raise error
+
+
+def spin(node: Node, stopped: Callable[[], bool]) -> None:
+    """Serve a node until it is stopped."""
+    executor = light_executor()
+    executor.add_node(node)
+    never = Future()
+    try:
+        # In slices: Python handles signals between them, and without a time limit EventsExecutor keeps the interpreter.
+        while not stopped():
+            try:
+                executor.spin_until_future_complete(never, _SPIN_S)
+            except rclpy_implementation.RCLError as error:
+                # rclpy answers nobody who asks for a transition that is not possible in the node's state.
+                node.get_logger().warning(" ".join(str(error).split()))
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+
+
+def light_executor() -> Executor:
+    """The executor that takes half the time per message, where this rclpy has it."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def leave_ros(nodes: list[Any]) -> None:
+    """Destroy the nodes, which the list must be the last to refer to, and end ROS in this process.
+
+    What is still not over after ``PATIENCE_S`` is ended with exit code 1 and the place where it is stuck.
+    """
+    faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
+    while nodes:
+        node = nodes.pop()
+        ignore_discovery(node)
+        node.destroy_node()
+        del node
+    # A LifecycleNode's state machine keeps the node in DDS until both are freed.
+    gc.collect()
+    rclpy.try_shutdown()
+
+
+def ignore_discovery(node: Node) -> bool:
+    """Let a node's participant in DDS be called no more when others come and go; whether that was possible."""
+    with node.handle:
+        return without_discovery_callbacks(node.handle.pointer)
+
+
+def _printed(name: str, error: object) -> int:
+    """Print an error of the user's as one line; the exit code."""
+    # The terminal may be gone.
+    with suppress(OSError):
+        print(f"{name}: error: {error}", file=sys.stderr, flush=True)
+    return USER_ERROR

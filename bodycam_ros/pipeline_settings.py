@@ -1,0 +1,61 @@
+"""Settings of all stages, apart from these: every node and command reads them, few run all stages."""
+
+from dataclasses import dataclass
+
+from bodycam_ros.growth.extension_settings import ExtensionSettings
+from bodycam_ros.growth.growth_settings import GrowthSettings
+from bodycam_ros.outside.region_settings import RegionSettings
+from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
+from bodycam_ros.registration.direct_registration import DirectSettings
+from bodycam_ros.registration.matching import MatchingSettings
+from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.readout_pool import ReadoutSettings
+from bodycam_ros.registration.readout_time import ShutterSettings
+from bodycam_ros.registration.registrar_settings import RegistrarSettings
+from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.solving.body_covariance import CovarianceSettings
+from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.solving.camera_trust import TrustSettings
+from bodycam_ros.solving.contact_settings import ContactSettings
+from bodycam_ros.solving.coupling_settings import CouplingSettings
+from bodycam_ros.solving.frame_assembler import AssemblerSettings
+from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.solving.pose_memory import PoseMemorySettings
+from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.tracking.keypoints import KeypointSettings
+from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
+from bodycam_ros.tracking.rotation import RotationSettings
+from bodycam_ros.tracking.tracker_settings import TrackerSettings
+from bodycam_ros.verdict.verdict import VerdictSettings
+
+
+@dataclass(frozen=True)
+class PipelineSettings(SettingsGroups):
+    """Settings of all stages between an image and the body."""
+
+    tracker: TrackerSettings = TrackerSettings()
+    keypoints: KeypointSettings = KeypointSettings()
+    flow: OpticalFlowSettings = OpticalFlowSettings()
+    rotation: RotationSettings = RotationSettings()
+    registrar: RegistrarSettings = RegistrarSettings()
+    growth: GrowthSettings = GrowthSettings()
+    extend: ExtensionSettings = ExtensionSettings()
+    direct: DirectSettings = DirectSettings()
+    matching: MatchingSettings = MatchingSettings()
+    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
+    pose_fit: PoseFitSettings = PoseFitSettings()
+    shutter: ShutterSettings = ShutterSettings()
+    readout: ReadoutSettings = ReadoutSettings()
+    clock: ClockSettings = ClockSettings()
+    assembler: AssemblerSettings = AssemblerSettings()
+    smoother: SmootherSettings = SmootherSettings()
+    motion: MotionSettings = MotionSettings()
+    trust: TrustSettings = TrustSettings()
+    memory: PoseMemorySettings = PoseMemorySettings()
+    covariance: CovarianceSettings = CovarianceSettings()
+    contact: ContactSettings = ContactSettings()
+    evidence: EvidenceSettings = EvidenceSettings()
+    coupling: CouplingSettings = CouplingSettings()
+    region: RegionSettings = RegionSettings()
+    verdict: VerdictSettings = VerdictSettings()
