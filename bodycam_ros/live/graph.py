@@ -10,8 +10,8 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Final, NoReturn
-from xml.etree import ElementTree
 
+from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StationError
 from bodycam_ros.live.node_parameters import (
     OF_NODES,
@@ -234,8 +234,8 @@ def _cameras_in(path: str, what: str) -> list[str]:
     """Names of the cameras in a body, rig or equipment file. Nodes read all of it; the launch file needs no more."""
     if path.lower().endswith(".urdf"):
         try:
-            links = ElementTree.fromstring(read_text(path, what, BodyError)).iterfind("link")
-        except ElementTree.ParseError as error:
+            links = xml_elements(read_text(path, what, BodyError)).iterfind("link")
+        except BodyError as error:
             raise BodyError(f"{path}: is no URDF: {error}") from error
         names = [link.get("name", "") for link in links]
         return [name.removesuffix(_OPTICAL) for name in names if name.endswith(_OPTICAL)]

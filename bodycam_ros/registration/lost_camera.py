@@ -1,4 +1,4 @@
-"""Where a lost camera may be: where the body has it, where a picture like its own was taken, or anywhere in the map."""
+"""Where a lost camera may be: where a picture like its own was taken, or anywhere in the map."""
 
 from collections.abc import Iterator
 
@@ -8,20 +8,8 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.registration.absolute_pose import find_pose
 from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
-from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks
 from bodycam_ros.registration.reference_map import ReferenceMap
-
-_SIGMAS = 3.0  # of where the body has the camera, for a landmark's place in the image
-_AGREES = 4.0  # sigmas by which it may be elsewhere
-_EXACT = 0.05  # [rad, m] that a first pose may err by itself
-_LATEST_S = 0.5  # a limb may be anywhere by then
-_TURNS = 2.0  # [rad/s] and
-_MOVES = 1.0  # [m/s] by which a limb leaves what was expected of it
-_NEAR_SHARE = 0.25  # of the landmarks ahead are nearer than what sets how far a shift is seen
-
-_BLOCKS = (slice(0, 3), slice(3, 6))
-"""Of a covariance: rotation and translation."""
 
 Matches = tuple[NDArray[np.int64], NDArray[np.int64]]
 
@@ -31,7 +19,6 @@ class LostCamera:
 
     Args:
         camera, reference_map: its model; the map.
-        local: the landmarks around it.
         matching, absolute_pose: settings of the search and of its RANSAC.
     """
 
@@ -39,16 +26,14 @@ class LostCamera:
         self,
         camera: CameraModel,
         reference_map: ReferenceMap,
-        local: LocalLandmarks,
         matching: MatchingSettings,
         absolute_pose: AbsolutePoseSettings,
     ) -> None:
-        self._camera, self._map, self._local = camera, reference_map, local
+        self._camera, self._map = camera, reference_map
         self._matching, self._absolute_pose = matching, absolute_pose
 
     def poses(
         self,
-        stamp_ns: int,
         pixels: NDArray[np.float64],
         descriptors: NDArray[np.uint8],
         scales: NDArray[np.floating],
@@ -56,7 +41,6 @@ class LostCamera:
         """Poses world_T_camera (4, 4) that the camera may have, the likeliest first; each costs when it is asked for.
 
         Args:
-            stamp_ns: of the image [ns].
             pixels, descriptors, scales: (M, 2), (M, 128), (M,) its keypoints, the strongest first.
         """
         for matches in self._alike(descriptors):

@@ -63,9 +63,7 @@ class Registrar:
         self._shutter = shutter or ShutterSettings()
         self.readout = ReadoutTime(self._shutter, readout)
         self._local = LocalLandmarks(reference_map.grid, camera.fx, self._matching.min_visible_scale_px)
-        self._lost = LostCamera(
-            camera, reference_map, self._local, self._matching, absolute_pose or AbsolutePoseSettings()
-        )
+        self._lost = LostCamera(camera, reference_map, self._matching, absolute_pose or AbsolutePoseSettings())
         self._path = RecentPath(self._shutter)
         self._carried = CarriedLandmarks(reference_map)
         self._world_T_camera: NDArray[np.float64] | None = None
@@ -157,7 +155,7 @@ class Registrar:
     def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], PoseFit | None]:
         """Name the described tracks around the first pose that they confirm, of those where a lost camera may be."""
         pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
-        for pose in self._lost.poses(frame.stamp_ns, pixels, frame.descriptors, frame.scales):
+        for pose in self._lost.poses(pixels, frame.descriptors, frame.scales):
             rows, fit = self._name_tracks(frame, rows, pose, self._matching.lost_radius_px)
             if fit is not None:
                 return rows, fit
