@@ -30,7 +30,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.smoother_settings import OFFLINE
+from bodycam_ros.estimation.smoother_settings import OFFLINE
 
 WAYS: Mapping[str, Mapping[str, object]] = {
     "window, LM": {"incremental": False},

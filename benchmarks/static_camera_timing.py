@@ -25,7 +25,7 @@ from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import StationView
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.solving.motion import predict
+from bodycam_ros.estimation.motion_model import predict
 
 STATIONS = 4
 _WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0

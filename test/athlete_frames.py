@@ -14,12 +14,12 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_smoother import BodySmoother
-from bodycam_ros.solving.coupling import Coupling
-from bodycam_ros.solving.coupling_settings import CouplingSettings
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.coupling import Coupling
+from bodycam_ros.estimation.coupling_settings import CouplingSettings
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 
 Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]

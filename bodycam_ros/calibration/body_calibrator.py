@@ -29,7 +29,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.solving.camera_evidence import EvidenceSettings
+from bodycam_ros.estimation.camera_evidence import EvidenceSettings
 from bodycam_ros.timing.clock_settings import ClockSettings
 
 

@@ -20,8 +20,8 @@ from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.estimation.body_state import BodyOutput
+from bodycam_ros.estimation.said_segments import SaidSegments
 from bodycam_ros.verdict.judge import LiveVerdict
 
 

@@ -17,7 +17,7 @@ from bodycam_ros.messages.pose import (
     transform_messages,
     vector_message,
 )
-from bodycam_ros.solving.body_state import BodyOutput, BodyState
+from bodycam_ros.estimation.body_state import BodyOutput, BodyState
 
 _LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
 _BONE_WIDTH_M = 0.02

@@ -19,7 +19,7 @@ from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.outside.person_masses import person_masses
-from bodycam_ros.solving.body_state import BodyOutput
+from bodycam_ros.estimation.body_state import BodyOutput
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",

@@ -28,8 +28,8 @@ from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.lone_station import LoneStation
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.estimation.body_now import BodyNow
+from bodycam_ros.estimation.said_segments import SaidSegments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25

@@ -30,8 +30,8 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.estimation.body_state import BodyOutput
+from bodycam_ros.estimation.said_segments import SaidSegments
 
 _LOOK_S, _CALIBRATION_LOOK_S = 0.5, 0.2
 

@@ -11,8 +11,8 @@ from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, s
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.outside.station import Station
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.estimation.body_now import BodyNow
+from bodycam_ros.estimation.said_segments import SaidSegments
 
 
 class Stations:

@@ -20,7 +20,7 @@ from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image
 from bodycam_ros.outside.station_watch import followed
-from bodycam_ros.solving.motion import MotionSettings, predict
+from bodycam_ros.estimation.motion_model import MotionSettings, predict
 
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 

@@ -21,8 +21,8 @@ from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_x
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.shown import shown
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.start_poses import first_poses
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.first_poses import first_poses
 from bodycam_ros.yaml_file import read_yaml
 
 logger = logging.getLogger(__name__)

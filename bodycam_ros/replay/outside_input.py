@@ -17,7 +17,7 @@ from bodycam_ros.outside.stations_file import read_stations, refuse_worn
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.solving.seen_body import SeenBody
+from bodycam_ros.estimation.seen_body import SeenBody
 
 logger = logging.getLogger(__name__)
 

@@ -40,7 +40,7 @@ from bodycam_ros.replay.known_readouts import known_readouts
 from bodycam_ros.replay.outside_input import station_watch, stations_of
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.solving.seen_body import SeenBody
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
@@ -162,7 +162,7 @@ def replay(
         found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
         summary.verdict = Verdict.of(found)
         out.write_verdict(item.stamp_ns, summary.verdict, settings.verdict)
-        summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
+        summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late
         if summary.late:

@@ -18,8 +18,8 @@ from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import RegisteredImage
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.seen_body import SeenBody
+from bodycam_ros.estimation.body_state import BodyOutput
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog

@@ -13,8 +13,8 @@ from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.said_segments import SaidSegments
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.said_segments import SaidSegments
 
 STAMP_NS = 1_700_000_000_123_456_789
 

@@ -22,7 +22,7 @@ from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 
 FRAME_NS = 33_333_333
 START_NS = 10_000_000_000_000

@@ -20,7 +20,7 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.start_file import start_poses
-from bodycam_ros.solving.motion import MotionSettings
+from bodycam_ros.estimation.motion_model import MotionSettings
 
 pytestmark = pytest.mark.long
 

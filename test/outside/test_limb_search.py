@@ -11,7 +11,7 @@ from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 
 LEG = ("thigh_left", "shin_left", "foot_left")
 

@@ -18,7 +18,7 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.start_file import start_poses
 from bodycam_ros.outside.station import Station
-from bodycam_ros.solving.camera_evidence import SegmentPose
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 
 Array = NDArray[np.float64]
 Images = list[dict[str, NDArray[np.uint8]]]

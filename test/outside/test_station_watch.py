@@ -17,9 +17,9 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station_watch import StationWatch
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.seen_body import SeenBody
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.seen_body import SeenBody
 
 Images = dict[str, CameraImage]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.solving.contact_settings import ContactSettings
+from bodycam_ros.estimation.contact_settings import ContactSettings
 
 _PROMINENCE_M = 0.08
 """By which a foot is ahead at least, in its swing, of where it was before and after."""

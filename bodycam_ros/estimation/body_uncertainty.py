@@ -1,0 +1,71 @@
+"""How well the body is known at an instant: covariances of its root, joints and segments, from the one of the belief."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.estimation.belief import Belief
+from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.settings import setting
+
+_ALIKE_S = 0.3
+"""Errors of registrations fade so slowly (0.9 from image to image at 30 Hz), so that differences err far less."""
+
+
+@dataclass(frozen=True)
+class CovarianceSettings:
+    """What a registration's own covariance does not know."""
+
+    root_rotation_sigma: float = setting(
+        0.0002,
+        unit="rad",
+        limits=(0.0, 0.1),
+        reason="error of the calibrated body itself, the same at all instants",
+    )
+    root_translation_sigma: float = setting(0.0006, unit="m", limits=(0.0, 0.1), reason="the same for positions")
+
+
+@dataclass(frozen=True)
+class BodyUncertainty:
+    """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
+
+    Attributes:
+        root: (6, 6) of the root segment's pose.
+        root_twist: (6, 6) of its velocity [rad/s, m/s].
+        joints: (J, 3, 3) of the joint rotations, in the child segment's axes [rad^2].
+        segments: (S, 6, 6) of the segments' poses.
+    """
+
+    root: Array
+    root_twist: Array
+    joints: Array
+    segments: Array
+
+
+def body_uncertainty(
+    belief: Belief, tangent: TreeTangent, settings: CovarianceSettings, dt_s: float, root_seen: bool
+) -> BodyUncertainty:
+    """Covariances of a belief.
+
+    Args:
+        belief: of the instant.
+        tangent: its coordinates.
+        settings: what else errs.
+        dt_s: since the instant before [s]; 0 where there is none.
+        root_seen: whether a camera on the root is believed.
+    """
+    K, P = tangent.count, belief.covariance
+    J = tangent.segment_jacobians(belief.at.poses(tangent))
+    body_error = np.repeat([settings.root_rotation_sigma, settings.root_translation_sigma], 3) ** 2
+    segments = J @ P[:K, :K] @ np.swapaxes(J, -1, -2) + np.diag(body_error)
+    joints = np.zeros((len(tangent.twists), 3, 3))
+    for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):
+        turns = joint.child_T_joint[:3, :3] @ tangent.twists[row][:3]
+        joints[row] = turns @ P[columns, columns] @ turns.T
+    root = segments[tangent.tree.segment_index[tangent.tree.root]]
+    twist = P[K : K + 6, K : K + 6].copy()
+    if root_seen and dt_s > 0.0:
+        # The difference of two poses whose errors are nearly the same.
+        twist = 2.0 * (1.0 - np.exp(-dt_s / _ALIKE_S)) / dt_s**2 * root
+    return BodyUncertainty(root, twist, joints, segments)
