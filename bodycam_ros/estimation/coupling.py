@@ -230,8 +230,6 @@ class Coupling:
         """
         poses = prior.poses
         distances = self._watch.distances(looked, poses, self.places.shifts)
-        # What has gone on unseen in another way than expected begins anew where it is seen.
-        self.went_on = not self._watch.surprised(distances, self.places.sigmas)
         if self._watch.astray(distances, self.places.sigmas):
             poses = self._place.near(self._watch.held(looked), self.places.shifts, prior)
             distances = self._watch.distances(looked, poses, self.places.shifts)
@@ -240,7 +238,7 @@ class Coupling:
             elsewhere = self._place.around(looked, self.places.shifts, prior)
             anew = self._watch.distances(looked, elsewhere, self.places.shifts)
             if sum(anew.values()) < sum(distances.values()):
-                poses, distances, self.went_on = elsewhere, anew, False
+                poses, distances = elsewhere, anew
             found = 2 * self._watch.contradicted(distances, self.places.sigmas) <= len(distances)
         self._watch.notice(distances, self.places.sigmas)
         return found, poses

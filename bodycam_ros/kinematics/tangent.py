@@ -50,7 +50,7 @@ class TreeTangent:
 
     def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
         """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""
-        of_joints = (step[..., 6:] @ self._amounts).reshape(*step.shape[:-1], -1, 6)
+        of_joints = (step[..., 6 : self.count] @ self._amounts).reshape(*step.shape[:-1], -1, 6)
         poses = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
         poses = poses @ exp_se3(np.concatenate([step[..., None, :6], of_joints], axis=-2))
         poses[..., :3, :3] = nearest_rotation(poses[..., :3, :3])
