@@ -176,10 +176,10 @@ class BodyEstimator:
         cameras = worn.only(kept) + SegmentPoses.of(self.body, [*placed, *self._looking_on.evidence])
         known = observed | self._looking_on.rows | self.body.named(self.body.segments[t.row] for t in turns)
         ends = self.body.joint_ends
-        joints_seen, turning = observed[ends].all(axis=1), known[ends].all(axis=1)
+        joints_seen, turning = observed[ends].all(axis=1), known[ends].all(axis=1) | (before is None)
         # What nothing sees, and what holds equipment.
         rotations = self.body.joint_rotations(path)
-        expected = self._prior.expect(rotations, joints_seen, dt_s or _FIRST_S)
+        expected = self._prior.expect(rotations, joints_seen, turning, dt_s or _FIRST_S)
         told = self._looking_on.told(observed)
         expected = expected.replaced(told.which, told.rotations, told.sigma)
         closed, holding = (), None

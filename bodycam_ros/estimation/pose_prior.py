@@ -29,8 +29,11 @@ _LEAST_RAD = 0.1
 _ASSUMED_S = 0.3
 """For this long a joint must be seen to outweigh what was assumed of it."""
 
-LASTS_S = 1.5
+_LASTS_S = 0.1
 """A limb stays on one side of its expectation for about this long: the instants of this time are one measurement."""
+
+_TURNING_LASTS_S = 3.0
+"""The same for a limb whose rotation is measured from image to image: it stays where it is beside its expectation."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +106,14 @@ class PosePrior:
         self._sums = kept * self._sums + both * x[:, None]
         self._products = kept * self._products + both * np.outer(x, x)
 
-    def expect(self, rotations: Array, seen: Mask, dt_s: float, lasts_s: float = LASTS_S) -> JointRotations:
+    def expect(self, rotations: Array, seen: Mask, turning: Mask, dt_s: float) -> JointRotations:
         """Where joints are that are not seen: the Gaussian's conditional.
 
         Args:
             rotations: (J, 3, 3) joint rotations; those of unseen joints do not matter.
             seen: (J,) whether both of a joint's segments are.
-            dt_s: how long the instant lasts [s], of all those that are one measurement.
-            lasts_s: how long these are [s].
+            turning: (J,) whether the rotation of what is not seen is measured at least.
+            dt_s: how long the instant lasts [s].
         """
         seen = seen | (self._machine & self.machine_is_known)
         unseen = ~seen & ~self._machine
@@ -127,7 +130,9 @@ class PosePrior:
         reach = 2.0 * np.sqrt(np.diag(covariance)[wanted])
         expected = mean.copy()
         expected[wanted] += np.clip(gain @ (self.vectors(rotations) - mean)[known], -reach, reach)
-        variances = np.maximum(np.diag(spread).reshape(-1, 3), _LEAST_RAD**2) * max(1.0, lasts_s / dt_s)
+        lasts_s = np.where(turning, _TURNING_LASTS_S, _LASTS_S)[rows]
+        shared = np.maximum(1.0, lasts_s / dt_s)[:, None]
+        variances = np.maximum(np.diag(spread).reshape(-1, 3), _LEAST_RAD**2) * shared
         return JointRotations(rows, self.limits.clamp(self._rotations(expected))[rows], np.sqrt(variances))
 
     def _gaussian(self) -> tuple[Array, Array]:

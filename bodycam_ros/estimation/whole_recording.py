@@ -16,9 +16,6 @@ from bodycam_ros.estimation.recorded_poses import RecordedPoses
 from bodycam_ros.estimation.turns import turned
 from bodycam_ros.kinematics.tangent import TreeTangent
 
-_LASTS_S = 0.2
-"""As ``LASTS_S`` of the prior, of an expectation by what was seen before and after, which errs for less long."""
-
 _LEAST_S = 1e-3
 
 
@@ -78,7 +75,7 @@ class WholeRecording:
         stamps_ns = np.array([instant.stamp_ns for instant in instants])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
         by_prior = [
-            self._prior.expect(R, instant.joints_seen, float(dt_s), _LASTS_S)
+            self._prior.expect(R, instant.joints_seen, instant.turning, float(dt_s))
             if instant.is_observed
             else JointRotations.nothing()
             for R, instant, dt_s in zip(rotations, instants, lasting_s, strict=True)
