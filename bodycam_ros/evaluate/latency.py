@@ -88,7 +88,8 @@ def latency_of(noted: Iterable[Noted]) -> Latency:
             of_camera[note.camera][note.moment][note.stamp_ns] = note.at.steady_ns
     chains = {camera: _chains(moments) for camera, moments in of_camera.items()}
     stamps, stages = [], []
-    for stamp_ns in sorted(solved):
+    # An instant at either end of the run can lack a moment: it began before the notes did, or never ended.
+    for stamp_ns in sorted(begun.keys() & solved.keys()):
         found = (_nearest(*of_one, stamp_ns) for of_one in chains.values())
         near = [one for one in found if one is not None and one[-1] <= solved[stamp_ns]]
         if near:
