@@ -28,6 +28,7 @@ from bodycam_ros.estimation.measurements import SegmentPoses
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
 from bodycam_ros.estimation.search_pacing import SearchPacing
 from bodycam_ros.geometry import inverse
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 Array = NDArray[np.float64]
@@ -112,6 +113,15 @@ class Coupling:
         for row, joint in enumerate(tangent.tree.tree_joints):
             columns[tangent.columns[row]] = joint.child in self.fit.row
         return columns
+
+    def drives(self, joint: Joint, holding: Holding | None) -> bool:
+        """Whether somebody is seen to drive the child of one of its joints."""
+        return holding is not None and holding.drives(self._motion.held_below(joint.child))
+
+    def keeping(self) -> list[int]:
+        """Rows of the tree's joints that turn on by themselves."""
+        joints = enumerate(self._body.tree_joints)
+        return [row for row, joint in joints if joint.name in self._motion.keeping_joints]
 
     def seated(self, at: Coordinates, path: Array, slides: NDArray[np.bool_]) -> Coordinates:
         """Coordinates in which the equipment is where poses (S, 4, 4) have it, its joints where they have been learned.

@@ -101,6 +101,13 @@ class JointRotations:
         """Of no joint."""
         return JointRotations(np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
+    def __add__(self, other: "JointRotations") -> "JointRotations":
+        return JointRotations(
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.rotations, other.rotations]),
+            np.concatenate([self.sigmas, other.sigmas]),
+        )
+
     def replaced(self, which: NDArray[np.bool_], rotations: Array, sigma: float) -> "JointRotations":
         """The same, but some (J,) of the joints, all (J, 3, 3) given, are where somebody else sees them."""
         known = which[self.rows]

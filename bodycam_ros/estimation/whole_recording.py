@@ -7,6 +7,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.belief import Belief
+from bodycam_ros.estimation.coasting import on_the_way as on_the_way_of
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.instant import Instant, smoothed
 from bodycam_ros.estimation.measurements import InstantFit, JointRotations
@@ -14,9 +15,13 @@ from bodycam_ros.estimation.motion_model import MotionModel
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.recorded_poses import RecordedPoses
 from bodycam_ros.estimation.turns import turned
+from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LEAST_S = 1e-3
+
+COAST_RAD = 0.1
+"""How far a hinge that nobody drives is from the way between its speeds before and after."""
 
 
 class WholeRecording:
@@ -49,6 +54,7 @@ class WholeRecording:
     def solve(self, instants: Sequence[Instant], count: int, coupling: Coupling | None) -> list[Belief]:
         """What is known of the first ``count`` instants by all of them."""
         beliefs = smoothed(instants, self._tangent)
+        turned_on = self._turned_on(instants, beliefs, coupling) if coupling else {}
         expected = self._expected(instants, beliefs)
         self._recorded.keep(count)
         again: list[Instant] = []
@@ -62,12 +68,32 @@ class WholeRecording:
                 link = self._motion.predict(before.belief, dt_s, *instant.own_motion)
                 link = turned(link, instant.turns, self._tangent)
                 predicted = link.after
-            measured = replace(instant.measured, expected=better)
+            measured = replace(instant.measured, expected=better + turned_on.get(number, JointRotations.nothing()))
             fitted = self._fit.fit(predicted, measured, belief.at)
             again.append(replace(instant, belief=fitted, link=link, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
         return smoothed(again, self._tangent)[:count]
+
+    def _turned_on(
+        self, instants: Sequence[Instant], beliefs: list[Belief], coupling: Coupling
+    ) -> dict[int, JointRotations]:
+        """Where hinges must have turned on by themselves; the beliefs are moved there, in place."""
+        on_the_way: dict[int, JointRotations] = {}
+        stamps_s = 1e-9 * np.array([instant.stamp_ns - instants[0].stamp_ns for instant in instants])
+        for row in coupling.keeping():
+            joint = self._body.tree_joints[row]
+            driven = np.array([coupling.drives(joint, instant.holding) for instant in instants], bool)
+            turned = np.array([belief.at.motion[row, :3, :3] for belief in beliefs])
+            angles = on_the_way_of(np.unwrap(hinge_angle(turned, joint.axis)), stamps_s, driven)
+            rotations = joint.hinge_rotation(angles)
+            for place in np.flatnonzero(~driven).tolist():
+                motion = beliefs[place].at.motion.copy()
+                motion[row, :3, :3] = rotations[place]
+                beliefs[place] = replace(beliefs[place], at=replace(beliefs[place].at, motion=motion))
+                pin = JointRotations(np.array([row]), rotations[place][None], np.full((1, 3), COAST_RAD))
+                on_the_way[place] = on_the_way.get(place, JointRotations.nothing()) + pin
+        return on_the_way
 
     def _expected(self, instants: Sequence[Instant], beliefs: Sequence[Belief]) -> list[JointRotations]:
         """Where unseen joints are expected, by all that is known of the recording by now."""
