@@ -9,10 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.belief import Belief, Link
+from bodycam_ros.estimation.belief import Belief, Coordinates, Link
 from bodycam_ros.geometry import Array, log_so3
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+_FREE_RAD = 0.5
+"""How far a joint may turn from image to image, beyond what is expected."""
+
+_ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,29 +63,60 @@ def turns_since(
     return turns
 
 
+def freed(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Link:
+    """The same, but how the joints beside segments whose turns are measured move is told by these alone.
+
+    Smooth motion of joints, and turns of both of their segments, would tell the angle between them (as of a hand and
+    an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
+    """
+    rows = {turn.row for turn in turns}
+    covariance = link.after.covariance.copy()
+    for row, joint in enumerate(tangent.tree.tree_joints):
+        if tangent.tree.segment_index[joint.child] in rows or tangent.tree.segment_index[joint.parent] in rows:
+            columns = np.arange(*tangent.columns[row].indices(tangent.count))
+            covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
+    return Link(link.before, Belief(link.after.at, covariance), link.cross)
+
+
 def turned(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Link:
-    """The same two instants given the rotations between them (extended Kalman update of both)."""
+    """The same two instants given the rotations between them (iterated extended Kalman update of both).
+
+    It is repeated about its outcome: a limb that is seen again may be far from where it was expected, and what is
+    smoothed back by as much must turn as it was measured.
+    """
     if not turns:
         return link
     K = tangent.count
+    link = freed(link, turns, tangent)
     before, after = link.before.at, link.after.at
-    poses, poses_before = after.poses(tangent), before.poses(tangent)
-    J, J_before = tangent.segment_jacobians(poses), tangent.segment_jacobians(poses_before)
-    H, H_before, r = np.zeros((3 * len(turns), K)), np.zeros((3 * len(turns), K)), np.zeros(3 * len(turns))
-    for number, turn in enumerate(turns):
-        at = slice(3 * number, 3 * number + 3)
-        previous_R_now = poses_before[turn.row, :3, :3].T @ poses[turn.row, :3, :3]
-        r[at] = log_so3(previous_R_now.T @ turn.previous_R_segment) / turn.sigma
-        H[at] = J[turn.row, :3] / turn.sigma
-        H_before[at] = -previous_R_now.T @ J_before[turn.row, :3] / turn.sigma
-    # Covariances of the measured numbers with both instants.
-    of_after = link.after.covariance[:, :K] @ H.T + link.cross[:, :K] @ H_before.T
-    of_before = link.cross[:K].T @ H.T + link.before.covariance[:, :K] @ H_before.T
-    S = H @ of_after[:K] + H_before @ of_before[:K] + np.eye(len(r))
-    solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
-    gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
+    for _ in range(_ITERATIONS):
+        r, H, H_before = _residuals(before, after, turns, tangent)
+        r += H @ link.after.at.step_to(tangent, after)[:K] + H_before @ link.before.at.step_to(tangent, before)[:K]
+        # Covariances of the measured numbers with both instants.
+        of_after = link.after.covariance[:, :K] @ H.T + link.cross[:, :K] @ H_before.T
+        of_before = link.cross[:K].T @ H.T + link.before.covariance[:, :K] @ H_before.T
+        S = H @ of_after[:K] + H_before @ of_before[:K] + np.eye(len(r))
+        solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
+        gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
+        before = link.before.at.moved(tangent, of_before @ scaled)
+        after = link.after.at.moved(tangent, of_after @ scaled)
     return Link(
-        Belief(before.moved(tangent, of_before @ scaled), link.before.covariance - gain_before @ of_before.T),
-        Belief(after.moved(tangent, of_after @ scaled), link.after.covariance - gain_after @ of_after.T),
+        Belief(before, link.before.covariance - gain_before @ of_before.T),
+        Belief(after, link.after.covariance - gain_after @ of_after.T),
         link.cross - gain_after @ of_before.T,
     )
+
+
+def _residuals(
+    before: Coordinates, after: Coordinates, turns: Sequence[SegmentTurn], tangent: TreeTangent
+) -> tuple[Array, Array, Array]:
+    """Residuals (3T) of turns in sigmas, and how increments of the later and the earlier instant lessen them (3T, K)."""
+    poses, poses_before = after.poses(tangent), before.poses(tangent)
+    J, J_before = tangent.segment_jacobians(poses), tangent.segment_jacobians(poses_before)
+    r, H, H_before = [], [], []
+    for turn in turns:
+        previous_R_now = poses_before[turn.row, :3, :3].T @ poses[turn.row, :3, :3]
+        r.append(log_so3(previous_R_now.T @ turn.previous_R_segment) / turn.sigma)
+        H.append(J[turn.row, :3] / turn.sigma)
+        H_before.append(-previous_R_now.T @ J_before[turn.row, :3] / turn.sigma)
+    return np.concatenate(r), np.concatenate(H), np.concatenate(H_before)
