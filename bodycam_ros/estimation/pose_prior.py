@@ -23,13 +23,13 @@ Mask = NDArray[np.bool_]
 _NOISE_RAD = 0.05
 """Motion of the seen joints below this says nothing of the others."""
 
-_LEAST_RAD = 0.1
+_LEAST_RAD = 0.07
 """An unseen joint is never known better than this."""
 
-_ASSUMED_S = 0.3
+_ASSUMED_S = 0.15
 """For this long a joint must be seen to outweigh what was assumed of it."""
 
-_LASTS_S = 0.1
+_LASTS_S = 0.2
 """A limb stays on one side of its expectation for about this long: the instants of this time are one measurement."""
 
 _TURNING_LASTS_S = 3.0
