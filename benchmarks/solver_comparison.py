@@ -23,6 +23,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.estimation.smoother_settings import OFFLINE
 from bodycam_ros.evaluate import measures
 from bodycam_ros.evaluate.health import jitter_of
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
@@ -30,7 +31,6 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.estimation.smoother_settings import OFFLINE
 
 WAYS: Mapping[str, Mapping[str, object]] = {
     "window, LM": {"incremental": False},

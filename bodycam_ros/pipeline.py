@@ -19,6 +19,7 @@ from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.body_now import BodyNow
 from bodycam_ros.estimation.body_state import BodyOutput, BodyState, moving
 from bodycam_ros.estimation.camera_evidence import evidence_floor
+from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.said_segments import SaidSegments
@@ -101,6 +102,7 @@ class SkeletonPipeline:
             of.covariance,
             offline=not self._live,
             coupling=coupling,
+            contacts=FootContacts(self.body, of.contact),
             onlookers=self._onlookers,
             on_progress=self._on_together,
         )

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import gtsam
 import numpy as np
-
-from bodycam_ros.geometry import Array
 from bodycam_ros.estimation.back_end import all_poses, back_end_failures
 from bodycam_ros.estimation.block_solver import Block
+
 from bodycam_ros.estimation.motion_model import orthonormal
+from bodycam_ros.geometry import Array
 
 _MOST_ROUNDS = 20
 _ENOUGH = 1e-5  # [rad, m] a round that moves nothing farther is the last

@@ -66,7 +66,12 @@ class Link:
 
     @cached_property
     def _gain(self) -> Array:
-        return np.linalg.solve(self.after.covariance, self.cross).T
+        gain: Array = np.linalg.solve(self.after.covariance, self.cross).T
+        return gain
+
+    def fitted(self, tangent: TreeTangent, after: Belief) -> "Link":
+        """The same two instants when the later one was measured."""
+        return Link(self.smoothed(tangent, after), after, after.covariance @ self._gain.T)
 
     def smoothed(self, tangent: TreeTangent, after: Belief, covariance: bool = True) -> Belief:
         """The earlier instant given what is known of the later one by now (Rauch, Tung, Striebel 1965).

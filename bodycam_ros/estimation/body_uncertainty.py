@@ -1,4 +1,4 @@
-"""How well the body is known at an instant: covariances of its root, joints and segments, from the one of the belief."""
+"""How well the body is known at an instant: covariances of root, joints and segments, from the one of the belief."""
 
 from dataclasses import dataclass
 

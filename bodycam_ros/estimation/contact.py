@@ -1,35 +1,52 @@
 """A foot that stands does not slide: while a point of its sole rests, it is where it was at the instant before.
 
 A foot stands on its heel, on its ball or on both, so each of the two rests or does not by itself: where the solved
-motion is slow there and near the floor. The factors tie the latest two solved instants, of which all cameras have
-spoken by then, so that a foot is held by what was seen and let go by it.
+motion is slow there and near the floor.
 
-The rotation of a foot that no camera sees is a guess; there the ankle tells (``resting_point.py``), and the sole says
-how the foot turned, but nothing of how far the ankle is: a guess must not drag the leg.
+The rotation of a foot that no camera sees is a guess. There the ankle tells: at rest, the foot has landed flat; later
+the ankle moves on a circle about the point. And the sole tells how the foot turned, but nothing of how far the ankle
+is: a guess must not drag the leg.
 """
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Iterable
 
-import gtsam
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.sole import sole_points
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.body_window import BodyWindow, Instant
+from bodycam_ros.estimation.between_instants import StandingPoint
 from bodycam_ros.estimation.contact_settings import ContactSettings
-from bodycam_ros.estimation.resting_point import RestingPoint, Step
-from bodycam_ros.geometry import Array, adjoint, inverse, rigid
+from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.shown import shown
 
-_NO_OPINION_RAD, _NO_OPINION_M = 10.0, 0.1
+Mask = NDArray[np.bool_]
+
+_NO_OPINION_M = 0.1
 _LEAST_SHIN_M = 0.05
 """Where a shin begins at its ankle nobody knows how large the foot is."""
 
+REST, LEAVE = 0.06, 0.12
+"""[m/s] a slower point of the sole has come to rest; a faster one rests no longer."""
+
+_BLIND_REST, _BLIND_LEAVE = 0.1, 0.15
+"""[m/s] the same of the ankle of a foot that no camera sees, as it nears or leaves the point."""
+
+_SPEED_S = 0.04
+"""Speeds are taken over this time, or from one image to the next."""
+
+_FIRM_NS = 200_000_000
+"""A point that has been slow for so long stands, at whatever level; a foot that turns back in the air is not."""
+
+_BLIND_M = 0.01
+"""How well it is known where a point of a blind foot rests: shoes are not flat."""
+
 
 class FootContacts:
-    """Tells which points of the soles rest, and holds them.
+    """Tells which points of the soles rest, and where they are held.
 
     Args:
         body: whose feet stand.
@@ -39,98 +56,139 @@ class FootContacts:
         BodyError: a segment that should stand is none of the body's, or hangs on none.
     """
 
-    def __init__(self, body: BodyModel, settings: ContactSettings | None = None) -> None:
-        self._settings = settings or ContactSettings()
-        feet = _feet(body, self._settings.segments.split()) if self._settings.enabled else []
-        self._above = {body.segment_index[foot.child]: body.segment_index[foot.parent] for foot in feet}
-        self._cameras = {body.segment_index[foot.child]: body.cameras_on(foot.child) for foot in feet}
-        self._points = [
-            RestingPoint(body.segment_index[foot.child], foot.child_T_joint[:3, 3], arm, self._settings)
+    def __init__(self, body: BodyModel, settings: ContactSettings) -> None:
+        self._settings = settings
+        feet = _feet(body, settings.segments.split()) if settings.enabled else []
+        row = body.segment_index
+        self.points = [
+            _SolePoint(row[foot.child], row[foot.parent], foot.child_T_joint[:3, 3], arm, settings.max_height)
             for foot in feet
             for arm in sole_points(float(np.linalg.norm(foot.parent_T_joint[:3, 3])))
         ]
+        self.begin_anew()
 
-    def factors(self, window: BodyWindow, key: Callable[[int, int], int]) -> gtsam.NonlinearFactorGraph:
-        """What the soles say of the latest two instants of a window, which are solved.
+    def begin_anew(self) -> None:
+        """Nothing is known of the motion before."""
+        self._lately: deque[tuple[int, Array]] = deque()
+        for point in self.points:
+            point.let_go()
+
+    def standing(self, stamp_ns: int, poses: Array, observed: Mask, turning: Mask) -> list[StandingPoint]:
+        """The points that rest.
 
         Args:
-            window: with the instants before the one that the factors go along with.
-            key: variable of an instant's index and a segment's row.
+            stamp_ns: of the instant [ns].
+            poses: (S, 4, 4) as it is solved without them.
+            observed: (S,) segments that cameras see.
+            turning: (S,) segments whose rotation is known at least.
         """
-        graph = gtsam.NonlinearFactorGraph()
-        if len(window.instants) < 2 or not window.reaches(window.instants[-2].index):
-            for point in self._points:
-                point.let_go()
-            return graph
-        before, latest = window.instants[-2], window.instants[-1]
-        passed_s = 1e-9 * (latest.stamp_ns - before.stamp_ns)
-        poses, poses_before = window.poses(latest), window.poses(before)
-        for point in self._resting(window, latest, poses):
+        while len(self._lately) > 1 and stamp_ns - self._lately[0][0] > 1e9 * _SPEED_S:
+            self._lately.popleft()
+        if not self._lately:
+            return []
+        since_ns, since = self._lately[0]
+        floor = min((0.0, *(point.level for point in self.points if point.level is not None)))
+        passed_s = 1e-9 * (stamp_ns - self._lately[-1][0])
+        standing = []
+        for point in self.points:
             row = point.row
-            keys = key(before.index, row), key(latest.index, row)
-            creep = self._settings.creep if latest.observed[row] else self._settings.blind_creep
-            graph.add(self._stays(point, keys, inverse(poses_before[row]) @ poses[row], passed_s * creep))
-            if point.anchor is not None:
-                graph.add(self._anchored(point, keys[1], point.anchor, poses[row]))
-        return graph
-
-    def _resting(self, window: BodyWindow, latest: Instant, poses: Array) -> list[RestingPoint]:
-        """The points that rest at the latest instant."""
-        since = self._since(window, latest)
-        poses_since, took_s = window.poses(since), 1e-9 * (latest.stamp_ns - since.stamp_ns)
-        for point in self._points:
-            row = point.row
-            # A camera that is not believed may be wrong, or see a foot that jumps: no time to hold on to it.
-            refused = any(camera in latest.recorded.refused for camera in self._cameras[row])
-            if not latest.observed[row] and (refused or not _turns_known(latest, self._above[row])):
+            if not observed[row] and not turning[point.above]:
                 point.let_go()
                 continue
-            seen = _turns_known(latest, row)
-            step = Step(poses[row], poses_since[row], took_s, latest.stamp_ns, seen)
-            point.follow(step, self._floor)
-        return [point for point in self._points if point.since_ns is not None]
+            point.follow(stamp_ns, poses[row], since[row], 1e-9 * (stamp_ns - since_ns), bool(turning[row]), floor)
+            if point.rests:
+                creep = self._settings.creep * (1.0 if observed[row] else 2.0) * passed_s
+                standing += point.held(poses[row], creep)
+        return standing
 
-    @property
-    def _floor(self) -> float:
-        """The lowest level [m] at which a point stood when it last stood firmly; z = 0 where all stood higher.
+    def remember(self, stamp_ns: int, poses: Array) -> None:
+        """Where the body is at an instant."""
+        self._lately.append((stamp_ns, poses))
 
-        Who stands on pedals or on stairs does not raise the floor: a foot there rests once it stands firmly.
+
+class _SolePoint:
+    """Follows one point.
+
+    Args:
+        row, above: of the foot and of what it hangs on among the segments.
+        ankle: (3,) the joint that the foot hangs on, in the foot [m].
+        arm: (3,) from there to the point, in the foot [m].
+        max_height: of a point that has just become slow, over the floor [m].
+
+    Attributes:
+        rests: whether it does.
+        level: height at which it last stood firmly [m]; None before it has. Who stands on pedals or on stairs does
+            not raise the floor: a foot there rests once it stands firmly.
+    """
+
+    def __init__(self, row: int, above: int, ankle: Array, arm: Array, max_height: float) -> None:
+        self.row, self.above, self._ankle, self._arm, self._place = row, above, ankle, arm, ankle + arm
+        self._max_height = max_height
+        self.level: float | None = None
+        self.let_go()
+
+    def let_go(self) -> None:
+        """It does not rest."""
+        self.rests = False
+        self._anchor: Array | None = None  # where a foot that is not seen came to rest
+        self._slow_since_ns: int | None = None
+
+    def follow(self, stamp_ns: int, now: Array, before: Array, took_s: float, turning: bool, floor: float) -> None:
+        """Decide whether it rests: slow and near the floor, or slow for long enough to be a floor of its own.
+
+        Args:
+            stamp_ns: [ns].
+            now, before: (4, 4) poses of its foot, ``took_s`` [s] after each other.
+            took_s: [s].
+            turning: whether the rotation of the foot is known, and not a guess.
+            floor: its level [m].
         """
-        return min((0.0, *(point.level for point in self._points if point.level is not None)))
+        ends = np.stack([self._place, self._ankle])
+        point, ankle = transform_points(now, ends)
+        point_before, ankle_before = transform_points(before, ends)
+        place, moved = point, ankle - ankle_before
+        if turning:
+            moved, limit = point - point_before, REST if self._slow_since_ns is None else LEAVE
+        elif self.rests:
+            # Its heel rises as it likes, which moves the ankle on a circle about the point.
+            rise = np.cross(now[:3, 1], point - ankle)
+            rise /= np.linalg.norm(rise)
+            moved, limit = moved - (moved @ rise) * rise, _BLIND_LEAVE
+        else:
+            # Its rotation is a guess, but it lands flat.
+            place, limit = np.array([*point[:2], ankle[2] + self._arm[2]]), _BLIND_REST
+        if np.linalg.norm(moved) >= limit * took_s:
+            self.let_go()
+            return
+        if self._slow_since_ns is None:
+            self._slow_since_ns = stamp_ns
+        is_firm = turning and stamp_ns - self._slow_since_ns >= _FIRM_NS
+        if place[2] - floor >= self._max_height and not is_firm:
+            self.rests, self._anchor = False, None
+            return
+        self.rests = True
+        if is_firm:
+            self.level = float(point[2])
+        if turning:
+            self._anchor = None
+        elif self._anchor is None:
+            self._anchor = place
 
-    def _since(self, window: BodyWindow, latest: Instant) -> Instant:
-        """The instant that speeds are taken from."""
-        earlier = list(window.instants)[:-1]
-        longest_ns = 1e9 * self._settings.speed_time
-        return next((i for i in earlier if latest.stamp_ns - i.stamp_ns <= longest_ns), earlier[-1])
-
-    def _stays(self, point: RestingPoint, keys: tuple[int, int], step: Array, sigma: float) -> gtsam.BetweenFactorPose3:
-        """A ball joint at the point, between the foot at an instant and at the next, which turned by ``step``."""
-        turn = step[:3, :3]
-        measured = rigid(turn, point.place - turn @ point.place)
-        covariance = np.zeros((6, 6))
-        covariance[:3, :3] = _NO_OPINION_RAD**2 * np.eye(3)
-        covariance[3:, 3:] = sigma**2 * np.eye(3) if point.anchor is None else _across(point.arm, sigma)
-        foot_xi_point = adjoint(rigid(np.eye(3), point.place))
-        noise = gtsam.noiseModel.Gaussian.Covariance(foot_xi_point @ covariance @ foot_xi_point.T)
-        return gtsam.BetweenFactorPose3(*keys, gtsam.Pose3(measured), noise)
-
-    def _anchored(self, point: RestingPoint, key: int, anchor: Array, world_T_foot: Array) -> gtsam.GPSFactorArm:
-        """Where in the world the point of a foot that is not seen rests."""
-        covariance = _across(world_T_foot[:3, :3] @ point.arm, self._settings.blind_sigma)
-        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        return gtsam.GPSFactorArm(key, anchor, point.place, noise)
+    def held(self, now: Array, creep: float) -> list[StandingPoint]:
+        """What it tells of a foot at a pose (4, 4): it moved by ``creep`` [m] at most, and is where it came to rest."""
+        if self._anchor is None:
+            return [StandingPoint(self.row, self._place, np.eye(3) / creep, None)]
+        arm = now[:3, :3] @ self._arm
+        return [
+            StandingPoint(self.row, self._place, _across(arm, creep), None),
+            StandingPoint(self.row, self._place, _across(arm, _BLIND_M), self._anchor),
+        ]
 
 
 def _across(arm: Array, sigma: float) -> Array:
-    """Covariance (3, 3) of a place that is known across an arm (3,) to ``sigma`` [m], and not along it."""
+    """Whitening (3, 3) of a place that is known across an arm (3,) to ``sigma`` [m], and not along it."""
     along = np.outer(arm, arm) / (arm @ arm)
-    return np.asarray(sigma**2 * (np.eye(3) - along) + _NO_OPINION_M**2 * along)
-
-
-def _turns_known(instant: Instant, row: int) -> bool:
-    """Whether cameras say how a segment turned."""
-    return bool(instant.observed[row]) or row in instant.recorded.turns
+    return np.asarray((np.eye(3) - along) / sigma + along / _NO_OPINION_M)
 
 
 def _feet(body: BodyModel, names: Iterable[str]) -> list[Joint]:

@@ -7,35 +7,40 @@ far back that goes.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.belief import Belief, Coordinates, Link
+from bodycam_ros.estimation.between_instants import freed, given, turns_since
 from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.body_now import BodyNow
 from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.estimation.body_uncertainty import CovarianceSettings, body_uncertainty
 from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras, SegmentPose
 from bodycam_ros.estimation.camera_judge import judge
+from bodycam_ros.estimation.contact import FootContacts
+from bodycam_ros.estimation.contact_settings import ContactSettings
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.first_poses import first_poses
-from bodycam_ros.estimation.instant import Instant, smoothed
+from bodycam_ros.estimation.instant import Instant, Step, smoothed
 from bodycam_ros.estimation.looking_on import LookingOn
-from bodycam_ros.estimation.measurements import SLIDES_M, InstantFit, Measured, SegmentPoses
+from bodycam_ros.estimation.measurements import SLIDES_M, ClosedJoint, InstantFit, Measured, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PoseMemorySettings, PosePrior
 from bodycam_ros.estimation.seen_body import Onlookers
 from bodycam_ros.estimation.silence import Silence
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.estimation.turns import turned, turns_since
 from bodycam_ros.estimation.whole_recording import WholeRecording
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
+
+Mask = NDArray[np.bool_]
 
 _FIRST_S = 0.033
 """How long the first instant lasts, as a measurement among others."""
@@ -50,6 +55,7 @@ class BodyEstimator:
         settings, motion, evidence, memory, covariance: settings of the estimator and of its steps.
         offline: states may wait until a limb that is blind is seen again.
         coupling: what the body is coupled to; ``body`` then is the one with the equipment.
+        contacts: tells which points of the soles stand.
         onlookers: static cameras around the body.
         on_progress: told the share that is done while a recording is solved as a whole.
 
@@ -73,6 +79,7 @@ class BodyEstimator:
         covariance: CovarianceSettings | None = None,
         offline: bool = False,
         coupling: Coupling | None = None,
+        contacts: FootContacts | None = None,
         onlookers: Onlookers | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
@@ -83,6 +90,7 @@ class BodyEstimator:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
         self._evidence, self._covariance = evidence or EvidenceSettings(), covariance or CovarianceSettings()
+        self._contacts = contacts or FootContacts(body, ContactSettings())
         self._mounted = MountedCameras(body, self._evidence)
         self._tangent = TreeTangent(body, SLIDES_M)
         self._slides = np.array([xi[3:].any(axis=1) for xi in self._tangent.twists], bool).reshape(-1, 3)
@@ -101,6 +109,7 @@ class BodyEstimator:
         """Nothing is known of the motion: at the start, and after a pause that nothing reaches across."""
         self._instants: list[Instant] = []
         self._looking_on = LookingOn(self.body, self._onlookers)
+        self._contacts.begin_anew()
         self._whole.begin_anew()
         self.lately: list[BodyNow] = []
         if self._coupling:
@@ -139,14 +148,14 @@ class BodyEstimator:
         """The instant at which the body begins, where cameras or somebody by hand have it."""
         poses = first_poses(self.body, [*registered.values(), *placed])
         begun = self._motion.begin(poses[self._row(self.body.root)], self.body.joint_poses(poses, self._slides))
-        return self._solve(frame, registered, None, begun, placed)
+        return self._solve(frame, registered, Step(0.0, begun), placed)
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> Instant:
-        """An instant after another."""
+        """An instant after another: the motion prior, and what cameras measured of both (A eq. 10-11, eq. 2)."""
         before = self._instants[-1]
         dt_s = 1e-9 * (frame.stamp_ns - before.stamp_ns)
-        own = self._coupling.motion(self._motion, self._tangent) if self._coupling else ()
-        link = self._motion.predict(before.belief, dt_s, *own)
+        density, fade_s = self._coupling.motion(self._motion, self._tangent) if self._coupling else (None, None)
+        link = self._motion.predict(before.belief, dt_s, density, fade_s)
         turns = turns_since(
             self.body,
             frame.matches.values(),
@@ -154,86 +163,110 @@ class BodyEstimator:
             lambda camera, row: camera not in registered or not before.observed[row],
             self._evidence.blind_rotation_sigma,
         )
-        return self._solve(frame, registered, turned(link, turns, self._tangent), None, [], turns, own)
+        link = given(freed(link, turns, self._tangent), turns, self._tangent)
+        return self._solve(frame, registered, Step(dt_s, link.after, link, density, fade_s, turns))
 
-    def _solve(self, frame, registered, link, begun, placed, turns=(), own=()) -> Instant:  # noqa
-        before = self._instants[-1] if self._instants else None
-        predicted = begun or link.after
-        dt_s = 1e-9 * (frame.stamp_ns - before.stamp_ns) if before else 0.0
-        # Which cameras are believed, and where they have the body.
-        worn = SegmentPoses.of(self.body, registered.values())
-        kept, start = judge(predicted, worn, self._tangent, self._guessed(before))
-        self.refused.update(refused := [name for name, used in zip(registered, kept.tolist(), strict=True) if not used])
-        believed = {name: seen for name, seen in registered.items() if name not in refused}
+    def _solve(
+        self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
+    ) -> Instant:
+        """One instant: which cameras are believed, what else is known, the fit, and what stands."""
+        worn, start = self._judged(registered, step.after)
+        believed = {name: registered[name] for name in worn}
         observed = self.body.named(seen.segment for seen in believed.values())
-        path = start.poses(self._tangent)
-        # What static cameras see.
-        self._looking_on.look(frame, path, dt_s, [*believed.values(), *placed])
-        if self._looking_on.rows.any():
-            path = self._looking_on.path(path, observed)
-            start = replace(start, motion=self.body.joint_poses(path, self._slides))
-            start = replace(start, root=path[self._row(self.body.root)])
-        cameras = worn.only(kept) + SegmentPoses.of(self.body, [*placed, *self._looking_on.evidence])
-        known = observed | self._looking_on.rows | self.body.named(self.body.segments[t.row] for t in turns)
+        path, start = self._looked_on(frame, start, step.dt_s, [*believed.values(), *placed], observed)
+        others = [*placed, *self._looking_on.evidence]
+        cameras = SegmentPoses.of(self.body, [*believed.values(), *others])
+        turning = observed | self._looking_on.rows | self.body.named(self.body.segments[t.row] for t in step.between)
         ends = self.body.joint_ends
-        joints_seen, turning = observed[ends].all(axis=1), known[ends].all(axis=1) | (before is None)
-        # What nothing sees, and what holds equipment.
-        rotations = self.body.joint_rotations(path)
-        expected = self._prior.expect(rotations, joints_seen, turning, dt_s or _FIRST_S)
+        joints_seen, joints_turning = observed[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
         told = self._looking_on.told(observed)
-        expected = expected.replaced(told.which, told.rotations, told.sigma)
-        closed, holding = (), None
+        expected = self._prior.expect(
+            self.body.joint_rotations(path), joints_seen, joints_turning, step.dt_s or _FIRST_S
+        ).replaced(told.which, told.rotations, told.sigma)
+        closed: tuple[ClosedJoint, ...] = ()
         if self._coupling:
-            self._coupling.follow(frame.stamp_ns, dt_s, path, self._looking_on.with_worn(believed))
-            holding = self._coupling.holding
+            self._coupling.follow(frame.stamp_ns, step.dt_s, path, self._looking_on.with_worn(believed))
             self._prior.machine_is_known = self._coupling.placed
-            start = self._coupling.seated(start, path, self._slides)
-            if not self._coupling.went_on:
-                columns = self._coupling.columns(self._tangent)
-                after = self._motion.begun_again(
-                    predicted, self._coupling.seated(predicted.at, path, self._slides), columns
-                )
-                predicted = after
-                if link is not None:
-                    cross = link.cross.copy()
-                    cross[np.concatenate([columns, columns])] = 0.0
-                    link = Link(link.before, after, cross)
-            closed = tuple(self._coupling.places.joints(path, holding))
+            step, start = self._seated(step, start, path)
+            closed = tuple(self._coupling.places.joints(path, self._coupling.holding))
             cameras = cameras + self._coupling.standing_still()
         is_blind = not (observed.any() or self._looking_on.rows.any())
-        guessed = ~turning & self._of_people & (not is_blind)
-        measured = Measured(cameras, expected, guessed, closed)
-        belief = self._fit.fit(predicted, measured, start)
-        rotations = self.body.joint_rotations(belief.at.poses(self._tangent))
-        self._prior.remember(rotations, joints_seen, dt_s)
+        measured = Measured(cameras, expected, ~joints_turning & self._of_people & (not is_blind), closed)
+        belief = self._fit.fit(step.after, measured, start)
+        self._prior.remember(self.body.joint_rotations(belief.at.poses(self._tangent)), joints_seen, step.dt_s)
         observed = observed | self._looking_on.rows
+        step, belief = self._stood(frame.stamp_ns, step, belief, observed, turning)
         root_seen = bool(observed[self._row(self.body.root)])
         instant = Instant(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
             belief=belief,
-            link=link,
+            step=step,
             measured=measured,
-            turns=list(turns),
-            own_motion=own,
             joints_seen=joints_seen,
-            turning=turning,
+            turning=joints_turning,
             told=told,
             observed=observed,
             cameras_used=len(believed) + self._looking_on.speaking,
-            uncertainty=body_uncertainty(belief, self._tangent, self._covariance, dt_s, root_seen),
-            holding=holding,
+            uncertainty=body_uncertainty(belief, self._tangent, self._covariance, step.dt_s, root_seen),
+            holding=self._coupling.holding if self._coupling else None,
         )
         self._remember_lately(instant)
         return instant
 
+    def _judged(self, registered: Mapping[str, SegmentPose], predicted: Belief) -> tuple[list[str], Coordinates]:
+        """The cameras that are believed, and where they have the body."""
+        worn = SegmentPoses.of(self.body, registered.values())
+        kept, start = judge(predicted, worn, self._tangent, self._guessed())
+        names = list(registered)
+        self.refused.update(name for name, used in zip(names, kept.tolist(), strict=True) if not used)
+        return [name for name, used in zip(names, kept.tolist(), strict=True) if used], start
+
+    def _looked_on(
+        self, frame: BodyFrame, start: Coordinates, dt_s: float, known: Sequence[SegmentPose], observed: Mask
+    ) -> tuple[Array, Coordinates]:
+        """Poses (S, 4, 4) and coordinates to start from, with limbs where static cameras have them."""
+        path = start.poses(self._tangent)
+        self._looking_on.look(frame, path, dt_s, known)
+        if self._looking_on.rows.any():
+            path = self._looking_on.path(path, observed)
+            root, motion = path[self._row(self.body.root)], self.body.joint_poses(path, self._slides)
+            start = replace(start, root=root, motion=motion)
+        return path, start
+
+    def _seated(self, step: Step, start: Coordinates, path: Array) -> tuple[Step, Coordinates]:
+        """The equipment where it was found; it begins anew unless it went on from the instant before."""
+        assert self._coupling is not None
+        start = self._coupling.seated(start, path, self._slides)
+        if self._coupling.went_on:
+            return step, start
+        columns = self._coupling.columns(self._tangent)
+        seated = self._coupling.seated(step.after.at, path, self._slides)
+        after = self._motion.begun_again(step.after, seated, columns)
+        if step.link is None:
+            return replace(step, after=after), start
+        cross = step.link.cross.copy()
+        cross[np.concatenate([columns, columns])] = 0.0
+        return step.linked(Link(step.link.before, after, cross)), start
+
+    def _stood(self, stamp_ns: int, step: Step, belief: Belief, observed: Mask, turning: Mask) -> tuple[Step, Belief]:
+        """What is known of an instant, and of the one before, where points of soles stand."""
+        standing = self._contacts.standing(stamp_ns, belief.at.poses(self._tangent), observed, turning)
+        if standing and step.link is not None:
+            belief = given(step.link.fitted(self._tangent, belief), standing, self._tangent).after
+            between = [*step.between, *standing]
+            step = replace(step.linked(given(step.link, standing, self._tangent)), between=between)
+        self._contacts.remember(stamp_ns, belief.at.poses(self._tangent))
+        return step, belief
+
     def _row(self, segment: str) -> int:
         return self.body.segment_index[segment]
 
-    def _guessed(self, before: Instant | None) -> Array:
+    def _guessed(self) -> Mask:
         """(K,) coordinates that nothing saw at the instant before: no reason to refuse who sees them now."""
-        if before is None:
+        if not self._instants:
             return np.ones(self._tangent.count, bool)
+        before = self._instants[-1]
         guessed = np.zeros(self._tangent.count, bool)
         guessed[:6] = not before.observed.any()
         for row in np.flatnonzero(~before.joints_seen):
@@ -247,8 +280,7 @@ class BodyEstimator:
 
     def flush(self) -> list[BodyState]:
         """The states that were still waiting for later frames; the recording is over."""
-        states = self._publish_until(len(self._instants), is_over=True)
-        return states
+        return self._publish_until(len(self._instants))
 
     def _publish(self) -> list[BodyState]:
         """States that wait for nothing any more."""
@@ -273,7 +305,7 @@ class BodyEstimator:
             until += 1
         return self._publish_until(until)
 
-    def _publish_until(self, count: int, is_over: bool = False) -> list[BodyState]:
+    def _publish_until(self, count: int) -> list[BodyState]:
         """States of the first instants that wait; the latest of all stays, for the next goes on from it."""
         pending = [instant for instant in self._instants[:count] if not instant.is_published]
         if not pending:
@@ -301,6 +333,3 @@ class BodyEstimator:
             instant.cameras_used,
             report,
         )
-
-
-__all__ = ["BodyEstimator", "Coordinates"]

@@ -1,21 +1,45 @@
 """One instant of the chain: what was measured, what is believed of it, and what its state still waits for."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.estimation.attachment_watch import Holding
 from bodycam_ros.estimation.belief import Belief, Link
+from bodycam_ros.estimation.between_instants import Between
 from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.estimation.looking_on import ToldJoints
 from bodycam_ros.estimation.measurements import Measured
-from bodycam_ros.estimation.turns import SegmentTurn
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """How an instant follows from the one before, until it is measured itself.
+
+    Attributes:
+        dt_s: between the two [s]; 0 at the first.
+        after: the later instant as it is expected.
+        link: the two; None at the first.
+        density, fade_s: (K) of the motion between them; None where it is as people move.
+        between: what was measured of both.
+    """
+
+    dt_s: float
+    after: Belief
+    link: Link | None = None
+    density: Array | None = None
+    fade_s: Array | None = None
+    between: Sequence[Between] = ()
+
+    def linked(self, link: Link) -> "Step":
+        """The same, with more known of the two."""
+        return replace(self, link=link, after=link.after)
 
 
 @dataclass(eq=False)
@@ -26,9 +50,8 @@ class Instant:
         stamp_ns: when it is [ns].
         stamps_ns: camera -> stamp of its own image [ns].
         belief: given all that was measured until then.
-        link: to the instant before; None at the first.
-        measured, turns: at it, of the cameras that are believed.
-        own_motion: density and times (K) of its prediction, where equipment moves by itself.
+        step: from the instant before.
+        measured: at it, of the cameras that are believed.
         joints_seen: (J,) whether worn cameras see both segments.
         turning: (J,) whether the rotations of both are measured at least.
         told: joints that static cameras see.
@@ -44,10 +67,8 @@ class Instant:
     stamp_ns: int
     stamps_ns: Mapping[str, int]
     belief: Belief
-    link: Link | None
+    step: Step
     measured: Measured
-    turns: Sequence[SegmentTurn]
-    own_motion: tuple[Any, ...]
     joints_seen: Mask
     turning: Mask
     told: ToldJoints
@@ -82,6 +103,6 @@ def smoothed(instants: Sequence[Instant], tangent: TreeTangent) -> list[Belief]:
     """What is known of instants given all of them: the last one's belief, carried back to the first."""
     beliefs = [instants[-1].belief]
     for later in reversed(instants[1:]):
-        assert later.link is not None  # only the first has none
-        beliefs.append(later.link.smoothed(tangent, beliefs[-1], covariance=False))
+        assert later.step.link is not None  # only the first has none
+        beliefs.append(later.step.link.smoothed(tangent, beliefs[-1], covariance=False))
     return beliefs[::-1]

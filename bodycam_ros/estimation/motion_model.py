@@ -7,6 +7,7 @@ change of velocity, whose size in people is known: accelerations of limbs in m/s
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.estimation.belief import Belief, Coordinates, Link
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation
@@ -66,7 +67,7 @@ class MotionModel:
             [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
         )
 
-    def begun_again(self, belief: Belief, at: Coordinates, columns: Array) -> Belief:
+    def begun_again(self, belief: Belief, at: Coordinates, columns: NDArray[np.bool_]) -> Belief:
         """The belief about other coordinates, of which some columns (K,) begin anew."""
         both = np.concatenate([columns, columns])
         covariance = belief.covariance.copy()

@@ -7,14 +7,14 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.belief import Belief
+from bodycam_ros.estimation.between_instants import SegmentTurn, freed, given
 from bodycam_ros.estimation.coasting import on_the_way as on_the_way_of
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.instant import Instant, smoothed
+from bodycam_ros.estimation.instant import Instant, Step, smoothed
 from bodycam_ros.estimation.measurements import InstantFit, JointRotations
 from bodycam_ros.estimation.motion_model import MotionModel
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.recorded_poses import RecordedPoses
-from bodycam_ros.estimation.turns import turned
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent
 
@@ -61,16 +61,10 @@ class WholeRecording:
         for number, (instant, belief, better) in enumerate(zip(instants, beliefs, expected, strict=True)):
             self._on_progress(number / len(instants))
             before = again[-1] if again else self._before
-            link = None
-            predicted = self._motion.begin(belief.at.root, belief.at.motion)
-            if before is not None:
-                dt_s = 1e-9 * (instant.stamp_ns - before.stamp_ns)
-                link = self._motion.predict(before.belief, dt_s, *instant.own_motion)
-                link = turned(link, instant.turns, self._tangent)
-                predicted = link.after
+            step = self._step(instant, before, belief)
             measured = replace(instant.measured, expected=better + turned_on.get(number, JointRotations.nothing()))
-            fitted = self._fit.fit(predicted, measured, belief.at)
-            again.append(replace(instant, belief=fitted, link=link, measured=measured))
+            fitted = self._fit.fit(step.after, measured, belief.at)
+            again.append(replace(instant, belief=fitted, step=step, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
         return smoothed(again, self._tangent)[:count]
@@ -94,6 +88,16 @@ class WholeRecording:
                 pin = JointRotations(np.array([row]), rotations[place][None], np.full((1, 3), COAST_RAD))
                 on_the_way[place] = on_the_way.get(place, JointRotations.nothing()) + pin
         return on_the_way
+
+    def _step(self, instant: Instant, before: Instant | None, belief: Belief) -> Step:
+        """From the instant before, by all that is known of that."""
+        if before is None:
+            return Step(0.0, self._motion.begin(belief.at.root, belief.at.motion))
+        step = instant.step
+        dt_s = 1e-9 * (instant.stamp_ns - before.stamp_ns)
+        link = self._motion.predict(before.belief, dt_s, step.density, step.fade_s)
+        turns = [each for each in step.between if isinstance(each, SegmentTurn)]
+        return step.linked(given(freed(link, turns, self._tangent), step.between, self._tangent))
 
     def _expected(self, instants: Sequence[Instant], beliefs: Sequence[Belief]) -> list[JointRotations]:
         """Where unseen joints are expected, by all that is known of the recording by now."""

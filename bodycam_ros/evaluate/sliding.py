@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.sole import sole_points
+from bodycam_ros.estimation.contact_settings import ContactSettings
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.estimation.contact_settings import ContactSettings
 
 _SHORTEST_NS = 100_000_000
 _FIRM_NS = 200_000_000

@@ -38,10 +38,10 @@ class TreeTangent:
         self.count = int(ends[-1])
         self._joint_of_column = np.repeat(np.arange(len(self.twists)), np.diff(ends))
         # (K - 6, 6 J): the amounts of an increment as twists of all joints.
-        self._amounts = np.zeros((self.count - 6, len(self.twists), 6))
+        amounts = np.zeros((self.count - 6, len(self.twists), 6))
         for row, (xi, at) in enumerate(zip(self.twists, self.columns, strict=True)):
-            self._amounts[at.start - 6 : at.stop - 6, row] = xi.T
-        self._amounts = self._amounts.reshape(self.count - 6, -1)
+            amounts[at.start - 6 : at.stop - 6, row] = xi.T
+        self._amounts = amounts.reshape(self.count - 6, -1)
         self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
@@ -57,7 +57,7 @@ class TreeTangent:
         return poses[..., 0, :, :], poses[..., 1:, :, :]
 
     def step_between(self, world_T_root: Array, joint_motion: Array, to_root: Array, to_motion: Array) -> Array:
-        """The increment (..., K) that moves root (..., 4, 4) and joint motions (..., J, 4, 4) to others: of ``moved``."""
+        """The increment (..., K) that moves root (..., 4, 4) and joint motions (..., J, 4, 4) to others."""
         start = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
         tangents = log_se3(inverse(start) @ np.concatenate([to_root[..., None, :, :], to_motion], axis=-3))
         of_joints = tangents[..., 1:, :].reshape(*tangents.shape[:-2], -1) @ self._amounts.T

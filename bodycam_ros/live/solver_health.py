@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.estimation.body_state import BodyState
 
 _ARRIVALS = 1000
 _JUMP_NS = 1_000_000_000

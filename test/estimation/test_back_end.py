@@ -3,9 +3,9 @@
 import gtsam
 import numpy as np
 import pytest
+from bodycam_ros.estimation.back_end import BackEnd, BackEndError, BatchBackEnd, IncrementalBackEnd
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
-from bodycam_ros.estimation.back_end import BackEnd, BackEndError, BatchBackEnd, IncrementalBackEnd
 
 LOOSE = gtsam.noiseModel.Diagonal.Sigmas(np.full(6, 0.1))
 TIGHT = gtsam.noiseModel.Diagonal.Sigmas(np.full(6, 0.01))

@@ -3,18 +3,18 @@
 import gtsam
 import numpy as np
 import pytest
+from bodycam_ros.estimation.back_end import BackEndError
+from bodycam_ros.estimation.block_solver import Block, solve_block
+from bodycam_ros.estimation.body_factors import BodyFactors
+from bodycam_ros.estimation.expected_joints import ExpectedJoints
+from bodycam_ros.estimation.smooth_motion import MotionLimits, SmoothMotion
 from full_batch import levenberg_marquardt
 from moving_body import STEP_NS, body_with_cameras, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import exp_se3
-from bodycam_ros.estimation.back_end import BackEndError
-from bodycam_ros.estimation.block_solver import Block, solve_block
-from bodycam_ros.estimation.body_factors import BodyFactors
 from bodycam_ros.estimation.camera_evidence import SegmentPose
-from bodycam_ros.estimation.expected_joints import ExpectedJoints
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.smooth_motion import MotionLimits, SmoothMotion
+from bodycam_ros.geometry import exp_se3
 
 FRAMES = 30
 NOTHING = ExpectedJoints(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bodycam_ros.estimation.body_smoother import BodySmoother
 from moving_body import (
     STEP_NS,
     body_with_cameras,
@@ -14,11 +15,10 @@ from moving_body import (
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_smoother import BodySmoother
 from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.geometry import inverse, log_so3
 
 
 @pytest.fixture(scope="module")

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bodycam_ros.estimation.body_smoother import BodySmoother
 from standing_leg import BALL, FLAT, FRAMES, ROLLS, STEP_NS, SWINGS, ball_of, frame_of, leg, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
-from bodycam_ros.estimation.body_smoother import BodySmoother
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.contact_settings import ContactSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 
 OFF = ContactSettings(enabled=False)
 ALL, SHIN_ALONE = ("shin", "foot"), ("shin",)

@@ -9,9 +9,9 @@ from athlete_frames import Sight, Solved, solved
 from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.geometry import Array
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.geometry import Array
 
 CADENCE_RPM = 100.0
 THREE_TURNS_S = 3.0 * 60.0 / CADENCE_RPM

@@ -7,9 +7,9 @@ from known_motion import BODY
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.estimation.equipment_chain import EquipmentChain
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, TIGHT_RAD, Joint
-from bodycam_ros.estimation.equipment_chain import EquipmentChain
 
 HELD = (TIGHT_RAD,) * 3
 

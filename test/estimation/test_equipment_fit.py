@@ -7,8 +7,8 @@ import pytest
 from athletes import CRANK_M, bicycle, cyclist
 
 from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.estimation.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 
 BODY_M = 0.003
 """By so much a seen segment errs, as the fit has it."""

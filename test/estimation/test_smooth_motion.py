@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-
-from bodycam_ros.geometry import exp_se3
-from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.smooth_motion import MotionLimits, SmoothMotion
+
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.geometry import exp_se3
 
 STAMPS_NS = np.array([0, 33, 71, 100], np.int64) * 1_000_000
 MOTION = MotionLimits.of(MotionSettings(), 2)

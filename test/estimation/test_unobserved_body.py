@@ -4,18 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from bodycam_ros.estimation.body_smoother import BodySmoother
 from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.body_state import BodyState
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_smoother import BodySmoother
-from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 
 
 def solve(smoother: BodySmoother, frames: list[BodyFrame]) -> list[BodyState]:

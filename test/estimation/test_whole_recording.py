@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from bodycam_ros.estimation.back_end import BackEndError
+from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.forward_states import ForwardStates
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import log_so3
-from bodycam_ros.estimation.back_end import BackEndError
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_smoother import BodySmoother
 from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.forward_states import ForwardStates
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.whole_recording import WholeRecording
+from bodycam_ros.geometry import log_so3
 
 OFFLINE = SmootherSettings(output_delay="offline")
 IN_BLOCKS = SmootherSettings(output_delay="offline", block=1.0, overlap=0.5)

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
+from bodycam_ros.estimation.camera_pairs import comparable_pairs
 from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body
@@ -21,7 +22,6 @@ from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
 from bodycam_ros.solved.solved_recording import read_solved
 from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.estimation.camera_pairs import comparable_pairs
 from bodycam_ros.verdict.camera_link import camera_links
 from bodycam_ros.verdict.stored_verdict import parse_verdict, verdict_text
 from bodycam_ros.verdict.verdict import Finding, Level, Verdict, VerdictSettings

@@ -1,6 +1,6 @@
-"""Rotations of segments between two images of their cameras (A eq. 2 and the second term of eq. 8).
+"""What is measured of two instants at once: turns of segments between images, points of soles that stand.
 
-They measure two instants at once, so they condition the prediction of the later instant and the earlier one with it.
+A measurement of both conditions the prediction of the later instant, and the earlier one with it.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.belief import Belief, Coordinates, Link
-from bodycam_ros.geometry import Array, log_so3
+from bodycam_ros.estimation.belief import Belief, Link
+from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -22,7 +22,7 @@ _ITERATIONS = 2
 
 @dataclass(frozen=True, eq=False)
 class SegmentTurn:
-    """The rotation of a segment since the instant before.
+    """The rotation of a segment since the instant before (A eq. 2 and the second term of eq. 8).
 
     Attributes:
         row: of the segment.
@@ -33,6 +33,55 @@ class SegmentTurn:
     row: int
     previous_R_segment: Array
     sigma: float
+
+    def residual(self, before: Array, after: Array) -> tuple[Array, Array, Array]:
+        """See ``Between``."""
+        previous_R_now = before[:3, :3].T @ after[:3, :3]
+        r = log_so3(previous_R_now.T @ self.previous_R_segment) / self.sigma
+        by_after, by_before = np.zeros((2, 3, 6))
+        by_after[:, :3] = np.eye(3) / self.sigma
+        by_before[:, :3] = -previous_R_now.T / self.sigma
+        return r, by_after, by_before
+
+
+@dataclass(frozen=True, eq=False)
+class StandingPoint:
+    """A point of a sole that is where it was at the instant before, or where it came to stand.
+
+    Attributes:
+        row: of the foot.
+        place: (3,) of the point in the foot [m].
+        whitening: (3, 3) of its way in the world [1/m].
+        anchor: (3,) where it stands in the world [m]; None for where it was.
+    """
+
+    row: int
+    place: Array
+    whitening: Array
+    anchor: Array | None
+
+    def residual(self, before: Array, after: Array) -> tuple[Array, Array, Array]:
+        """See ``Between``."""
+        was = self._point(before) if self.anchor is None else self.anchor
+        by_before = -self._moves(before) if self.anchor is None else np.zeros((3, 6))
+        left, by_after = was - self._point(after), self._moves(after)
+        return self.whitening @ left, self.whitening @ by_after, self.whitening @ by_before
+
+    def _point(self, pose: Array) -> Array:
+        point: Array = pose[:3, :3] @ self.place + pose[:3, 3]
+        return point
+
+    def _moves(self, pose: Array) -> Array:
+        moves: Array = pose[:3, :3] @ np.concatenate([-hat(self.place), np.eye(3)], axis=1)
+        return moves
+
+
+Between = SegmentTurn | StandingPoint
+"""A measurement of one segment at two instants.
+
+Its residual (M) is in sigmas. With it come the rows (M, 6) by which tangents of the later pose, and of the earlier one,
+lessen it.
+"""
 
 
 def turns_since(
@@ -69,6 +118,8 @@ def freed(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Lin
     Smooth motion of joints, and turns of both of their segments, would tell the angle between them (as of a hand and
     an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
     """
+    if not turns:
+        return link
     rows = {turn.row for turn in turns}
     covariance = link.after.covariance.copy()
     for row, joint in enumerate(tangent.tree.tree_joints):
@@ -78,19 +129,23 @@ def freed(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Lin
     return Link(link.before, Belief(link.after.at, covariance), link.cross)
 
 
-def turned(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Link:
-    """The same two instants given the rotations between them (iterated extended Kalman update of both).
+def given(link: Link, measured: Sequence[Between], tangent: TreeTangent) -> Link:
+    """The same two instants given what is measured between them (iterated extended Kalman update of both).
 
     It is repeated about its outcome: a limb that is seen again may be far from where it was expected, and what is
     smoothed back by as much must turn as it was measured.
     """
-    if not turns:
+    if not measured:
         return link
     K = tangent.count
-    link = freed(link, turns, tangent)
     before, after = link.before.at, link.after.at
     for _ in range(_ITERATIONS):
-        r, H, H_before = _residuals(before, after, turns, tangent)
+        poses, poses_before = after.poses(tangent), before.poses(tangent)
+        J, J_before = tangent.segment_jacobians(poses), tangent.segment_jacobians(poses_before)
+        each = [one.residual(poses_before[one.row], poses[one.row]) for one in measured]
+        H = np.concatenate([by @ J[one.row] for one, (_, by, _) in zip(measured, each, strict=True)])
+        H_before = np.concatenate([by @ J_before[one.row] for one, (_, _, by) in zip(measured, each, strict=True)])
+        r = np.concatenate([left for left, _, _ in each])
         r += H @ link.after.at.step_to(tangent, after)[:K] + H_before @ link.before.at.step_to(tangent, before)[:K]
         # Covariances of the measured numbers with both instants.
         of_after = link.after.covariance[:, :K] @ H.T + link.cross[:, :K] @ H_before.T
@@ -105,18 +160,3 @@ def turned(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Li
         Belief(after, link.after.covariance - gain_after @ of_after.T),
         link.cross - gain_after @ of_before.T,
     )
-
-
-def _residuals(
-    before: Coordinates, after: Coordinates, turns: Sequence[SegmentTurn], tangent: TreeTangent
-) -> tuple[Array, Array, Array]:
-    """Residuals (3T) of turns in sigmas, and how increments of the later and the earlier instant lessen them (3T, K)."""
-    poses, poses_before = after.poses(tangent), before.poses(tangent)
-    J, J_before = tangent.segment_jacobians(poses), tangent.segment_jacobians(poses_before)
-    r, H, H_before = [], [], []
-    for turn in turns:
-        previous_R_now = poses_before[turn.row, :3, :3].T @ poses[turn.row, :3, :3]
-        r.append(log_so3(previous_R_now.T @ turn.previous_R_segment) / turn.sigma)
-        H.append(J[turn.row, :3] / turn.sigma)
-        H_before.append(-previous_R_now.T @ J_before[turn.row, :3] / turn.sigma)
-    return np.concatenate(r), np.concatenate(H), np.concatenate(H_before)
