@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from moving_body import lenses
 from numpy.typing import NDArray
 
@@ -161,7 +161,7 @@ def solved(
     """Solve what the cameras say, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
     coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
-    smoother = BodySmoother(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
+    smoother = BodyEstimator(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
     states = [state for frame in frames(athlete, sight, seed) for state in smoother.update(frame)]
     states += smoother.flush()
     assert [state.stamp_ns for state in states] == [stamp_ns(instant) for instant in range(len(athlete.times))]

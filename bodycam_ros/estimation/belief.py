@@ -66,8 +66,7 @@ class Link:
 
     @cached_property
     def _gain(self) -> Array:
-        gain: Array = np.linalg.solve(self.after.covariance, self.cross).T
-        return gain
+        return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
     def fitted(self, tangent: TreeTangent, after: Belief) -> "Link":
         """The same two instants when the later one was measured."""

@@ -17,7 +17,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 _FREE_RAD = 0.5
 """How far a joint may turn from image to image, beyond what is expected."""
 
-_ITERATIONS = 2
+_ITERATIONS, _NEAR = 2, 0.01  # times; [rad], [m] of a step after which it is linear enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,9 @@ def given(link: Link, measured: Sequence[Between], tangent: TreeTangent) -> Link
         solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
         gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
         before = link.before.at.moved(tangent, of_before @ scaled)
-        after = link.after.at.moved(tangent, of_after @ scaled)
+        after = link.after.at.moved(tangent, step := of_after @ scaled)
+        if np.abs(step[:K]).max() < _NEAR:
+            break
     return Link(
         Belief(before, link.before.covariance - gain_before @ of_before.T),
         Belief(after, link.after.covariance - gain_after @ of_after.T),

@@ -253,9 +253,8 @@ class BodyEstimator:
         """What is known of an instant, and of the one before, where points of soles stand."""
         standing = self._contacts.standing(stamp_ns, belief.at.poses(self._tangent), observed, turning)
         if standing and step.link is not None:
-            belief = given(step.link.fitted(self._tangent, belief), standing, self._tangent).after
-            between = [*step.between, *standing]
-            step = replace(step.linked(given(step.link, standing, self._tangent)), between=between)
+            link = given(step.link.fitted(self._tangent, belief), standing, self._tangent)
+            step, belief = replace(step, link=link, between=[*step.between, *standing]), link.after
         self._contacts.remember(stamp_ns, belief.at.poses(self._tangent))
         return step, belief
 

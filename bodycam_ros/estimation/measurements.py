@@ -187,7 +187,7 @@ class InstantFit:
             A, b = self._normal_equations(at.poses(self._tangent), at.motion, measured, robust)
             information = prior + A
             x = predicted.at.step_to(self._tangent, at)[:K]
-            step: Array = np.linalg.solve(information, b - prior @ x)
+            step = np.asarray(np.linalg.solve(information, b - prior @ x), np.float64)
             at = at.moved(self._tangent, step)
             moved = float(np.abs(step).max())
             if robust and moved < _SETTLED:
@@ -211,7 +211,7 @@ class InstantFit:
         J_all = self._tangent.segment_jacobians(poses)
         if len(measured.cameras):
             J, r = J_all[measured.cameras.rows], measured.cameras.residuals(poses)
-            information: Array = np.linalg.inv(measured.cameras.covariances)
+            information = np.asarray(np.linalg.inv(measured.cameras.covariances), np.float64)
             if robust:
                 information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
             of_rows = (information @ J).reshape(-1, K)

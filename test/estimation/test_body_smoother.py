@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from moving_body import (
     STEP_NS,
     body_with_cameras,
@@ -36,7 +36,7 @@ def run(
 ):
     """All states of a run, by frame number."""
     rng = np.random.default_rng(seed)
-    smoother = BodySmoother(body, cameras, settings)
+    smoother = BodyEstimator(body, cameras, settings)
     states: list[BodyState] = []
     for frame in range(frames):
         matches = {c: seen_by(body, c, frame, rng, lost(c, frame), wrong(c, frame)) for c in body.mounts}
@@ -107,7 +107,7 @@ def test_a_wrong_registration_does_not_bend_the_limb(body, cameras) -> None:
 
 def test_irregular_stamps_and_a_long_pause(body, cameras) -> None:
     rng = np.random.default_rng(0)
-    smoother = BodySmoother(body, cameras)
+    smoother = BodyEstimator(body, cameras)
     states: list[BodyState] = []
     frames = (*range(0, 20), *range(21, 30, 2), *range(90, 110))
     for before, frame in zip((-1, *frames), frames, strict=False):
@@ -121,7 +121,7 @@ def test_irregular_stamps_and_a_long_pause(body, cameras) -> None:
 
 def test_a_silence_of_all_cameras_is_bridged_and_flagged(body, cameras) -> None:
     rng = np.random.default_rng(0)
-    smoother = BodySmoother(body, cameras)
+    smoother = BodyEstimator(body, cameras)
     frames = (*range(30), *range(45, 60))
     states: list[BodyState] = []
     for before, frame in zip((-1, *frames), frames, strict=False):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from standing_leg import BALL, FLAT, FRAMES, ROLLS, STEP_NS, SWINGS, ball_of, frame_of, leg, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
@@ -39,7 +39,7 @@ def solved(
 ) -> Array:
     """Poses (FRAMES, 2, 4, 4)."""
     rng = np.random.default_rng(seed)
-    smoother = BodySmoother(body, lenses(body), smoother_settings, contacts=FootContacts(body, settings))
+    smoother = BodyEstimator(body, lenses(body), smoother_settings, contacts=FootContacts(body, settings))
     states = []
     for frame in range(FRAMES):
         states += smoother.update(frame_of(body, frame, rng, cameras, floor))
@@ -117,7 +117,7 @@ def foot(pitch: float, x: float, height: float = 0.0) -> Array:
 def test_feet_stand_on_steps_down_and_up(body: BodyModel, levels: tuple[float, ...]) -> None:
     rng = np.random.default_rng(0)
     contacts = FootContacts(body)
-    smoother = BodySmoother(body, lenses(body), contacts=contacts)
+    smoother = BodyEstimator(body, lenses(body), contacts=contacts)
     for number, floor in enumerate(levels):
         later_ns = number * FRAMES * STEP_NS
         for frame in FLAT:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
@@ -81,7 +81,7 @@ def solved(
     settings: SmootherSettings = DELAYED,
 ) -> dict[int, BodyState]:
     """States by frame number."""
-    rng, smoother = np.random.default_rng(0), BodySmoother(body, lenses(body), settings, onlookers=onlookers)
+    rng, smoother = np.random.default_rng(0), BodyEstimator(body, lenses(body), settings, onlookers=onlookers)
     states: list[BodyState] = []
     for number in range(FRAMES):
         states += smoother.update(frame_at(body, number, worn, looks, rng))

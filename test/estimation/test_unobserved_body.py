@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
@@ -18,7 +18,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
-def solve(smoother: BodySmoother, frames: list[BodyFrame]) -> list[BodyState]:
+def solve(smoother: BodyEstimator, frames: list[BodyFrame]) -> list[BodyState]:
     states = [state for frame in frames for state in smoother.update(frame)]
     return states + smoother.flush()
 
@@ -37,7 +37,7 @@ def seen_frames(body: BodyModel, numbers: range, cameras: set[str]) -> list[Body
 def test_no_rate_and_no_missing_camera_ends_it(every: int, cameras: set[str]) -> None:
     body = body_with_cameras()
     frames = seen_frames(body, range(0, 90, every), cameras)
-    smoother = BodySmoother(body, lenses(body))
+    smoother = BodyEstimator(body, lenses(body))
     states = solve(smoother, frames)
     assert smoother.restarts == 0
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
@@ -53,7 +53,7 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
     body = body_with_cameras()
     motion = MotionSettings(acceleration_sigma=linear, angular_acceleration_sigma=angular)
     frames = seen_frames(body, range(60), cameras)
-    states = solve(BodySmoother(body, lenses(body), motion=motion), frames)
+    states = solve(BodyEstimator(body, lenses(body), motion=motion), frames)
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
     assert np.isfinite([state.world_T_segment for state in states]).all()
 
@@ -61,7 +61,7 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
 def test_a_failure_begins_the_window_anew_and_loses_no_instant(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gtsam is made to fail as it does: an exception out of update, at three instants."""
     body = body_with_cameras()
-    smoother = BodySmoother(body, lenses(body))
+    smoother = BodyEstimator(body, lenses(body))
     frames = seen_frames(body, range(60), set(body.mounts))
     states: list[BodyState] = []
     for number, frame in enumerate(frames):
@@ -97,7 +97,7 @@ def test_registrations_that_are_noise_are_survived(camera: str) -> None:
         pose = matches[camera].world_T_camera @ exp_se3(rng.normal(0.0, 1.0, 6))
         matches[camera] = dataclasses.replace(matches[camera], world_T_camera=pose)
         frames.append(BodyFrame(frame.stamp_ns, matches))
-    smoother = BodySmoother(body, lenses(body))
+    smoother = BodyEstimator(body, lenses(body))
     states = solve(smoother, frames)
     counts = smoother.refused
     assert counts[camera] > 50 and sum(counts.values()) < 70
@@ -116,7 +116,7 @@ def test_the_covariance_grows_while_nothing_is_seen_and_shrinks_again() -> None:
         else dataclasses.replace(frame, matches={c: _lost(m) for c, m in frame.matches.items()})
         for number, frame in enumerate(frames)
     ]
-    states = solve(BodySmoother(body, lenses(body), SmootherSettings(output_delay=0)), blind)
+    states = solve(BodyEstimator(body, lenses(body), SmootherSettings(output_delay=0)), blind)
     root = [float(np.sqrt(np.trace(state.uncertainty.root[3:, 3:]))) for state in states]
     joints = [float(np.sqrt(np.trace(state.uncertainty.joints[0]))) for state in states]
     twist = [float(np.trace(state.uncertainty.root_twist)) for state in states]

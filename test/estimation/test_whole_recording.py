@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bodycam_ros.estimation.back_end import BackEndError
-from bodycam_ros.estimation.body_smoother import BodySmoother
+from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.forward_states import ForwardStates
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
@@ -40,7 +40,7 @@ def run(
 ) -> dict[int, BodyState]:
     """All states of a run, by frame number."""
     rng = np.random.default_rng(3)
-    smoother = BodySmoother(body, cameras, settings, offline=True, on_progress=heard)
+    smoother = BodyEstimator(body, cameras, settings, offline=True, on_progress=heard)
     states: list[BodyState] = []
     for frame in range(FRAMES):
         matches = {c: seen_by(body, c, frame, rng, lost(c, frame)) for c in body.mounts}
@@ -75,7 +75,7 @@ def test_blocks_are_the_whole(body, cameras) -> None:
     gaps = np.array([np.abs(whole[f].world_T_segment - blocks[f].world_T_segment).max() for f in range(FRAMES)])
     scatter = position_errors(body, whole).mean()
     assert gaps.max() < 0.05 * scatter
-    smoother = BodySmoother(body, cameras, IN_BLOCKS, offline=True)
+    smoother = BodyEstimator(body, cameras, IN_BLOCKS, offline=True)
     rng = np.random.default_rng(3)
     frames = (BodyFrame((f + 1) * STEP_NS, {c: seen_by(body, c, f, rng) for c in body.mounts}) for f in range(FRAMES))
     waiting = np.cumsum([1 - len(smoother.update(frame)) for frame in frames])
