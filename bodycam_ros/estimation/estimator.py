@@ -173,7 +173,7 @@ class BodyEstimator:
         worn, start = self._judged(registered, step.after)
         believed = {name: registered[name] for name in worn}
         observed = self.body.named(seen.segment for seen in believed.values())
-        path, start = self._looked_on(frame, start, step.dt_s, [*believed.values(), *placed], observed)
+        step, path, start = self._looked_on(frame, step, start, [*believed.values(), *placed], observed)
         others = [*placed, *self._looking_on.evidence]
         cameras = SegmentPoses.of(self.body, [*believed.values(), *others])
         turning = observed | self._looking_on.rows | self.body.named(self.body.segments[t.row] for t in step.between)
@@ -223,16 +223,30 @@ class BodyEstimator:
         return [name for name, used in zip(names, kept.tolist(), strict=True) if used], start
 
     def _looked_on(
-        self, frame: BodyFrame, start: Coordinates, dt_s: float, known: Sequence[SegmentPose], observed: Mask
-    ) -> tuple[Array, Coordinates]:
-        """Poses (S, 4, 4) and coordinates to start from, with limbs where static cameras have them."""
+        self, frame: BodyFrame, step: Step, start: Coordinates, known: Sequence[SegmentPose], observed: Mask
+    ) -> tuple[Step, Array, Coordinates]:
+        """Poses (S, 4, 4) and coordinates to start from, with limbs where static cameras have them.
+
+        A limb that they found somewhere else than before did not move there: its motion begins anew.
+        """
         path = start.poses(self._tangent)
-        self._looking_on.look(frame, path, dt_s, known)
-        if self._looking_on.rows.any():
-            path = self._looking_on.path(path, observed)
-            root, motion = path[self._row(self.body.root)], self.body.joint_poses(path, self._slides)
-            start = replace(start, root=root, motion=motion)
-        return path, start
+        self._looking_on.look(frame, path, step.dt_s, known)
+        if not self._looking_on.rows.any():
+            return step, path, start
+        path = self._looking_on.path(path, observed)
+        root, motion = path[self._row(self.body.root)], self.body.joint_poses(path, self._slides)
+        start = replace(start, root=root, motion=motion)
+        jumped = np.zeros(len(path), bool)
+        jumped[list(self._looking_on.seen.jumped)] = True
+        jumped &= ~observed
+        joints = jumped[self.body.joint_ends].any(axis=1)
+        at = replace(step.after.at, motion=np.where(joints[:, None, None], motion, step.after.at.motion))
+        columns = np.zeros(self._tangent.count, bool)
+        if jumped[self._row(self.body.root)]:
+            at, columns[:6] = replace(at, root=root), True
+        for row in np.flatnonzero(joints):
+            columns[self._tangent.columns[row]] = True
+        return self._begun_again(step, at, columns), path, start
 
     def _seated(self, step: Step, start: Coordinates, path: Array) -> tuple[Step, Coordinates]:
         """The equipment where it was found; it begins anew unless it went on from the instant before."""
@@ -240,14 +254,19 @@ class BodyEstimator:
         start = self._coupling.seated(start, path, self._slides)
         if self._coupling.went_on:
             return step, start
-        columns = self._coupling.columns(self._tangent)
-        seated = self._coupling.seated(step.after.at, path, self._slides)
-        after = self._motion.begun_again(step.after, seated, columns)
+        at = self._coupling.seated(step.after.at, path, self._slides)
+        return self._begun_again(step, at, self._coupling.columns(self._tangent)), start
+
+    def _begun_again(self, step: Step, at: Coordinates, columns: Mask) -> Step:
+        """A step after which some columns (K,) are elsewhere, and nothing is known of how they came there."""
+        if not columns.any():
+            return step
+        after = self._motion.begun_again(step.after, at, columns)
         if step.link is None:
-            return replace(step, after=after), start
+            return replace(step, after=after)
         cross = step.link.cross.copy()
         cross[np.concatenate([columns, columns])] = 0.0
-        return step.linked(Link(step.link.before, after, cross)), start
+        return step.linked(Link(step.link.before, after, cross))
 
     def _stood(self, stamp_ns: int, step: Step, belief: Belief, observed: Mask, turning: Mask) -> tuple[Step, Belief]:
         """What is known of an instant, and of the one before, where points of soles stand."""

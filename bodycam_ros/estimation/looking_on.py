@@ -123,11 +123,12 @@ class LookingOn:
         return np.where(observed[:, None, None], path, self.seen.world_T_segment) if self.rows.any() else path
 
     def told(self, observed: Mask) -> ToldJoints:
-        """Joints of segments that they see, or worn cameras observe (S,), where they have them.
+        """Joints of which they see segments that worn cameras do not observe (S,), where they have them.
 
-        To be expected there where worn cameras do not see both segments: a limb may spin about its long axis.
+        To be expected there, for no contour tells how a limb spins about its long axis.
         """
-        seen = (observed | self.rows)[self._body.joint_ends].all(axis=1) & self.rows.any()
+        ends = self._body.joint_ends
+        seen = (observed | self.rows)[ends].all(axis=1) & ~observed[ends].all(axis=1) & self.rows.any()
         return ToldJoints(seen, self._body.joint_rotations(self.seen.world_T_segment), _SEEN_RAD)
 
     def with_worn(self, worn: Mapping[str, SegmentPose]) -> Mapping[str, SegmentPose]:

@@ -109,13 +109,10 @@ class JointRotations:
         )
 
     def replaced(self, which: NDArray[np.bool_], rotations: Array, sigma: float) -> "JointRotations":
-        """The same, but some (J,) of the joints, all (J, 3, 3) given, are where somebody else sees them."""
-        known = which[self.rows]
-        return JointRotations(
-            self.rows,
-            np.where(known[:, None, None], rotations[self.rows], self.rotations),
-            np.where(known[:, None], sigma, self.sigmas),
-        )
+        """The same, but some (J,) of the joints are where somebody else sees them, who has all (J, 3, 3)."""
+        kept, rows = ~which[self.rows], np.flatnonzero(which)
+        mine = JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept])
+        return mine + JointRotations(rows, rotations[rows], np.full((len(rows), 3), sigma))
 
 
 @dataclass(frozen=True, eq=False)
