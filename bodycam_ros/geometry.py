@@ -110,6 +110,25 @@ def adjoint(T: Array) -> Array:
     return Ad
 
 
+def log_jacobian(r: Array) -> Array:
+    """J (..., 3, 3) or (..., 6, 6): log(exp(-d) exp(r)) is r - J d, for small d, r (..., 3) or (..., 6) and d alike.
+
+    It is the inverse of the left Jacobian, to the fourth order (Barfoot 2017, eq. 7.77b and 7.94b).
+    """
+    ad = hat(r[..., :3])
+    if r.shape[-1] == 6:
+        ad = np.concatenate(
+            [
+                np.concatenate([ad, np.zeros_like(ad)], axis=-1),
+                np.concatenate([hat(r[..., 3:]), ad], axis=-1),
+            ],
+            axis=-2,
+        )
+    ad2 = ad @ ad
+    jacobian: Array = np.eye(r.shape[-1]) - 0.5 * ad + ad2 / 12.0 - ad2 @ ad2 / 720.0
+    return jacobian
+
+
 def nearest_rotation(M: NDArray[np.floating]) -> Array:
     """Rotation (..., 3, 3) closest to a matrix (..., 3, 3) in the Frobenius norm."""
     M = np.asarray(M, dtype=np.float64)

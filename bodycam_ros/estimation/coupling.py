@@ -95,7 +95,7 @@ class Coupling:
 
     def motion(self, model: MotionModel, tangent: TreeTangent) -> tuple[Array, Array]:
         """Density and times (K) of a prediction, in which the equipment moves as it does by itself."""
-        density, fade_s = model.density.copy(), model.fade_s.copy()
+        density, fade_s = np.full_like(model.density, np.nan), model.fade_s.copy()
         accelerations = self._motion.accelerations(self._watch.holding.drives)
         for row, joint in enumerate(tangent.tree.tree_joints):
             if joint.child not in self.fit.row:

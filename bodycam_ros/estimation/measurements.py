@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.belief import Belief, Coordinates
 from bodycam_ros.estimation.camera_evidence import SegmentPose
-from bodycam_ros.geometry import Array, inverse, log_se3, log_so3
+from bodycam_ros.geometry import Array, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
 from bodycam_ros.kinematics.limits import JointLimits
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -207,7 +207,8 @@ class InstantFit:
         A, b = np.zeros((K, K)), np.zeros(K)
         J_all = self._tangent.segment_jacobians(poses)
         if len(measured.cameras):
-            J, r = J_all[measured.cameras.rows], measured.cameras.residuals(poses)
+            r = measured.cameras.residuals(poses)
+            J = log_jacobian(r) @ J_all[measured.cameras.rows]
             information = np.asarray(np.linalg.inv(measured.cameras.covariances), np.float64)
             if robust:
                 information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
@@ -218,7 +219,8 @@ class InstantFit:
         for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
             columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]
             W = self._child_R_joint[row] / sigmas[:, None]
-            J, r = W @ turns, W @ log_so3(motion[row, :3, :3].T @ rotation)
+            r = log_so3(motion[row, :3, :3].T @ rotation)
+            J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
         if measured.guessed.any():

@@ -62,6 +62,8 @@ class MotionModel:
         turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
         sigmas = np.where(turns > 0.0, settings.angular_acceleration_sigma, settings.acceleration_sigma)
         self.density = sigmas**2 * LASTS_S
+        self._of_people = ~np.array([n in tangent.tree.equipment_segments for n in tangent.tree.segments], bool)
+        self._weights = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3) ** -2.0 / LASTS_S
         self.fade_s = np.full(tangent.count, settings.velocity_time)
         self._first = np.concatenate(
             [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
@@ -82,7 +84,12 @@ class MotionModel:
 
     def predict(self, before: Belief, dt_s: float, density: Array | None = None, fade_s: Array | None = None) -> Link:
         """The body ``dt_s`` later; density and times (K) other than people's where equipment moves by itself."""
-        density, fade_s = self.density if density is None else density, self.fade_s if fade_s is None else fade_s
+        fade_s = self.fade_s if fade_s is None else fade_s
+        J = self._tangent.segment_jacobians(before.at.poses(self._tangent))[self._of_people]
+        A = (J * self._weights[:, None]).reshape(-1, J.shape[2]).T @ J.reshape(-1, J.shape[2])
+        free = np.ones(len(A), bool) if density is None else np.isnan(density)
+        Q = np.zeros_like(A) if density is None else np.diag(np.nan_to_num(density))
+        Q[np.ix_(free, free)] = np.linalg.inv(A[np.ix_(free, free)])
         K, keep = self._tangent.count, np.exp(-dt_s / fade_s)
         reach = fade_s * (1.0 - keep)
         at = before.at.moved(self._tangent, reach * before.at.velocity)
@@ -91,11 +98,10 @@ class MotionModel:
         # F = [[1, reach], [0, keep]], by columns.
         cross = np.concatenate([P[:K] + reach[:, None] * P[K:], keep[:, None] * P[K:]])
         covariance = np.concatenate([cross[:, :K] + cross[:, K:] * reach, cross[:, K:] * keep], axis=1)
-        each = np.arange(K)
-        covariance[each, each] += density * dt_s**3 / 3.0
-        covariance[each, K + each] += density * dt_s**2 / 2.0
-        covariance[K + each, each] += density * dt_s**2 / 2.0
-        covariance[K + each, K + each] += density * dt_s
+        covariance[:K, :K] += Q * dt_s**3 / 3.0
+        covariance[:K, K:] += Q * dt_s**2 / 2.0
+        covariance[K:, :K] += Q * dt_s**2 / 2.0
+        covariance[K:, K:] += Q * dt_s
         return Link(before, Belief(at, covariance), cross)
 
 
