@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
-from bodycam_ros.estimation.estimator import BodyEstimator
 from moving_body import lenses
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
+from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse

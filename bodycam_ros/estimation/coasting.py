@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
 
-_SPEED_INSTANTS = 4
-"""Before and after a stretch that tell the speed at its ends."""
+_TOLD_S = 0.25
+"""Before and after a stretch, that tell the motion at its ends: most of a stroke of a pedal, which is not even."""
+
+_LASTS_S = 2.0
+"""How long a change of speed that was seen goes on: a rider who starts has his speed by then."""
 
 
 def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:
-    """Angles (T) [rad] with stretches that nobody drove filled in: a cubic with the speeds at both of its ends.
+    """Angles (T) [rad] with stretches that nobody drove filled in: with speed and acceleration of both ends.
 
     Args:
         angles: (T) continuous where it is driven.
@@ -30,30 +33,38 @@ def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Arr
             # What is continuous stays so, whatever was added before.
             filled[last:] += 2.0 * np.pi * np.round((filled[first] - filled[last]) / (2.0 * np.pi))
             continue
-        whole_s = stamps_s[last] - stamps_s[first]
-        speeds = _speed(filled, stamps_s, driven, first, -1), _speed(filled, stamps_s, driven, last, 1)
+        T = stamps_s[last] - stamps_s[first]
+        ends = _motion(filled, stamps_s, driven, first, -1), _motion(filled, stamps_s, driven, last, 1)
         # An instant that is known alone has no speed; the other end tells it.
-        told = [speed for speed in speeds if speed is not None] or [0.0]
-        leaving, arriving = told[0], told[-1]
-        expected = filled[first] + 0.5 * whole_s * (leaving + arriving)
+        told = [end for end in ends if end is not None] or [(0.0, 0.0)]
+        (v0, a0), (v1, a1) = told[0], told[-1]
+        lasts = min(1.0, (_LASTS_S / T) ** 2)
+        a0, a1 = lasts * a0, lasts * a1
+        # The jerk is least on the way that ends here.
+        expected = filled[first] + T * (v0 + v1) / 2.0 + T**2 * (a0 - a1) / 12.0
         filled[last:] += 2.0 * np.pi * np.round((expected - filled[last]) / (2.0 * np.pi))
-        u = (stamps_s[first + 1 : last] - stamps_s[first]) / whole_s
-        way = filled[last] - filled[first]
-        filled[first + 1 : last] = (
-            filled[first]
-            + (3.0 * u**2 - 2.0 * u**3) * way
-            + whole_s * ((u**3 - 2.0 * u**2 + u) * leaving + (u**3 - u**2) * arriving)
-        )
+        conditions = [filled[first], T * v0, T**2 * a0, filled[last], T * v1, T**2 * a1]
+        u = (stamps_s[first + 1 : last] - stamps_s[first]) / T
+        filled[first + 1 : last] = np.polynomial.polynomial.polyval(u, _QUINTIC @ conditions)
     return filled
 
 
-def _speed(angles: Array, stamps_s: Array, driven: NDArray[np.bool_], place: int, side: int) -> float | None:
-    """The speed [rad/s] at one end of a stretch, by the instants beyond it; None if there are none."""
+def _motion(
+    angles: Array, stamps_s: Array, driven: NDArray[np.bool_], place: int, side: int
+) -> tuple[float, float] | None:
+    """Speed [rad/s] and acceleration [rad/s^2] at one end of a stretch, by what is beyond; None if nothing is."""
     end = place
-    while 0 <= end + side < len(driven) and driven[end + side] and abs(end + side - place) <= _SPEED_INSTANTS:
+    while (
+        0 <= end + side < len(driven) and driven[end + side] and abs(stamps_s[end + side] - stamps_s[place]) < _TOLD_S
+    ):
         end += side
     if end == place:
         return None
     beyond = np.arange(min(place, end), max(place, end) + 1)
-    steps = np.diff(np.unwrap(angles[beyond])) / np.diff(stamps_s[beyond])
-    return float(steps.mean())
+    curve = np.polyfit(stamps_s[beyond] - stamps_s[place], np.unwrap(angles[beyond]), min(2, len(beyond) - 1))
+    return float(curve[-2]), float(2.0 * curve[-3]) if len(curve) > 2 else 0.0
+
+
+_ENDS = [[k == 0, k == 1, 2 * (k == 2), 1, k, k * (k - 1)] for k in range(6)]
+_QUINTIC = np.linalg.inv(np.array(_ENDS, np.float64).T)
+"""Coefficients of the quintic over 0 to 1, of its value, slope and curvature at both ends."""

@@ -107,11 +107,21 @@ class Coupling:
                 fade_s[columns] = _KEPT_S
         return density, fade_s
 
-    def columns(self, tangent: TreeTangent) -> NDArray[np.bool_]:
-        """(K,) coordinates of the equipment."""
+    def begins_anew(self, tangent: TreeTangent, before: Holding | None) -> NDArray[np.bool_]:
+        """(K,) coordinates of which nothing was known: all that has just been found, and what is driven again.
+
+        Args:
+            tangent: of the body with the equipment.
+            before: what held at the instant before.
+        """
         columns = np.zeros(tangent.count, bool)
         for row, joint in enumerate(tangent.tree.tree_joints):
-            columns[tangent.columns[row]] = joint.child in self.fit.row
+            if joint.child in self.fit.row:
+                columns[tangent.columns[row]] = not self.went_on
+        for row in self.keeping():
+            joint = tangent.tree.tree_joints[row]
+            if self.drives(joint, self.holding) and not self.drives(joint, before):
+                columns[tangent.columns[row]] = True
         return columns
 
     def drives(self, joint: Joint, holding: Holding | None) -> bool:

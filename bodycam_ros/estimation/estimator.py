@@ -23,7 +23,7 @@ from bodycam_ros.estimation.body_now import BodyNow
 from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.estimation.body_uncertainty import CovarianceSettings, body_uncertainty
 from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras, SegmentPose
-from bodycam_ros.estimation.camera_judge import judge
+from bodycam_ros.estimation.camera_judge import REFUSED, judge
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.contact_settings import ContactSettings
 from bodycam_ros.estimation.coupling import Coupling
@@ -170,8 +170,7 @@ class BodyEstimator:
         self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
     ) -> Instant:
         """One instant: which cameras are believed, what else is known, the fit, and what stands."""
-        worn, start = self._judged(registered, step.after)
-        believed = {name: registered[name] for name in worn}
+        believed, step, start = self._judged(registered, step)
         observed = self.body.named(seen.segment for seen in believed.values())
         step, path, start = self._looked_on(frame, step, start, [*believed.values(), *placed], observed)
         others = [*placed, *self._looking_on.evidence]
@@ -214,13 +213,28 @@ class BodyEstimator:
         self._remember_lately(instant)
         return instant
 
-    def _judged(self, registered: Mapping[str, SegmentPose], predicted: Belief) -> tuple[list[str], Coordinates]:
-        """The cameras that are believed, and where they have the body."""
+    def _judged(
+        self, registered: Mapping[str, SegmentPose], step: Step
+    ) -> tuple[Mapping[str, SegmentPose], Step, Coordinates]:
+        """The cameras that are believed, and where they have the body.
+
+        A joint that was guessed, and is seen far from there, did not move so in one instant: it begins anew.
+        """
+        guessed = self._guessed()
         worn = SegmentPoses.of(self.body, registered.values())
-        kept, start = judge(predicted, worn, self._tangent, self._guessed())
+        kept, start = judge(step.after, worn, self._tangent, guessed)
         names = list(registered)
         self.refused.update(name for name, used in zip(names, kept.tolist(), strict=True) if not used)
-        return [name for name, used in zip(names, kept.tolist(), strict=True) if used], start
+        believed = {name: registered[name] for name, used in zip(names, kept.tolist(), strict=True) if used}
+        apart = step.after.at.step_to(self._tangent, start)
+        anew, motion = np.zeros(self._tangent.count, bool), step.after.at.motion.copy()
+        for row in np.flatnonzero(
+            self.body.named(seen.segment for seen in believed.values())[self.body.joint_ends].all(axis=1)
+        ):
+            at = self._tangent.columns[row]
+            if guessed[at].any() and apart[at] @ np.linalg.solve(step.after.covariance[at, at], apart[at]) > REFUSED:
+                anew[at], motion[row] = True, start.motion[row]
+        return believed, self._begun_again(step, replace(step.after.at, motion=motion), anew), start
 
     def _looked_on(
         self, frame: BodyFrame, step: Step, start: Coordinates, known: Sequence[SegmentPose], observed: Mask
@@ -249,13 +263,14 @@ class BodyEstimator:
         return self._begun_again(step, at, columns), path, start
 
     def _seated(self, step: Step, start: Coordinates, path: Array) -> tuple[Step, Coordinates]:
-        """The equipment where it was found; it begins anew unless it went on from the instant before."""
+        """The equipment where it was found, of which some begins anew."""
         assert self._coupling is not None
+        before = self._instants[-1].holding if self._instants else None
+        columns = self._coupling.begins_anew(self._tangent, before)
         start = self._coupling.seated(start, path, self._slides)
-        if self._coupling.went_on:
+        if not columns.any():
             return step, start
-        at = self._coupling.seated(step.after.at, path, self._slides)
-        return self._begun_again(step, at, self._coupling.columns(self._tangent)), start
+        return self._begun_again(step, self._coupling.seated(step.after.at, path, self._slides), columns), start
 
     def _begun_again(self, step: Step, at: Coordinates, columns: Mask) -> Step:
         """A step after which some columns (K,) are elsewhere, and nothing is known of how they came there."""

@@ -63,7 +63,9 @@ class MotionModel:
         sigmas = np.where(turns > 0.0, settings.angular_acceleration_sigma, settings.acceleration_sigma)
         self.density = sigmas**2 * LASTS_S
         self._of_people = ~np.array([n in tangent.tree.equipment_segments for n in tangent.tree.segments], bool)
-        self._weights = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3) ** -2.0 / LASTS_S
+        self._weights = (
+            np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3) ** -2.0 / LASTS_S
+        )
         self.fade_s = np.full(tangent.count, settings.velocity_time)
         self._first = np.concatenate(
             [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]

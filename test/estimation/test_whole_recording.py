@@ -1,18 +1,15 @@
-"""The whole recording solved from both sides: against the filter, against one block, and across borders of blocks."""
+"""The whole recording known from both sides: against what is known at once, in blocks, and across their borders."""
 
 import numpy as np
 import pytest
-from bodycam_ros.estimation.back_end import BackEndError
-from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.forward_states import ForwardStates
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.body_state import BodyState
+from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.estimation.whole_recording import WholeRecording
 from bodycam_ros.geometry import log_so3
 
 OFFLINE = SmootherSettings(output_delay="offline")
@@ -123,32 +120,6 @@ def test_a_long_pause_ends_one_recording_and_begins_another(body, cameras) -> No
     states = run(body, cameras, OFFLINE, gone=lambda frame: 30 <= frame < 70)
     assert list(states) == [*range(30), *range(70, FRAMES)]
     assert position_errors(body, states).max() < 0.02
-
-
-class Unsolvable(BodySmoother):
-    """Its blocks cannot be solved."""
-
-    def outgoing(self) -> ForwardStates | WholeRecording:
-        def fail(*_: object) -> np.ndarray:
-            raise BackEndError("no digits left")
-
-        outgoing = super().outgoing()
-        assert isinstance(outgoing, WholeRecording)
-        outgoing.solve = fail
-        return outgoing
-
-
-def test_a_block_that_cannot_be_solved_stays_as_one_pass_has_it(body, cameras, caplog) -> None:
-    rng = np.random.default_rng(3)
-    smoother, states = Unsolvable(body, cameras, OFFLINE, offline=True), []
-    for frame in range(FRAMES):
-        matches = {c: seen_by(body, c, frame, rng) for c in body.mounts}
-        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
-    states += smoother.flush()
-    forward = run(body, cameras, SmootherSettings(output_delay=4))
-    assert max(np.abs(s.world_T_segment - forward[f].world_T_segment).max() for f, s in enumerate(states)) < 1e-9
-    assert len(states) == FRAMES
-    assert "the recording is as one pass has it: no digits left" in caplog.text
 
 
 def test_says_how_far_it_is_and_can_be_interrupted(body, cameras) -> None:
