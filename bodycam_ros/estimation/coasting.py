@@ -1,19 +1,30 @@
 """A crank that nobody is seen to drive: on its own way it leads the limbs that are guessed, and is not led by them.
 
-Over a whole recording it goes on from the speed that it had to the speed that it was seen at again, by as many turns as
-fit best between them.
+At once it goes on as it did. Over a whole recording it goes on from the speed that it had to the speed that it was
+seen at again, by as many turns as fit best between them.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.geometry import Array
+
+_COAST_RAD = 0.02
+"""How far such a hinge may be from its way, each instant: the limbs that are guessed must not hold it up."""
 
 _TOLD_S = 0.25
 """Before and after a stretch, that tell the motion at its ends: most of a stroke of a pedal, which is not even."""
 
 _LASTS_S = 2.0
 """How long a change of speed that was seen goes on: a rider who starts has his speed by then."""
+
+
+def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:
+    """Hinges, by their rows in ``tree_joints``, that are on their way at rotations (U, 3, 3)."""
+    return JointRotations(np.array(rows, np.int64), rotations, np.full((len(rows), 3), _COAST_RAD))
 
 
 def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:

@@ -41,7 +41,7 @@ _SPEED_S = 0.04
 _FIRM_NS = 200_000_000
 """A point that has been slow for so long stands, at whatever level; a foot that turns back in the air is not."""
 
-_BLIND_M = 0.01
+_BLIND_M = 0.02
 """How well it is known where a point of a blind foot rests: shoes are not flat."""
 
 

@@ -18,13 +18,14 @@ from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.estimation.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.estimation.belief import Coordinates
 from bodycam_ros.estimation.camera_evidence import SegmentPose, poses_as_seen
+from bodycam_ros.estimation.coasting import coasting
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldPoints, Prior
 from bodycam_ros.estimation.equipment_memory import SeenInstants
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
 from bodycam_ros.estimation.equipment_place import EquipmentPlace
 from bodycam_ros.estimation.equipment_places import EquipmentPlaces
-from bodycam_ros.estimation.measurements import SegmentPoses
+from bodycam_ros.estimation.measurements import JointRotations, SegmentPoses
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
 from bodycam_ros.estimation.search_pacing import SearchPacing
 from bodycam_ros.geometry import inverse
@@ -36,8 +37,11 @@ Array = NDArray[np.float64]
 _STANDS = np.repeat([1e-4, 1e-4], 3)
 """[rad], [m] what stands still is never held tighter."""
 
+_LED = 600.0
+"""[rad/s^2] of joints of limbs that a machine leads: their own motion must not hold it up."""
+
 _KEPT_S = 100.0
-"""What keeps its speed forgets it in this time."""
+"""[s] in which what keeps its speed forgets it."""
 
 _FOLLOWED = np.repeat([0.1, 0.01], 3)
 """[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
@@ -79,6 +83,7 @@ class Coupling:
         self.placed = self.went_on = False
         self.places = EquipmentPlaces(body, equipment, self._tree, self.fit.lengths, settings)
         self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
+        self._driven: set[int] = set()
         self._begin_ns: int | None = None
         self._pacing = SearchPacing()
 
@@ -94,8 +99,8 @@ class Coupling:
         return self._watch.holding if self.placed else None
 
     def motion(self, model: MotionModel, tangent: TreeTangent) -> tuple[Array, Array]:
-        """Density and times (K) of a prediction, in which the equipment moves as it does by itself."""
-        density, fade_s = np.full_like(model.density, np.nan), model.fade_s.copy()
+        """Density (K), NaN of people, and times (K) of a prediction, in which equipment moves as it does by itself."""
+        density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
         accelerations = self._motion.accelerations(self._watch.holding.drives)
         for row, joint in enumerate(tangent.tree.tree_joints):
             if joint.child not in self.fit.row:
@@ -105,7 +110,19 @@ class Coupling:
             density[columns] = np.where(turns, accelerations[e, 0], accelerations[e, 3]) ** 2 * LASTS_S
             if joint.name in self._motion.keeping_joints:
                 fade_s[columns] = _KEPT_S
+                density[self._led_by(joint, tangent)] = _LED**2 * LASTS_S
         return density, fade_s
+
+    def _led_by(self, hinge: Joint, tangent: TreeTangent) -> NDArray[np.bool_]:
+        """(K,) coordinates of the limbs that hold a hinge's child, where it goes on by itself."""
+        led, tree, held = np.zeros(tangent.count, bool), tangent.tree, self._motion.held_below(hinge.child)
+        holding = self._watch.holding
+        if not holding.drives(held):
+            for each in self.equipment.attachments:
+                if each.name in held and holding.engaged[each.name]:
+                    for row in np.flatnonzero(tree.moves[tree.segment_index[each.body_segment]]):
+                        led[tangent.columns[row]] = True
+        return led
 
     def begins_anew(self, tangent: TreeTangent, before: Holding | None) -> NDArray[np.bool_]:
         """(K,) coordinates of which nothing was known: all that has just been found, and what is driven again.
@@ -127,6 +144,13 @@ class Coupling:
     def drives(self, joint: Joint, holding: Holding | None) -> bool:
         """Whether somebody is seen to drive the child of one of its joints."""
         return holding is not None and holding.drives(self._motion.held_below(joint.child))
+
+    def coasting(self, at: Coordinates) -> JointRotations:
+        """Hinges that somebody drove, and nobody is seen to drive now: they go on by themselves, and lead the limbs."""
+        driven = {row for row in self.keeping() if self.drives(self._body.tree_joints[row], self.holding)}
+        self._driven |= driven
+        rows = sorted(self._driven - driven) if self.placed else []
+        return coasting(rows, at.motion[rows, :3, :3])
 
     def keeping(self) -> list[int]:
         """Rows of the tree's joints that turn on by themselves."""
@@ -168,6 +192,7 @@ class Coupling:
     def begin_anew(self) -> None:
         """After a pause: what stands is where it was, anything else is looked for again."""
         self._pacing.forget()
+        self._driven.clear()
         self.placed, self.went_on = self.placed and self.stands, False
 
     def _seconds(self, stamp_ns: int) -> float:

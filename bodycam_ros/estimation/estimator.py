@@ -188,6 +188,7 @@ class BodyEstimator:
             self._prior.machine_is_known = self._coupling.placed
             step, start = self._seated(step, start, path)
             closed = tuple(self._coupling.places.joints(path, self._coupling.holding))
+            expected = expected + self._coupling.coasting(step.after.at)
             cameras = cameras + self._coupling.standing_still()
         is_blind = not (observed.any() or self._looking_on.rows.any())
         measured = Measured(cameras, expected, ~joints_turning & self._of_people & (not is_blind), closed)

@@ -26,7 +26,7 @@ class Step:
         dt_s: between the two [s]; 0 at the first.
         after: the later instant as it is expected.
         link: the two; None at the first.
-        density, fade_s: (K) of the motion between them; None where it is as people move.
+        density, fade_s: of the motion between them, as ``MotionModel.predict`` takes them.
         between: what was measured of both.
     """
 

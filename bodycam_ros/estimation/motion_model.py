@@ -53,23 +53,34 @@ class MotionModel:
         settings: how suddenly people change their motion.
 
     Attributes:
-        density: (K) spectral density of the accelerations [rad^2/s^3], [m^2/s^3].
         fade_s: (K) in which velocities fade.
     """
 
     def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
         self._tangent = tangent
         turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
-        sigmas = np.where(turns > 0.0, settings.angular_acceleration_sigma, settings.acceleration_sigma)
-        self.density = sigmas**2 * LASTS_S
-        self._of_people = ~np.array([n in tangent.tree.equipment_segments for n in tangent.tree.segments], bool)
-        self._weights = (
-            np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3) ** -2.0 / LASTS_S
-        )
         self.fade_s = np.full(tangent.count, settings.velocity_time)
         self._first = np.concatenate(
             [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
         )
+        equipment = tangent.tree.equipment_segments
+        self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
+        sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
+        self._root_information = 1.0 / (sigmas * np.sqrt(LASTS_S))
+
+    def _density(self, poses: Array, known: Array | None) -> Array:
+        """(K, K) spectral density of the coordinates' accelerations, at poses (S, 4, 4), which move every segment.
+
+        Its inverse sums up over segments what their accelerations cost: A eq. 10-11 in joint coordinates.
+        """
+        J = self._root_information[:, None] * self._tangent.segment_jacobians(poses)[self._of_people]
+        of_rows = J.reshape(-1, self._tangent.count)
+        information = of_rows.T @ of_rows
+        if known is None:
+            return np.asarray(np.linalg.inv(information), np.float64)
+        free, density = np.isnan(known), np.diag(np.nan_to_num(known))
+        density[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
+        return density
 
     def begun_again(self, belief: Belief, at: Coordinates, columns: NDArray[np.bool_]) -> Belief:
         """The belief about other coordinates, of which some columns (K,) begin anew."""
@@ -85,13 +96,16 @@ class MotionModel:
         return Belief(at, np.diag(self._first**2))
 
     def predict(self, before: Belief, dt_s: float, density: Array | None = None, fade_s: Array | None = None) -> Link:
-        """The body ``dt_s`` later; density and times (K) other than people's where equipment moves by itself."""
+        """The body ``dt_s`` later.
+
+        Args:
+            before: the instant before.
+            dt_s: [s].
+            density: (K) of coordinates that do not move as people do; NaN of those that do.
+            fade_s: (K) in which velocities fade, where it is not people's.
+        """
         fade_s = self.fade_s if fade_s is None else fade_s
-        J = self._tangent.segment_jacobians(before.at.poses(self._tangent))[self._of_people]
-        A = (J * self._weights[:, None]).reshape(-1, J.shape[2]).T @ J.reshape(-1, J.shape[2])
-        free = np.ones(len(A), bool) if density is None else np.isnan(density)
-        Q = np.zeros_like(A) if density is None else np.diag(np.nan_to_num(density))
-        Q[np.ix_(free, free)] = np.linalg.inv(A[np.ix_(free, free)])
+        Q = self._density(before.at.poses(self._tangent), density)
         K, keep = self._tangent.count, np.exp(-dt_s / fade_s)
         reach = fade_s * (1.0 - keep)
         at = before.at.moved(self._tangent, reach * before.at.velocity)
@@ -100,10 +114,7 @@ class MotionModel:
         # F = [[1, reach], [0, keep]], by columns.
         cross = np.concatenate([P[:K] + reach[:, None] * P[K:], keep[:, None] * P[K:]])
         covariance = np.concatenate([cross[:, :K] + cross[:, K:] * reach, cross[:, K:] * keep], axis=1)
-        covariance[:K, :K] += Q * dt_s**3 / 3.0
-        covariance[:K, K:] += Q * dt_s**2 / 2.0
-        covariance[K:, :K] += Q * dt_s**2 / 2.0
-        covariance[K:, K:] += Q * dt_s
+        covariance += np.kron([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]], Q)
         return Link(before, Belief(at, covariance), cross)
 
 

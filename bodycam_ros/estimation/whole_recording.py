@@ -8,6 +8,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.belief import Belief
 from bodycam_ros.estimation.between_instants import SegmentTurn, freed, given
+from bodycam_ros.estimation.coasting import coasting
 from bodycam_ros.estimation.coasting import on_the_way as on_the_way_of
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.instant import Instant, Step, smoothed
@@ -19,9 +20,6 @@ from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LEAST_S = 1e-3
-
-COAST_RAD = 0.1
-"""How far a hinge that nobody drives is from the way between its speeds before and after."""
 
 
 class WholeRecording:
@@ -85,7 +83,7 @@ class WholeRecording:
                 motion = beliefs[place].at.motion.copy()
                 motion[row, :3, :3] = rotations[place]
                 beliefs[place] = replace(beliefs[place], at=replace(beliefs[place].at, motion=motion))
-                pin = JointRotations(np.array([row]), rotations[place][None], np.full((1, 3), COAST_RAD))
+                pin = coasting([row], rotations[place][None])
                 on_the_way[place] = on_the_way.get(place, JointRotations.nothing()) + pin
         return on_the_way
 

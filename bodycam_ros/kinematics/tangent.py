@@ -41,7 +41,7 @@ class TreeTangent:
         amounts = np.zeros((self.count - 6, len(self.twists), 6))
         for row, (xi, at) in enumerate(zip(self.twists, self.columns, strict=True)):
             amounts[at.start - 6 : at.stop - 6, row] = xi.T
-        self._amounts = amounts.reshape(self.count - 6, -1)
+        self._amounts = amounts.reshape(self.count - 6, 6 * len(self.twists))
         self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
