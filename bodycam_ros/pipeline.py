@@ -15,14 +15,12 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_now import BodyNow
-from bodycam_ros.estimation.body_state import BodyOutput, BodyState, moving
+from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
+from bodycam_ros.estimation.body_state import BodyNow, BodyOutput, BodyState, moving
 from bodycam_ros.estimation.camera_evidence import evidence_floor
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.said_segments import SaidSegments
 from bodycam_ros.estimation.seen_body import Onlookers
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -98,8 +96,6 @@ class SkeletonPipeline:
             of.smoother,
             of.motion,
             of.evidence,
-            of.memory,
-            of.covariance,
             offline=not self._live,
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),

@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 
-from bodycam_ros.estimation.body_uncertainty import CovarianceSettings
 from bodycam_ros.estimation.camera_evidence import EvidenceSettings
-from bodycam_ros.estimation.contact_settings import ContactSettings
+from bodycam_ros.estimation.contact import ContactSettings
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.pose_prior import PoseMemorySettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
@@ -50,8 +48,6 @@ class PipelineSettings(SettingsGroups):
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()
-    memory: PoseMemorySettings = PoseMemorySettings()
-    covariance: CovarianceSettings = CovarianceSettings()
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()

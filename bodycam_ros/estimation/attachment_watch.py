@@ -15,6 +15,9 @@ from bodycam_ros.geometry import transform_points
 
 Array = NDArray[np.float64]
 
+CONFIRM_FRAMES = 3
+"""So many instants in a row let an attachment go, or take hold of it; a wrong registration is shorter."""
+
 _LENGTH_SIGMAS = 3.0
 
 _NEAR_M = 0.005
@@ -169,7 +172,7 @@ class AttachmentWatch:
             allowed = self._settings.engage_distance if w.let_go else self._settings.release_distance
             is_far = distance > self.limit(name, allowed, length_sigmas)
             w.against = w.against + 1 if is_far != w.let_go and w.attachment.detected else 0
-            if w.against >= self._settings.confirm_frames:
+            if w.against >= CONFIRM_FRAMES:
                 w.let_go, w.against = is_far, 0
 
     def limit(self, name: str, distance: float, length_sigmas: Array) -> float:

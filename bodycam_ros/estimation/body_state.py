@@ -39,6 +39,23 @@ class BodyState:
         return self.cameras_used == 0
 
 
+@dataclass(frozen=True, eq=False)
+class BodyNow:
+    """Where a body is at the latest instant, before any later one has improved it: for those who must know at once.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        world_T_segment: (S, 4, 4).
+        covariances: (S, 6, 6) of the poses, rotation [rad] then translation [m], in the segments' axes.
+        observed: (S,) segments that cameras see.
+    """
+
+    stamp_ns: int
+    world_T_segment: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    observed: NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class BodyOutput:
     """What is published about one instant.

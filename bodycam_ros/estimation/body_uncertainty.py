@@ -7,23 +7,12 @@ import numpy as np
 from bodycam_ros.estimation.belief import Belief
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
-from bodycam_ros.settings import setting
 
 _ALIKE_S = 0.3
 """Errors of registrations fade so slowly (0.9 from image to image at 30 Hz), so that differences err far less."""
 
-
-@dataclass(frozen=True)
-class CovarianceSettings:
-    """What a registration's own covariance does not know."""
-
-    root_rotation_sigma: float = setting(
-        0.0002,
-        unit="rad",
-        limits=(0.0, 0.1),
-        reason="error of the calibrated body itself, the same at all instants",
-    )
-    root_translation_sigma: float = setting(0.0006, unit="m", limits=(0.0, 0.1), reason="the same for positions")
+_BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)
+"""[rad], [m] error of the calibrated body itself, which no registration knows of, the same at all instants."""
 
 
 @dataclass(frozen=True)
@@ -43,22 +32,18 @@ class BodyUncertainty:
     segments: Array
 
 
-def body_uncertainty(
-    belief: Belief, tangent: TreeTangent, settings: CovarianceSettings, dt_s: float, root_seen: bool
-) -> BodyUncertainty:
+def body_uncertainty(belief: Belief, tangent: TreeTangent, dt_s: float, root_seen: bool) -> BodyUncertainty:
     """Covariances of a belief.
 
     Args:
         belief: of the instant.
         tangent: its coordinates.
-        settings: what else errs.
         dt_s: since the instant before [s]; 0 where there is none.
         root_seen: whether a camera on the root is believed.
     """
     K, P = tangent.count, belief.covariance
     J = tangent.segment_jacobians(belief.at.poses(tangent))
-    body_error = np.repeat([settings.root_rotation_sigma, settings.root_translation_sigma], 3) ** 2
-    segments = J @ P[:K, :K] @ np.swapaxes(J, -1, -2) + np.diag(body_error)
+    segments = J @ P[:K, :K] @ np.swapaxes(J, -1, -2) + _BODY
     joints = np.zeros((len(tangent.twists), 3, 3))
     for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):
         turns = joint.child_T_joint[:3, :3] @ tangent.twists[row][:3]

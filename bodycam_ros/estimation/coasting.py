@@ -8,11 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BPoly
 
 from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.geometry import Array
 
-_COAST_RAD = 0.02
+_COAST_RAD = 0.01
 """How far such a hinge may be from its way, each instant: the limbs that are guessed must not hold it up."""
 
 _TOLD_S = 0.25
@@ -54,9 +55,8 @@ def on_the_way(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Arr
         # The jerk is least on the way that ends here.
         expected = filled[first] + T * (v0 + v1) / 2.0 + T**2 * (a0 - a1) / 12.0
         filled[last:] += 2.0 * np.pi * np.round((expected - filled[last]) / (2.0 * np.pi))
-        conditions = [filled[first], T * v0, T**2 * a0, filled[last], T * v1, T**2 * a1]
-        u = (stamps_s[first + 1 : last] - stamps_s[first]) / T
-        filled[first + 1 : last] = np.polynomial.polynomial.polyval(u, _QUINTIC @ conditions)
+        way = BPoly.from_derivatives(stamps_s[[first, last]], [[filled[first], v0, a0], [filled[last], v1, a1]])
+        filled[first + 1 : last] = way(stamps_s[first + 1 : last])
     return filled
 
 
@@ -74,8 +74,3 @@ def _motion(
     beyond = np.arange(min(place, end), max(place, end) + 1)
     curve = np.polyfit(stamps_s[beyond] - stamps_s[place], np.unwrap(angles[beyond]), min(2, len(beyond) - 1))
     return float(curve[-2]), float(2.0 * curve[-3]) if len(curve) > 2 else 0.0
-
-
-_ENDS = [[k == 0, k == 1, 2 * (k == 2), 1, k, k * (k - 1)] for k in range(6)]
-_QUINTIC = np.linalg.inv(np.array(_ENDS, np.float64).T)
-"""Coefficients of the quintic over 0 to 1, of its value, slope and curvature at both ends."""

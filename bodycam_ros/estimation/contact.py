@@ -10,6 +10,7 @@ is: a guess must not drag the leg.
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.sole import sole_points
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_instants import StandingPoint
-from bodycam_ros.estimation.contact_settings import ContactSettings
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.settings import setting
 from bodycam_ros.shown import shown
 
 Mask = NDArray[np.bool_]
@@ -30,7 +31,7 @@ _LEAST_SHIN_M = 0.05
 """Where a shin begins at its ankle nobody knows how large the foot is."""
 
 REST, LEAVE = 0.06, 0.12
-"""[m/s] a slower point of the sole has come to rest; a faster one rests no longer."""
+"""[m/s] a slower point of the sole has come to rest, and creeps by as much; a faster one rests no longer."""
 
 _BLIND_REST, _BLIND_LEAVE = 0.1, 0.15
 """[m/s] the same of the ankle of a foot that no camera sees, as it nears or leaves the point."""
@@ -41,8 +42,21 @@ _SPEED_S = 0.04
 _FIRM_NS = 200_000_000
 """A point that has been slow for so long stands, at whatever level; a foot that turns back in the air is not."""
 
+MAX_HEIGHT_M = 0.1
+"""Of a point that has just become slow, over the level that feet stood on last, at first z = 0: pedals are higher."""
+
 _BLIND_M = 0.02
 """How well it is known where a point of a blind foot rests: shoes are not flat."""
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Whether feet stand."""
+
+    enabled: bool = setting(True, reason="a foot that stands does not slide; false leaves feet to the cameras alone")
+    segments: str = setting(
+        "foot_left foot_right", reason="names of the segments that stand, of which a body may lack some"
+    )
 
 
 class FootContacts:
@@ -57,11 +71,10 @@ class FootContacts:
     """
 
     def __init__(self, body: BodyModel, settings: ContactSettings) -> None:
-        self._settings = settings
         feet = _feet(body, settings.segments.split()) if settings.enabled else []
         row = body.segment_index
         self.points = [
-            _SolePoint(row[foot.child], row[foot.parent], foot.child_T_joint[:3, 3], arm, settings.max_height)
+            _SolePoint(row[foot.child], row[foot.parent], foot.child_T_joint[:3, 3], arm)
             for foot in feet
             for arm in sole_points(float(np.linalg.norm(foot.parent_T_joint[:3, 3])))
         ]
@@ -97,7 +110,7 @@ class FootContacts:
                 continue
             point.follow(stamp_ns, poses[row], since[row], 1e-9 * (stamp_ns - since_ns), bool(turning[row]), floor)
             if point.rests:
-                creep = self._settings.creep * (1.0 if observed[row] else 2.0) * passed_s
+                creep = REST * (1.0 if observed[row] else 2.0) * passed_s
                 standing += point.held(poses[row], creep)
         return standing
 
@@ -113,7 +126,6 @@ class _SolePoint:
         row, above: of the foot and of what it hangs on among the segments.
         ankle: (3,) the joint that the foot hangs on, in the foot [m].
         arm: (3,) from there to the point, in the foot [m].
-        max_height: of a point that has just become slow, over the floor [m].
 
     Attributes:
         rests: whether it does.
@@ -121,9 +133,8 @@ class _SolePoint:
             not raise the floor: a foot there rests once it stands firmly.
     """
 
-    def __init__(self, row: int, above: int, ankle: Array, arm: Array, max_height: float) -> None:
+    def __init__(self, row: int, above: int, ankle: Array, arm: Array) -> None:
         self.row, self.above, self._ankle, self._arm, self._place = row, above, ankle, arm, ankle + arm
-        self._max_height = max_height
         self.level: float | None = None
         self.let_go()
 
@@ -163,7 +174,7 @@ class _SolePoint:
         if self._slow_since_ns is None:
             self._slow_since_ns = stamp_ns
         is_firm = turning and stamp_ns - self._slow_since_ns >= _FIRM_NS
-        if place[2] - floor >= self._max_height and not is_firm:
+        if place[2] - floor >= MAX_HEIGHT_M and not is_firm:
             self.rests, self._anchor = False, None
             return
         self.rests = True

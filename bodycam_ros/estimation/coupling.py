@@ -76,7 +76,7 @@ class Coupling:
         self._place = EquipmentPlace(equipment, self._tree, self.fit)
         self._motion = EquipmentMotion(equipment, self._tree, motion)
         self._watch = AttachmentWatch(body, equipment, self.fit.lengths, settings)
-        self._seen = SeenInstants(settings)
+        self._seen = SeenInstants()
         self.rows = np.array([body.segment_index[name] for name in equipment.segments])
         self._root = self.fit.row[equipment.root]
         self.stands = equipment.segments[equipment.root].stands
@@ -101,7 +101,7 @@ class Coupling:
     def motion(self, model: MotionModel, tangent: TreeTangent) -> tuple[Array, Array]:
         """Density (K), NaN of people, and times (K) of a prediction, in which equipment moves as it does by itself."""
         density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
-        accelerations = self._motion.accelerations(self._watch.holding.drives)
+        accelerations = self._motion.accelerations
         for row, joint in enumerate(tangent.tree.tree_joints):
             if joint.child not in self.fit.row:
                 continue
@@ -292,7 +292,7 @@ class Coupling:
         """Where the equipment should be: as predicted (E, 4, 4), or where cameras of its own have it."""
         poses, sigmas = (
             predicted.copy(),
-            np.hypot(self._motion.accelerations(self._watch.holding.drives) * dt_s**2, _FOLLOWED),
+            np.hypot(self._motion.accelerations * dt_s**2, _FOLLOWED),
         )
         if self.stands:
             sigmas[self._root] = self._root_sigmas

@@ -1,6 +1,6 @@
 """How the equipment moves by itself: what has inertia keeps its speed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
-
-_COASTING = 0.1
-"""Nobody seen, what keeps its speed is led by it alone: limbs that are guessed must not drive it."""
 
 
 class EquipmentMotion:
@@ -25,7 +22,6 @@ class EquipmentMotion:
 
     Attributes:
         keeping_joints: names of the hinges whose child keeps its speed.
-        keeping: (E) which segments keep their speed.
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint], motion: MotionSettings) -> None:
@@ -36,7 +32,6 @@ class EquipmentMotion:
         self.keeping_joints = {
             joint.name for joint in tree if joint.type == "hinge" and equipment.segments[joint.child].keeps_speed
         }
-        self.keeping = np.array([moves.keeps_speed for moves in self._moves], bool)
         below = [{a.name for a in equipment.attachments if a.equipment_segment == name} for name in self._row]
         for joint in reversed(self._tree):
             below[self._row[joint.parent]] |= below[self._row[joint.child]]
@@ -46,12 +41,9 @@ class EquipmentMotion:
         """The attachments to a segment, and to those that hang on it."""
         return self._held_below[self._row[segment]]
 
-    def accelerations(self, is_driven: Callable[[frozenset[str]], bool]) -> Array:
-        """(E, 6) how suddenly segments change their motion [rad/s^2], [m/s^2].
-
-        Args:
-            is_driven: whether any of some attachments is seen to hold.
-        """
+    @property
+    def accelerations(self) -> Array:
+        """(E, 6) how suddenly segments change their motion [rad/s^2], [m/s^2]."""
         usual = [self._motion.angular_acceleration_sigma, self._motion.acceleration_sigma]
         accelerations = np.tile(np.repeat(usual, 3), (len(self._moves), 1))
         for row, moves in enumerate(self._moves):
@@ -59,6 +51,4 @@ class EquipmentMotion:
                 accelerations[row, :3] = moves.angular_acceleration_sigma
             if moves.acceleration_sigma is not None:
                 accelerations[row, 3:] = moves.acceleration_sigma
-            if moves.keeps_speed and not is_driven(self._held_below[row]):
-                accelerations[row, :3] *= _COASTING
         return accelerations

@@ -11,7 +11,7 @@ from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.estimation.attachment_watch import Holding
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
-from bodycam_ros.estimation.measurements import ClosedJoint
+from bodycam_ros.estimation.measurements import KERNEL, ClosedJoint
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
@@ -85,5 +85,5 @@ class EquipmentPlaces:
     def _kernel(self, attachment: Attachment, holding: Holding) -> float:
         """Sigmas from which on an attachment gives way: unseen, nobody has let it go, and it may begin far off."""
         if attachment.name in holding.seen:
-            return self._settings.kernel
-        return max(self._settings.kernel, self._settings.release_distance / float(attachment.sigmas.min()))
+            return KERNEL
+        return max(KERNEL, self._settings.release_distance / float(attachment.sigmas.min()))

@@ -19,20 +19,18 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.belief import Belief, Coordinates, Link
 from bodycam_ros.estimation.between_instants import freed, given, turns_since
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_now import BodyNow
-from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.body_uncertainty import CovarianceSettings, body_uncertainty
+from bodycam_ros.estimation.body_state import BodyNow, BodyState
+from bodycam_ros.estimation.body_uncertainty import body_uncertainty
 from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras, SegmentPose
 from bodycam_ros.estimation.camera_judge import REFUSED, judge
-from bodycam_ros.estimation.contact import FootContacts
-from bodycam_ros.estimation.contact_settings import ContactSettings
+from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.first_poses import first_poses
 from bodycam_ros.estimation.instant import Instant, Step, smoothed
 from bodycam_ros.estimation.looking_on import LookingOn
 from bodycam_ros.estimation.measurements import SLIDES_M, ClosedJoint, InstantFit, Measured, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
-from bodycam_ros.estimation.pose_prior import PoseMemorySettings, PosePrior
+from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.seen_body import Onlookers
 from bodycam_ros.estimation.silence import Silence
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
@@ -52,7 +50,7 @@ class BodyEstimator:
     Args:
         body: segments, joints and mounts.
         cameras: models of the cameras, by name.
-        settings, motion, evidence, memory, covariance: settings of the estimator and of its steps.
+        settings, motion, evidence: settings of the estimator and of its steps.
         offline: states may wait until a limb that is blind is seen again.
         coupling: what the body is coupled to; ``body`` then is the one with the equipment.
         contacts: tells which points of the soles stand.
@@ -75,8 +73,6 @@ class BodyEstimator:
         settings: SmootherSettings | None = None,
         motion: MotionSettings | None = None,
         evidence: EvidenceSettings | None = None,
-        memory: PoseMemorySettings | None = None,
-        covariance: CovarianceSettings | None = None,
         offline: bool = False,
         coupling: Coupling | None = None,
         contacts: FootContacts | None = None,
@@ -89,16 +85,16 @@ class BodyEstimator:
         if not self._cameras and onlookers is None:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
-        self._evidence, self._covariance = evidence or EvidenceSettings(), covariance or CovarianceSettings()
+        self._evidence = evidence or EvidenceSettings()
         self._contacts = contacts or FootContacts(body, ContactSettings())
         self._mounted = MountedCameras(body, self._evidence)
         self._tangent = TreeTangent(body, SLIDES_M)
         self._slides = np.array([xi[3:].any(axis=1) for xi in self._tangent.twists], bool).reshape(-1, 3)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
-        self._prior = PosePrior(body, memory or PoseMemorySettings(), coupled)
+        self._prior = PosePrior(body, coupled)
         self._of_people = np.array([joint.name not in coupled for joint in body.tree_joints], bool)
-        self._fit = InstantFit(self._tangent, lambda: self._prior.limits)
+        self._fit = InstantFit(self._tangent, lambda: self._prior.limits, coupled)
         self._silence = Silence(self.settings.max_pause)
         self._whole = WholeRecording(body, self._tangent, self._motion, self._fit, self._prior, on_progress)
         self.refused: Counter[str] = Counter()
@@ -208,7 +204,7 @@ class BodyEstimator:
             told=told,
             observed=observed,
             cameras_used=len(believed) + self._looking_on.speaking,
-            uncertainty=body_uncertainty(belief, self._tangent, self._covariance, step.dt_s, root_seen),
+            uncertainty=body_uncertainty(belief, self._tangent, step.dt_s, root_seen),
             holding=self._coupling.holding if self._coupling else None,
         )
         self._remember_lately(instant)

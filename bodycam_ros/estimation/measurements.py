@@ -6,7 +6,7 @@ prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mod
 covariance (the elimination of one instant in a chain of them).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +122,7 @@ class ClosedJoint:
     Attributes:
         joint: between two segments of the tree.
         information: (6, 6) of its gap.
-        kernel: sigmas from which on it gives way.
+        kernel: sigmas from which on it gives way; infinite where it never does.
     """
 
     joint: Joint
@@ -153,11 +153,16 @@ class InstantFit:
     Args:
         tangent: the body's coordinates.
         limits: of its joints, as they are known by now.
+        attachments: names of the joints that hold at times; other loops are closed at all times.
     """
 
-    def __init__(self, tangent: TreeTangent, limits: Callable[[], JointLimits]) -> None:
+    def __init__(
+        self, tangent: TreeTangent, limits: Callable[[], JointLimits], attachments: Collection[str] = ()
+    ) -> None:
         self._tangent, self._limits = tangent, limits
         joints = tangent.tree.tree_joints
+        loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
+        self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
         self._child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
         # What slides, and is held softly.
         self._soft = {}
@@ -229,7 +234,7 @@ class InstantFit:
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
             b[columns] -= twists.T @ log_se3(motion[row]) / sigmas**2
-        for each in measured.closed:
+        for each in (*self._loops, *measured.closed):
             gap, J = self._tangent.gap(each.joint, poses, J_all)
             weight = cauchy(_squared(each.information, gap), each.kernel)
             A += weight * (J.T @ each.information @ J)

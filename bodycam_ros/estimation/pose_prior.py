@@ -6,7 +6,6 @@ Gaussian tells the others: their expectation and how far from it they have been.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.kinematics.joint import Joint, hinge_angle
 from bodycam_ros.kinematics.limits import JointLimits
-from bodycam_ros.settings import setting
 
 Mask = NDArray[np.bool_]
 
@@ -35,20 +33,11 @@ _LASTS_S = 0.2
 _TURNING_LASTS_S = 3.0
 """The same for a limb whose rotation is measured from image to image: it stays where it is beside its expectation."""
 
+_UNKNOWN_RAD = 0.35
+"""Spread of a joint about the N-pose that is assumed until it has been seen, where no range is known."""
 
-@dataclass(frozen=True)
-class PoseMemorySettings:
-    """How long poses are remembered."""
-
-    sigma: float = setting(
-        0.35,
-        unit="rad",
-        limits=(0.05, 10.0),
-        reason="spread of a joint about the N-pose that is assumed until it has been seen, where no range is known",
-    )
-    forget_after: float = setting(
-        60.0, unit="s", limits=(1.0, 3600.0), reason="people change what they do; older poses count less and less"
-    )
+FORGET_S = 60.0
+"""People change what they do: older poses count less and less."""
 
 
 class PosePrior:
@@ -59,11 +48,9 @@ class PosePrior:
 
     Args:
         body: joints and their limits.
-        settings: what is assumed, and for how long poses are remembered.
         machine: names of joints that are no person's: what they do tells of the others, and nothing tells of them.
 
     Attributes:
-        forget_after_s: how long a pose is remembered.
         noise_rad: motion that says nothing of other joints.
         limits: of the joints, widened to what has been seen.
         machine_is_known: whether the machine's joints are.
@@ -71,10 +58,7 @@ class PosePrior:
 
     noise_rad = _NOISE_RAD
 
-    def __init__(
-        self, body: BodyModel, settings: PoseMemorySettings, machine: Collection[str] = frozenset[str]()
-    ) -> None:
-        self.forget_after_s = settings.forget_after
+    def __init__(self, body: BodyModel, machine: Collection[str] = frozenset[str]()) -> None:
         self._machine = np.array([joint.name in machine for joint in body.tree_joints], bool)
         self.machine_is_known = False
         self._axes = {
@@ -85,7 +69,7 @@ class PosePrior:
         self.limits = JointLimits(body)
         self._middle_R = self.limits.middle()
         self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
-        spans = np.array([_spans(joint, settings.sigma) for joint in body.tree_joints]).reshape(-1, 3)
+        spans = np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1, 3)
         spans[self._machine] = 1.0
         self._rest_variance = np.ravel(spans**2)
         # Sums over the instants at which both of two components were seen: seconds, first component, product.
@@ -97,7 +81,7 @@ class PosePrior:
         """Learn joint rotations (J, 3, 3) of which some (J,) were seen, and that lasted for ``dt_s``."""
         self._learned = None
         seen = seen | (self._machine & self.machine_is_known)
-        kept = np.exp(-dt_s / self.forget_after_s)
+        kept = np.exp(-dt_s / FORGET_S)
         self.limits = self.limits.widened(rotations, seen)
         x = self.vectors(rotations)
         mask = np.repeat(seen, 3).astype(float)
@@ -169,9 +153,9 @@ class PosePrior:
         return rotations
 
 
-def _spans(joint: Joint, unknown: float) -> Array:
+def _spans(joint: Joint) -> Array:
     """Spread of a joint about its x, y and z [rad] as its range tells: people are within a quarter of it mostly."""
-    spans = np.full(3, unknown)
+    spans = np.full(3, _UNKNOWN_RAD)
     if joint.limits and joint.type == "ball":
         for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
             spans["xyz".index(axis)] = max(0.25 * (high - low), 0.05)

@@ -1,6 +1,6 @@
 """What a recording that is known as a whole says of a limb that nothing sees.
 
-The memory of the forward pass (``pose_memory``) is a Gaussian of what was seen until then, and of joints that were
+The memory of the forward pass (``PosePrior``) is a Gaussian of what was seen until then, and of joints that were
 seldom seen together it knows too little. Here each unseen joint is a linear function of what is seen with it: of the
 seen joints' rotations, and of how fast they turn, which tells the phases of a step apart. It is fitted to the instants
 before and after at which the joint was seen, the near ones first.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.estimation.measurements import JointRotations
-from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior
 
 _TURN_S = 0.1  # [s] before and after, between which a turn is a velocity, and by which it counts like an angle
 _LASTS_S = 0.5  # for which a joint stays beside where it is told to be
@@ -72,7 +72,7 @@ class RecordedPoses:
         self._asked = self._instants(stamps_ns, rotations, seen)
         if self._earlier:
             ago_ns = stamps_ns[0] - self._earlier.stamps_ns
-            self._earlier = self._earlier.only((ago_ns > 0) & (ago_ns < 1e9 * self._memory.forget_after_s))
+            self._earlier = self._earlier.only((ago_ns > 0) & (ago_ns < 1e9 * FORGET_S))
         self._known = self._earlier.followed_by(self._asked) if self._earlier else self._asked
         better = [each.rotations.copy() for each in expected]
         for row in np.flatnonzero(~seen.all(axis=0)).tolist():

@@ -9,8 +9,7 @@ from standing_leg import BALL, FLAT, FRAMES, ROLLS, STEP_NS, SWINGS, ball_of, fr
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.contact import FootContacts
-from bodycam_ros.estimation.contact_settings import ContactSettings
+from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 

@@ -9,6 +9,7 @@ from athlete_frames import Sight, Solved, solved
 from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
 from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.estimation.attachment_watch import CONFIRM_FRAMES
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import Array
@@ -118,7 +119,7 @@ def test_a_foot_that_leaves_its_pedal_is_let_go_and_taken_hold_of_again(delay: i
     away = bound.attachment_gaps("on_pedal_left", true_equipment=True)
     frame_s, settings = times[1], CouplingSettings()
     too_far, near = np.flatnonzero(away > settings.release_distance), np.flatnonzero(away > settings.engage_distance)
-    late_s = (settings.confirm_frames + 1) * frame_s
+    late_s = (CONFIRM_FRAMES + 1) * frame_s
     assert times[too_far[0]] <= times[off][0] <= times[too_far[0]] + late_s
     assert times[near[-1]] <= times[off][-1] <= times[near[-1]] + late_s
     assert off[np.flatnonzero(off)[0] : np.flatnonzero(off)[-1]].all(), "once"
