@@ -43,7 +43,7 @@ def body_uncertainty(belief: Belief, tangent: TreeTangent, dt_s: float, root_see
     """
     K, P = tangent.count, belief.covariance
     J = tangent.segment_jacobians(belief.at.poses(tangent))
-    segments = J @ P[:K, :K] @ np.swapaxes(J, -1, -2) + _BODY
+    segments = (J.reshape(-1, K) @ P[:K, :K]).reshape(J.shape) @ np.swapaxes(J, -1, -2) + _BODY
     joints = np.zeros((len(tangent.twists), 3, 3))
     for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):
         turns = joint.child_T_joint[:3, :3] @ tangent.twists[row][:3]

@@ -10,7 +10,7 @@ exp(theta xi) linearised, its set of joints that affect a point being ``Kinemati
 
 import numpy as np
 
-from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, nearest_rotation
+from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint
 from bodycam_ros.kinematics.joint_gap import gap_jacobians
 from bodycam_ros.kinematics.tree import KinematicTree
@@ -53,7 +53,9 @@ class TreeTangent:
         of_joints = (step[..., 6 : self.count] @ self._amounts).reshape(*step.shape[:-1], -1, 6)
         poses = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
         poses = poses @ exp_se3(np.concatenate([step[..., None, :6], of_joints], axis=-2))
-        poses[..., :3, :3] = nearest_rotation(poses[..., :3, :3])
+        # One step of Newton's iteration to the nearest rotation, which rounding alone parts them from.
+        R = poses[..., :3, :3]
+        poses[..., :3, :3] = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
         return poses[..., 0, :, :], poses[..., 1:, :, :]
 
     def step_between(self, world_T_root: Array, joint_motion: Array, to_root: Array, to_motion: Array) -> Array:
