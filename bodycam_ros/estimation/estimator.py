@@ -58,7 +58,7 @@ class BodyEstimator:
         on_progress: told the share that is done while a recording is solved as a whole.
 
     Attributes:
-        refused: camera -> instants at which its registration was not used.
+        refused: camera -> instants at which its registration was doubted, or not used at all.
         bridged: instants without any image that were filled in.
         lately: the body at the latest two instants, oldest first, before later ones improved it.
 
@@ -219,10 +219,12 @@ class BodyEstimator:
         """
         guessed = self._guessed()
         worn = SegmentPoses.of(self.body, registered.values())
-        kept, start = judge(step.after, worn, self._tangent, guessed)
-        names = list(registered)
-        self.refused.update(name for name, used in zip(names, kept.tolist(), strict=True) if not used)
-        believed = {name: registered[name] for name, used in zip(names, kept.tolist(), strict=True) if used}
+        judged = judge(step.after, worn, self._tangent, guessed)
+        start, believed = judged.at, {}
+        for (name, seen), trust in zip(registered.items(), judged.trust.tolist(), strict=True):
+            self.refused[name] += int(trust < 1.0)
+            if trust > 0.0:
+                believed[name] = replace(seen, covariance=seen.covariance / trust)
         apart = step.after.at.step_to(self._tangent, start)
         anew, motion = np.zeros(self._tangent.count, bool), step.after.at.motion.copy()
         for row in np.flatnonzero(
