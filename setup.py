@@ -115,7 +115,6 @@ setup(
         "av>=17.1",
         "ezc3d>=1.7",
         "fast-simplification>=0.1.7",
-        "gtsam>=4.3",
         "matplotlib>=3.6",
         "numba>=0.68",
         "numpy>=1.26",

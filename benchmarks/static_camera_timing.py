@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.estimation.motion_model import predict
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
@@ -25,7 +26,6 @@ from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import StationView
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.solving.motion import predict
 
 STATIONS = 4
 _WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0

@@ -54,51 +54,27 @@ def hat(v: Array) -> Array:
 
 def exp_so3(w: Array) -> Array:
     """Rotation (..., 3, 3) of a rotation vector (..., 3) [rad]: Rodrigues' formula."""
-    W, W2, _, first, sine_ratio = _rotation_terms(w)
+    W, W2, first, sine_ratio = _rotation_terms(w)
     R: Array = _IDENTITY + sine_ratio * W + first * W2
     return R
 
 
 def log_so3(R: Array) -> Array:
     """Rotation vector (..., 3) [rad], at most pi long, of a rotation (..., 3, 3)."""
-    if R.ndim == 2:
-        return geometry_kernels.log_so3(as_rows(R))
-    M = R.reshape(-1, 9)
-    # Twice the sine and the cosine of the angle; up to a right angle they tell it as exactly as the quaternion does.
-    axis, cosine = M[:, [7, 2, 3]] - M[:, [5, 6, 1]], M[:, 0] + M[:, 4] + M[:, 8] - 1.0
-    if cosine.min(initial=0.0) >= 0.0:
-        length = np.sqrt((axis * axis).sum(axis=1))
-        small: Array = axis * (np.arctan2(length, cosine) / (length + _TINY))[:, None]
-        return small.reshape(*R.shape[:-2], 3)
-    q = quaternion_xyzw(R)
-    sine = np.sqrt((q[..., :3] ** 2).sum(axis=-1, keepdims=True)) + _TINY
-    w: Array = q[..., :3] * (2.0 * np.arctan2(sine, q[..., 3:]) / sine)
-    return w
+    w: Array = geometry_kernels.log_so3_rows(as_rows(R.reshape(-1, 3, 3)))
+    return w.reshape(*R.shape[:-2], 3)
 
 
 def exp_se3(xi: Array) -> Array:
     """Transform (..., 4, 4) of a tangent vector (..., 6); gtsam's ``Pose3.Expmap``."""
-    if xi.ndim == 1:
-        return geometry_kernels.exp_se3(as_rows(xi))
-    W, W2, angle2, first, sine_ratio = _rotation_terms(xi[..., :3])
-    exact = (1.0 - sine_ratio) / np.maximum(angle2, _SMALL_ANGLE**2)
-    second = np.where(angle2 < _SMALL_ANGLE**2, 1.0 / 6.0 - angle2 / 120.0, exact)
-    V = _IDENTITY + first * W + second * W2
-    return rigid(_IDENTITY + sine_ratio * W + first * W2, (V @ xi[..., 3:, None])[..., 0])
+    T: Array = geometry_kernels.exp_se3_rows(as_rows(xi.reshape(-1, 6)))
+    return T.reshape(*xi.shape[:-1], 4, 4)
 
 
 def log_se3(T: Array) -> Array:
     """Tangent vector (..., 6) of a transform (..., 4, 4); gtsam's ``Pose3.Logmap``."""
-    if T.ndim == 2:
-        return geometry_kernels.log_se3(as_rows(T))
-    w = log_so3(T[..., :3, :3])
-    angle = _length(w)
-    half = np.maximum(angle, _SMALL_ANGLE) / 2.0
-    W = hat(w)
-    exact = (1.0 - half / np.tan(half)) / (4.0 * half**2)
-    second = np.where(angle < _SMALL_ANGLE, 1.0 / 12.0 + angle**2 / 720.0, exact)
-    V_inverse = _IDENTITY - 0.5 * W + second * (W @ W)
-    return np.concatenate([w, (V_inverse @ T[..., :3, 3:])[..., 0]], axis=-1)
+    xi: Array = geometry_kernels.log_se3_rows(as_rows(T.reshape(-1, 4, 4)))
+    return xi.reshape(*T.shape[:-2], 6)
 
 
 def adjoint(T: Array) -> Array:
@@ -108,6 +84,25 @@ def adjoint(T: Array) -> Array:
     Ad[..., :3, :3] = Ad[..., 3:, 3:] = R
     Ad[..., 3:, :3] = hat(T[..., :3, 3]) @ R
     return Ad
+
+
+def log_jacobian(r: Array) -> Array:
+    """J (..., 3, 3) or (..., 6, 6): log(exp(-d) exp(r)) is r - J d, for small d, r (..., 3) or (..., 6) and d alike.
+
+    It is the inverse of the left Jacobian, to the fourth order (Barfoot 2017, eq. 7.77b and 7.94b).
+    """
+    ad = hat(r[..., :3])
+    if r.shape[-1] == 6:
+        ad = np.concatenate(
+            [
+                np.concatenate([ad, np.zeros_like(ad)], axis=-1),
+                np.concatenate([hat(r[..., 3:]), ad], axis=-1),
+            ],
+            axis=-2,
+        )
+    ad2 = ad @ ad
+    jacobian: Array = np.eye(r.shape[-1]) - 0.5 * ad + ad2 / 12.0 - ad2 @ ad2 / 720.0
+    return jacobian
 
 
 def nearest_rotation(M: NDArray[np.floating]) -> Array:
@@ -220,17 +215,11 @@ def _median_step(offsets: Array) -> Array:
     return step
 
 
-def _length(w: Array) -> Array:
-    """Length (..., 1, 1) of vectors (..., 3), to be multiplied with their matrices, and never quite zero."""
-    length: Array = np.sqrt((w * w).sum(axis=-1))[..., None, None] + _TINY
-    return length
-
-
-def _rotation_terms(w: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Of rotation vectors (..., 3): hat, its square, and (..., 1, 1) angle^2, (1 - cos) / angle^2, sin / angle."""
+def _rotation_terms(w: Array) -> tuple[Array, Array, Array, Array]:
+    """Of rotation vectors (..., 3): hat, its square, and (..., 1, 1) (1 - cos) / angle^2, sin / angle."""
     angle2 = (w * w).sum(axis=-1)[..., None, None] + _TINY**2
     half = 0.5 * np.sqrt(angle2)
     half_ratio = np.sin(half) / half
     W = hat(w)
     # By the half angle the difference of one and the cosine loses no digits.
-    return W, W @ W, angle2, 0.5 * half_ratio**2, half_ratio * np.cos(half)
+    return W, W @ W, 0.5 * half_ratio**2, half_ratio * np.cos(half)

@@ -37,6 +37,33 @@ def inverse(a_T_b: Array) -> Array:
     return b_T_a
 
 
+@kernel("(f8[:, ::1],)")
+def exp_se3_rows(xi: Array) -> Array:
+    """Transforms (N, 4, 4) of tangent vectors (N, 6)."""
+    T = np.empty((len(xi), 4, 4))
+    for row in range(len(xi)):
+        T[row] = exp_se3(xi[row])
+    return T
+
+
+@kernel("(f8[:, :, ::1],)")
+def log_se3_rows(T: Array) -> Array:
+    """Tangent vectors (N, 6) of transforms (N, 4, 4)."""
+    xi = np.empty((len(T), 6))
+    for row in range(len(T)):
+        xi[row] = log_se3(T[row])
+    return xi
+
+
+@kernel("(f8[:, :, ::1],)")
+def log_so3_rows(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    w = np.empty((len(R), 3))
+    for row in range(len(R)):
+        w[row, 0], w[row, 1], w[row, 2] = _rotation_vector(R[row])
+    return w
+
+
 @kernel("(f8[::1],)")
 def exp_se3(xi: Array) -> Array:
     """Transform of a tangent vector, rotation [rad] then translation."""
@@ -58,14 +85,6 @@ def exp_se3(xi: Array) -> Array:
             unit = 1.0 if i == j else 0.0
             T[i, 3] += (unit + versine_ratio * W[i, j] + third * W2) * xi[3 + j]
     return T
-
-
-@kernel("(f8[:, ::1],)")
-def log_so3(R: Array) -> Array:
-    """Rotation vector (3,) [rad], at most pi long, of a rotation (3, 3), or of a transform's."""
-    w = np.empty(3)
-    w[0], w[1], w[2] = _rotation_vector(R)
-    return w
 
 
 @kernel("(f8[:, ::1],)")
@@ -103,7 +122,7 @@ def _quaternion(R: Array) -> tuple[float, float, float, float]:
     return x / length, y / length, z / length, w / length
 
 
-@kernel("(f8[:, ::1],)")
+@kernel()
 def log_se3(T: Array) -> Array:
     """Tangent vector (6,) of a transform, rotation [rad] then translation."""
     xi = np.empty(6)

@@ -15,17 +15,18 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
+from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
+from bodycam_ros.estimation.body_state import BodyNow, BodyOutput, BodyState, moving
+from bodycam_ros.estimation.camera_evidence import evidence_floor
+from bodycam_ros.estimation.contact import FootContacts
+from bodycam_ros.estimation.coupling import Coupling
+from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.seen_body import Onlookers
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.body_state import BodyOutput, BodyState, moving
-from bodycam_ros.solving.camera_evidence import evidence_floor
-from bodycam_ros.solving.frame_assembler import FrameAssembler
-from bodycam_ros.solving.said_segments import SaidSegments
-from bodycam_ros.solving.seen_body import Onlookers
 from bodycam_ros.timing.body_instants import BodyInstants
+from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 
 class SkeletonPipeline:
@@ -81,29 +82,20 @@ class SkeletonPipeline:
         floor = evidence_floor(settings.evidence)
         self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
-        self._bridged = self._restarts = 0
+        self._bridged = 0
         self._refused: Counter[str] = Counter()
         self._begin()
 
     def _begin(self) -> None:
         """Nothing is known of the motion."""
-        # Loads gtsam, which trackers and registrations do without.
-        from bodycam_ros.solving.body_smoother import BodySmoother
-        from bodycam_ros.solving.contact import FootContacts
-        from bodycam_ros.solving.coupling import Coupling
-
         of = self._settings
         coupling = Coupling(self.body, self._equipment, of.coupling, of.motion) if self._equipment else None
-        self._smoother = BodySmoother(
+        self._smoother = BodyEstimator(
             self.body,
             self._cameras,
             of.smoother,
             of.motion,
             of.evidence,
-            of.trust,
-            of.memory,
-            of.covariance,
-            of.pose_fit,
             offline=not self._live,
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),
@@ -118,11 +110,6 @@ class SkeletonPipeline:
     def bridged(self) -> int:
         """Instants at which all cameras were silent, filled in so far."""
         return self._bridged + self._smoother.bridged
-
-    @property
-    def restarts(self) -> int:
-        """How often the solver had to begin anew."""
-        return self._restarts + self._smoother.restarts
 
     @property
     def refused(self) -> Counter[str]:
@@ -140,7 +127,7 @@ class SkeletonPipeline:
         if camera in self.body.mounts:
             self.instants.join(camera, model)
             self.assembler.join(camera)
-            self._smoother.join(camera, model)
+            self._smoother.join(camera)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
@@ -187,7 +174,7 @@ class SkeletonPipeline:
             if frame.stamp_ns <= self._solved_ns:
                 outputs += self._outputs(self._smoother.flush())
                 # Counts are of the whole recording, whatever its stamps do.
-                self._bridged, self._restarts, self._refused = self.bridged, self.restarts, self.refused
+                self._bridged, self._refused = self.bridged, self.refused
                 self._begin()
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))

@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 
+from bodycam_ros.estimation.camera_evidence import EvidenceSettings
+from bodycam_ros.estimation.contact import ContactSettings
+from bodycam_ros.estimation.coupling_settings import CouplingSettings
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.growth.extension_settings import ExtensionSettings
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.outside.region_settings import RegionSettings
@@ -13,16 +18,8 @@ from bodycam_ros.registration.readout_pool import ReadoutSettings
 from bodycam_ros.registration.readout_time import ShutterSettings
 from bodycam_ros.registration.registrar_settings import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.solving.body_covariance import CovarianceSettings
-from bodycam_ros.solving.camera_evidence import EvidenceSettings
-from bodycam_ros.solving.camera_trust import TrustSettings
-from bodycam_ros.solving.contact_settings import ContactSettings
-from bodycam_ros.solving.coupling_settings import CouplingSettings
-from bodycam_ros.solving.frame_assembler import AssemblerSettings
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.pose_memory import PoseMemorySettings
-from bodycam_ros.solving.smoother_settings import SmootherSettings
 from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.frame_assembler import AssemblerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
@@ -51,9 +48,6 @@ class PipelineSettings(SettingsGroups):
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()
     motion: MotionSettings = MotionSettings()
-    trust: TrustSettings = TrustSettings()
-    memory: PoseMemorySettings = PoseMemorySettings()
-    covariance: CovarianceSettings = CovarianceSettings()
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()

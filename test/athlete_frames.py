@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.coupling import Coupling
+from bodycam_ros.estimation.coupling_settings import CouplingSettings
+from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_smoother import BodySmoother
-from bodycam_ros.solving.coupling import Coupling
-from bodycam_ros.solving.coupling_settings import CouplingSettings
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]
@@ -161,7 +161,7 @@ def solved(
     """Solve what the cameras say, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
     coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
-    smoother = BodySmoother(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
+    smoother = BodyEstimator(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
     states = [state for frame in frames(athlete, sight, seed) for state in smoother.update(frame)]
     states += smoother.flush()
     assert [state.stamp_ns for state in states] == [stamp_ns(instant) for instant in range(len(athlete.times))]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.estimation.body_state import BodyOutput, BodyState
+from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles, JointAngleTracker
@@ -24,8 +26,6 @@ from bodycam_ros.messages.tracks import landmarks_message, tracks_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_covariance import BodyUncertainty
-from bodycam_ros.solving.body_state import BodyOutput, BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 START_NS, FRAME_NS, FRAMES = 1_700_000_000_000_000_000, 33_333_333, 60

@@ -6,11 +6,11 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_state import BodyState
 
 STEP_NS = 33_333_333
 COVARIANCE = np.diag(np.repeat([0.002, 0.004], 3) ** 2)

@@ -4,10 +4,10 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.sole import sole_points
+from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_frame import BodyFrame
 
 STEP_NS = 33_333_333
 SHIN_M = 0.43

@@ -44,6 +44,22 @@ def test_rotation_vectors_are_scipys_at_all_angles() -> None:
     np.testing.assert_allclose(geometry.log_so3(R), w, atol=1e-12, rtol=1e-9)
 
 
+@pytest.mark.parametrize("size", [3, 6])
+def test_a_logarithm_changes_as_its_jacobian_says(size: int) -> None:
+    se3 = size == 6
+    exp, log = (geometry.exp_se3, geometry.log_se3) if se3 else (geometry.exp_so3, geometry.log_so3)
+    r = np.random.default_rng(0).normal(scale=0.4, size=(5, size))
+    for axis in range(size):
+        d = 1e-6 * np.eye(size)[axis]
+        changed = (log(exp(-d) @ exp(r)) - log(exp(d) @ exp(r))) / 2e-6
+        np.testing.assert_allclose(-geometry.log_jacobian(r)[..., axis], changed, atol=2e-3)
+    # gtsam's own, of which ours is the series to the fourth order.
+    if se3:
+        small = 0.3 * r
+        for xi, ours in zip(small, geometry.log_jacobian(small), strict=True):
+            np.testing.assert_allclose(ours, np.linalg.inv(gtsam.Pose3.ExpmapDerivative(-xi)), atol=1e-6)
+
+
 def test_adjoint_is_gtsams(poses: np.ndarray) -> None:
     expected = [gtsam.Pose3(T).AdjointMap() for T in poses]
     np.testing.assert_allclose(geometry.adjoint(poses), expected, atol=1e-12)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros import geometry
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.estimation.body_state import BodyState
+from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import stamp_ns
@@ -21,8 +23,6 @@ from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_messag
 from bodycam_ros.messages.tracks import landmark_matches, landmarks_message, track_frame, tracks_message
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_covariance import BodyUncertainty
-from bodycam_ros.solving.body_state import BodyState
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 STAMP_NS = 1_700_000_000_123_456_789

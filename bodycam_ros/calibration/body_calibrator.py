@@ -25,11 +25,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.camera.video_mode import VideoMode
 from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.estimation.camera_evidence import EvidenceSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.solving.camera_evidence import EvidenceSettings
 from bodycam_ros.timing.clock_settings import ClockSettings
 
 

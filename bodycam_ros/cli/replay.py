@@ -139,8 +139,6 @@ def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", remark
     print_clocks(Terminal(), summary.timings, summary.jumps, summary.speeds)
     for camera, count in summary.refused.most_common():
         Terminal().print(f"camera {camera}: not believed at {count} instants, where the others contradict it")
-    if summary.restarts:
-        Terminal().print(f"the solver could not go on {summary.restarts} times and began anew", style="red")
     share = summary.solved / summary.instants if summary.instants else 0.0
     Terminal().print(
         f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "

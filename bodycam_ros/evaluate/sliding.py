@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.sole import sole_points
+from bodycam_ros.estimation.contact import MAX_HEIGHT_M, ContactSettings
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.solving.contact_settings import ContactSettings
 
 _SHORTEST_NS = 100_000_000
 _FIRM_NS = 200_000_000
@@ -125,10 +125,10 @@ def _stances(soles: Mapping[str, Array], stamps_ns: NDArray[np.int64], gap_ns: f
         level
         for foot, stances in found.items()
         for stance in stances
-        if (level := _level(soles[foot], stance)) < _CONTACT.max_height
+        if (level := _level(soles[foot], stance)) < MAX_HEIGHT_M
         and stamps_ns[stance.last - 1] - stamps_ns[stance.first] >= _FIRM_NS
     ]
-    highest = min(firm, default=0.0) + _CONTACT.max_height
+    highest = min(firm, default=0.0) + MAX_HEIGHT_M
     return {
         foot: [stance for stance in stances if _level(soles[foot], stance) < highest] for foot, stances in found.items()
     }

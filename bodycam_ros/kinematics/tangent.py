@@ -10,7 +10,7 @@ exp(theta xi) linearised, its set of joints that affect a point being ``Kinemati
 
 import numpy as np
 
-from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, nearest_rotation
+from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint
 from bodycam_ros.kinematics.joint_gap import gap_jacobians
 from bodycam_ros.kinematics.tree import KinematicTree
@@ -37,6 +37,11 @@ class TreeTangent:
         self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
         self.count = int(ends[-1])
         self._joint_of_column = np.repeat(np.arange(len(self.twists)), np.diff(ends))
+        # (K - 6, 6 J): the amounts of an increment as twists of all joints.
+        amounts = np.zeros((self.count - 6, len(self.twists), 6))
+        for row, (xi, at) in enumerate(zip(self.twists, self.columns, strict=True)):
+            amounts[at.start - 6 : at.stop - 6, row] = xi.T
+        self._amounts = amounts.reshape(self.count - 6, 6 * len(self.twists))
         self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
@@ -45,11 +50,20 @@ class TreeTangent:
 
     def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
         """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""
-        tangents = [(xi @ step[..., at, None])[..., 0] for xi, at in zip(self.twists, self.columns, strict=True)]
+        of_joints = (step[..., 6 : self.count] @ self._amounts).reshape(*step.shape[:-1], -1, 6)
         poses = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
-        poses = poses @ exp_se3(np.stack([step[..., :6], *tangents], axis=-2))
-        poses[..., :3, :3] = nearest_rotation(poses[..., :3, :3])
+        poses = poses @ exp_se3(np.concatenate([step[..., None, :6], of_joints], axis=-2))
+        # One step of Newton's iteration to the nearest rotation, which rounding alone parts them from.
+        R = poses[..., :3, :3]
+        poses[..., :3, :3] = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
         return poses[..., 0, :, :], poses[..., 1:, :, :]
+
+    def step_between(self, world_T_root: Array, joint_motion: Array, to_root: Array, to_motion: Array) -> Array:
+        """The increment (..., K) that moves root (..., 4, 4) and joint motions (..., J, 4, 4) to others."""
+        start = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
+        tangents = log_se3(inverse(start) @ np.concatenate([to_root[..., None, :, :], to_motion], axis=-3))
+        of_joints = tangents[..., 1:, :].reshape(*tangents.shape[:-2], -1) @ self._amounts.T
+        return np.concatenate([tangents[..., 0, :], of_joints], axis=-1)
 
     def world_twists(self, world_T_segment: Array) -> Array:
         """(..., 6, K) twist of each column in the world's axes about its origin, at poses (..., S, 4, 4)."""

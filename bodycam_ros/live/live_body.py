@@ -10,6 +10,8 @@ from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
@@ -20,8 +22,6 @@ from bodycam_ros.outside.station_reports import StationReports
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.verdict.judge import LiveVerdict
 
 

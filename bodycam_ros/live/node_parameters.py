@@ -9,7 +9,7 @@ TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter")
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
-    *("readout", "clock", "assembler", "smoother", "motion", "trust", "memory", "covariance", "contact", "evidence"),
+    *("readout", "clock", "assembler", "smoother", "motion", "contact", "evidence"),
     *("coupling", "region", "verdict", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
     *("rest_pose", "refinement", "joint_limits", "assessment", "anthropometry"),
 )
@@ -300,7 +300,7 @@ ALL = tuple(OF_NODES.values())
 GROUPS: Final = frozenset(
     """
     tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
-    readout clock assembler smoother motion trust memory covariance contact evidence coupling region verdict
+    readout clock assembler smoother motion contact evidence coupling region verdict
     motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
     frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
     sound_peaks claps whole_sound clocks shape stations doctor lens retarget

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few
 from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.solving.body_state import BodyState
 
 _ARRIVALS = 1000
 _JUMP_NS = 1_000_000_000
@@ -112,7 +112,6 @@ class SolverHealth:
             "late registrations": late,
             "registrations not believed": ", ".join(f"{c} {n}" for c, n in sorted(refusals.items())) or "none",
             "instants bridged": pipeline.bridged if pipeline else 0,
-            "solver failures": pipeline.restarts if pipeline else 0,
             "times begun anew": pipeline.assembler.restarts if pipeline else 0,
             **skipped.counts,
             "last error": skipped.latest or "none",

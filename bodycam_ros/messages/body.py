@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.link_transforms import LinkTransform
+from bodycam_ros.estimation.body_state import BodyOutput, BodyState
 from bodycam_ros.geometry import inverse
 from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
 from bodycam_ros.messages.factory import Message, MessageFactory, flat
@@ -17,7 +18,6 @@ from bodycam_ros.messages.pose import (
     transform_messages,
     vector_message,
 )
-from bodycam_ros.solving.body_state import BodyOutput, BodyState
 
 _LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
 _BONE_WIDTH_M = 0.02

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
 from bodycam_ros.messages.header import MAP_FRAME, header_message, stamp_ns
 from bodycam_ros.messages.pose import pose_message, transform_from_pose
 from bodycam_ros.shown import shown
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.said_segments import SaidSegments
 
 SEGMENT_POSES, SEGMENT_POSES_TYPE = "/segment_poses", "bodycam_msgs/msg/SegmentPoses"
 """Topic beneath the station's name, and type."""

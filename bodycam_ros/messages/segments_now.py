@@ -3,10 +3,10 @@
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES_TYPE, segment_poses, segment_poses_message
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.camera_evidence import SegmentPose
 
 SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "segments_now", SEGMENT_POSES_TYPE
 """Topic, in the nodes' namespace, and type. It waits for no later instant, as joint states do; confidence is 1 of what

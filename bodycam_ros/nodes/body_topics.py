@@ -9,6 +9,7 @@ from bodycam_ros.body.link_transforms import LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
+from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.live.pacing import Paced
 from bodycam_ros.messages.body import output_messages, transforms_message
@@ -19,7 +20,6 @@ from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
 from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.outside.person_masses import person_masses
-from bodycam_ros.solving.body_state import BodyOutput
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",

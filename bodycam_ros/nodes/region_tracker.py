@@ -10,6 +10,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.errors import StationError
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.body_state import BodyNow
 from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
 from bodycam_ros.live.image_health import ImageHealth
 from bodycam_ros.live.image_queue import ImageQueue, QueuedImage
@@ -28,8 +30,6 @@ from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.lone_station import LoneStation
 from bodycam_ros.outside.placed_body import placed_body
 from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.said_segments import SaidSegments
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25

@@ -11,6 +11,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.flow_of_frames import MissedFrames
 from bodycam_ros.live.live_body import LiveBody
 from bodycam_ros.live.live_calibration import LiveCalibration
@@ -30,8 +32,6 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.said_segments import SaidSegments
 
 _LOOK_S, _CALIBRATION_LOOK_S = 0.5, 0.2
 

@@ -47,7 +47,7 @@ def _end(code: int) -> NoReturn:
         # The terminal may be gone.
         with suppress(OSError):
             stream.flush()
-    # The nodes have left ROS. Unloading Python, OpenCV, gtsam and Fast DDS takes ten times as long as that.
+    # The nodes have left ROS. Unloading Python, OpenCV and Fast DDS takes ten times as long as that.
     os._exit(code)
 
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.body_state import BodyNow
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses
@@ -11,8 +13,6 @@ from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, s
 from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.outside.station import Station
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.said_segments import SaidSegments
 
 
 class Stations:

@@ -10,6 +10,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.estimation.motion_model import MotionSettings, predict
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.body_shape import BodyShape
 from bodycam_ros.outside.bulges import BULGES
@@ -20,7 +21,6 @@ from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Image
 from bodycam_ros.outside.station_watch import followed
-from bodycam_ros.solving.motion import MotionSettings, predict
 
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 

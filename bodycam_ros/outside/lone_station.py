@@ -3,17 +3,16 @@
 import numpy as np
 
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
+from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.carried_body import CarriedBody
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station_watch import StationWatch
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.body_now import BodyNow
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.said_segments import SaidSegments
-from bodycam_ros.solving.seen_body import SeenBody
 
 
 class LoneStation:

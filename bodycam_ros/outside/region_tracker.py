@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
@@ -20,8 +22,6 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.station import Station
 from bodycam_ros.outside.station_view import Contour, Image, SegmentRegions, StationView
 from bodycam_ros.outside.usual_limits import with_usual_limits
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.seen_body import SeenBody
 
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] how far a pose that was tried may be from where the images have it."""

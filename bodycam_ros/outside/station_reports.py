@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.start_file import placed_expectation, placed_segments
 from bodycam_ros.outside.station_watch import followed
 from bodycam_ros.outside.usual_limits import with_usual_limits
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.seen_body import SeenBody
 
 _ROUNDS = 3
 """Steps of the body as a whole under what was said, which is linear but for rotations."""

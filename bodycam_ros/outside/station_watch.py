@@ -7,16 +7,16 @@ import numpy as np
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.start_file import placed_segments
 from bodycam_ros.outside.station_view import Image
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.motion import MotionSettings, motion_sigmas
-from bodycam_ros.solving.seen_body import SeenBody
 
 logger = logging.getLogger(__name__)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import LensError, StationError
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.chosen_surface import surfaces_of
 from bodycam_ros.outside.outside_files import OutsideInput
@@ -17,7 +18,6 @@ from bodycam_ros.outside.stations_file import read_stations, refuse_worn
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.solving.seen_body import SeenBody
 
 logger = logging.getLogger(__name__)
 

@@ -17,6 +17,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
@@ -40,7 +41,6 @@ from bodycam_ros.replay.known_readouts import known_readouts
 from bodycam_ros.replay.outside_input import station_watch, stations_of
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
@@ -162,7 +162,7 @@ def replay(
         found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
         summary.verdict = Verdict.of(found)
         out.write_verdict(item.stamp_ns, summary.verdict, settings.verdict)
-        summary.bridged, summary.restarts, summary.refused = skeleton.bridged, skeleton.restarts, skeleton.refused
+        summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late
         if summary.late:

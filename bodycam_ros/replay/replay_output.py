@@ -7,6 +7,8 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.learned_body import learned_body
+from bodycam_ros.estimation.body_state import BodyOutput
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
 from bodycam_ros.messages.health import RegistrationHealth, verdict_health
@@ -18,8 +20,6 @@ from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import RegisteredImage
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.solving.body_state import BodyOutput
-from bodycam_ros.solving.seen_body import SeenBody
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog

@@ -23,7 +23,6 @@ class ReplaySummary:
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
         bridged: instants at which all cameras were silent, filled in from both sides.
-        restarts: how often the solver had to begin anew.
         refused: camera -> instants at which it contradicted the others and was not believed.
         late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
@@ -46,7 +45,6 @@ class ReplaySummary:
     solved: int = 0
     predicted: int = 0
     bridged: int = 0
-    restarts: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     images: Counter[str] = field(default_factory=Counter)
     late: int = 0

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bodycam_ros.estimation.body_frame import SaidSegments
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses, segment_poses_message
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.solving.camera_evidence import SegmentPose
-from bodycam_ros.solving.said_segments import SaidSegments
 
 STAMP_NS = 1_700_000_000_123_456_789
 

@@ -16,13 +16,13 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, rigid
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.solving.smoother_settings import SmootherSettings
 
 FRAME_NS = 33_333_333
 START_NS = 10_000_000_000_000

@@ -13,6 +13,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anatomy import SegmentName
 from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.outside.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.outside.body_shape import BodyShape
@@ -20,7 +21,6 @@ from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.shape_settings import ShapeSettings
 from bodycam_ros.outside.start_file import start_poses
-from bodycam_ros.solving.motion import MotionSettings
 
 pytestmark = pytest.mark.long
 

@@ -10,6 +10,7 @@ from outside.painted_scene import grained
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface
@@ -18,7 +19,6 @@ from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.start_file import start_poses
 from bodycam_ros.outside.station import Station
-from bodycam_ros.solving.camera_evidence import SegmentPose
 
 Array = NDArray[np.float64]
 Images = list[dict[str, NDArray[np.uint8]]]

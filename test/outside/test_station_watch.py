@@ -12,14 +12,14 @@ from outside.dressed_body import DressedBody, small_motion, stations_around
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces
 from bodycam_ros.outside.region_settings import RegionSettings
 from bodycam_ros.outside.region_tracker import RegionTracker
 from bodycam_ros.outside.station_watch import StationWatch
-from bodycam_ros.solving.body_frame import BodyFrame
-from bodycam_ros.solving.motion import MotionSettings
-from bodycam_ros.solving.seen_body import SeenBody
 
 Images = dict[str, CameraImage]
 

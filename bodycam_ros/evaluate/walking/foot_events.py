@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from bodycam_ros.estimation.contact import LEAVE
 from bodycam_ros.geometry import Array
-from bodycam_ros.solving.contact_settings import ContactSettings
 
 _PROMINENCE_M = 0.08
 """By which a foot is ahead at least, in its swing, of where it was before and after."""
 
 _APART_S = 0.35
 _REST_S = 0.08
-_REST_SPEED = ContactSettings().leave_speed
+_REST_SPEED = LEAVE
 HEEL, BALL = 0, 1
 
 

@@ -1,0 +1,100 @@
+"""What the solver says about the body at one instant, and what is published of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
+from bodycam_ros.geometry import inverse, log_se3
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """The pose of every segment at one instant.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        segments: (S) names, in the order of ``BodyModel.segments``.
+        world_T_segment: (S, 4, 4) poses [m].
+        uncertainty: covariances of root, velocity, joints and segments.
+        observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
+            from smoothness and from the poses that the body has been seen in.
+        cameras_used: how many cameras spoke and were believed.
+        equipment: how the body is coupled to what it rides, holds or stands on; None without such.
+    """
+
+    stamp_ns: int
+    segments: tuple[str, ...]
+    world_T_segment: NDArray[np.float64]
+    uncertainty: BodyUncertainty
+    observed: NDArray[np.bool_]
+    cameras_used: int
+    equipment: EquipmentReport | None = None
+
+    @property
+    def predicted(self) -> bool:
+        """Whether no camera spoke, so that the state follows from what came before and after."""
+        return self.cameras_used == 0
+
+
+@dataclass(frozen=True, eq=False)
+class BodyNow:
+    """Where a body is at the latest instant, before any later one has improved it: for those who must know at once.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        world_T_segment: (S, 4, 4).
+        covariances: (S, 6, 6) of the poses, rotation [rad] then translation [m], in the segments' axes.
+        observed: (S,) segments that cameras see.
+    """
+
+    stamp_ns: int
+    world_T_segment: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    observed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class BodyOutput:
+    """What is published about one instant.
+
+    Attributes:
+        state: poses of all segments.
+        joint_names: A names, in constant order.
+        positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
+        velocities: (A,) [rad/s].
+        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
+    """
+
+    state: BodyState
+    joint_names: tuple[str, ...]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    root_velocity: NDArray[np.float64]
+
+
+def moving(
+    state: BodyState,
+    joint_names: tuple[str, ...],
+    positions: NDArray[np.float64],
+    change: NDArray[np.float64],
+    root: int,
+    before: BodyOutput | None,
+) -> BodyOutput:
+    """A state with what its joints and its root have done since the state before; at rest where there is none.
+
+    Args:
+        state: the body.
+        joint_names: A names.
+        positions: (A,) joint angles [rad].
+        change: (A,) of them since the state before [rad].
+        root: row of the root segment.
+        before: what was published before.
+    """
+    if before is None:
+        return BodyOutput(state, joint_names, positions, np.zeros(len(positions)), np.zeros(6))
+    passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
+    step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
+    return BodyOutput(state, joint_names, positions, change / passed_s, step / passed_s)

@@ -1,0 +1,262 @@
+"""What is measured at one instant, and the instant that fits it best: iterated, robust, with covariance.
+
+Every measurement is linear in the increments (K) of the body's coordinates once it is linearised: poses of segments by
+their cameras (A eq. 8), rotations of joints that nothing sees, gaps of joints that hold equipment (B eq. 15). The
+prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the
+covariance (the elimination of one instant in a chain of them).
+"""
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.belief import Belief, Coordinates
+from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.geometry import Array, inverse, log_jacobian, log_se3, log_so3
+from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
+from bodycam_ros.kinematics.limits import JointLimits
+from bodycam_ros.kinematics.tangent import TreeTangent
+
+_STEPS = 10
+_NEAR = 0.1  # [rad], [m] of a step after which residuals tell wrong measurements from a start that is far off
+_SETTLED = 1e-4  # [rad], [m]
+
+KERNEL = 4.0
+"""Sigmas from which on a measurement counts less and less (Cauchy): a wrong one must not bend the limb."""
+
+
+_LIMIT_RAD = 0.1
+"""How far beyond its limits a joint may be that nothing sees: what is known of them errs by a few degrees."""
+
+_BEYOND = 1e-9
+
+SLIDES_M = 10.1 * TIGHT_M
+"""A joint does not slide at all along what its sigmas hold tighter."""
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentPoses:
+    """Poses of segments by N cameras.
+
+    Attributes:
+        rows: (N) of the segments.
+        world_T_segment: (N, 4, 4) [m].
+        covariances: (N, 6, 6) in the segments' axes, rotation [rad] then translation [m].
+    """
+
+    rows: NDArray[np.int64]
+    world_T_segment: Array
+    covariances: Array
+
+    @staticmethod
+    def of(body: BodyModel, evidence: Iterable[SegmentPose]) -> "SegmentPoses":
+        """Of one-by-one measurements."""
+        seen = list(evidence)
+        return SegmentPoses(
+            np.array([body.segment_index[each.segment] for each in seen], np.int64),
+            np.array([each.world_T_segment for each in seen]).reshape(-1, 4, 4),
+            np.array([each.covariance for each in seen]).reshape(-1, 6, 6),
+        )
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __add__(self, other: "SegmentPoses") -> "SegmentPoses":
+        pairs = zip(
+            (self.rows, self.world_T_segment, self.covariances),
+            (other.rows, other.world_T_segment, other.covariances),
+            strict=True,
+        )
+        return SegmentPoses(*(np.concatenate(pair) for pair in pairs))
+
+    def residuals(self, poses: Array) -> Array:
+        """(N, 6) from poses (S, 4, 4) of all segments to the measured ones."""
+        residuals: Array = log_se3(inverse(poses[self.rows]) @ self.world_T_segment)
+        return residuals
+
+    def only(self, which: NDArray[np.bool_]) -> "SegmentPoses":
+        """Some (N,) of them."""
+        return SegmentPoses(self.rows[which], self.world_T_segment[which], self.covariances[which])
+
+
+@dataclass(frozen=True, eq=False)
+class JointRotations:
+    """Where U joints are expected that nothing sees.
+
+    Attributes:
+        rows: (U) of the joints in ``tree_joints``.
+        rotations: (U, 3, 3) joint rotations.
+        sigmas: (U, 3) about the child's axes [rad].
+    """
+
+    rows: NDArray[np.int64]
+    rotations: Array
+    sigmas: Array
+
+    @staticmethod
+    def nothing() -> "JointRotations":
+        """Of no joint."""
+        return JointRotations(np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+
+    def __add__(self, other: "JointRotations") -> "JointRotations":
+        return JointRotations(
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.rotations, other.rotations]),
+            np.concatenate([self.sigmas, other.sigmas]),
+        )
+
+    def replaced(self, which: NDArray[np.bool_], rotations: Array, sigma: float) -> "JointRotations":
+        """The same, but some (J,) of the joints are where somebody else sees them, who has all (J, 3, 3)."""
+        kept, rows = ~which[self.rows], np.flatnonzero(which)
+        mine = JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept])
+        return mine + JointRotations(rows, rotations[rows], np.full((len(rows), 3), sigma))
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedJoint:
+    """A joint that closes a loop and holds.
+
+    Attributes:
+        joint: between two segments of the tree.
+        information: (6, 6) of its gap.
+        kernel: sigmas from which on it gives way; infinite where it never does.
+    """
+
+    joint: Joint
+    information: Array
+    kernel: float
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """All that is measured of the coordinates at an instant.
+
+    Attributes:
+        cameras: poses of segments.
+        expected: joints that nothing sees.
+        guessed: (J,) joints that stay within their limits, for nothing else holds them.
+        closed: joints that close loops and hold.
+    """
+
+    cameras: SegmentPoses
+    expected: JointRotations
+    guessed: NDArray[np.bool_]
+    closed: Sequence[ClosedJoint] = ()
+
+
+class InstantFit:
+    """Fits the coordinates of one instant.
+
+    Args:
+        tangent: the body's coordinates.
+        limits: of its joints, as they are known by now.
+        attachments: names of the joints that hold at times; other loops are closed at all times.
+    """
+
+    def __init__(
+        self, tangent: TreeTangent, limits: Callable[[], JointLimits], attachments: Collection[str] = ()
+    ) -> None:
+        self._tangent, self._limits = tangent, limits
+        joints = tangent.tree.tree_joints
+        loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
+        self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
+        self._child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
+        # What slides, and is held softly.
+        self._soft = {}
+        for row, joint in enumerate(joints):
+            sigmas = np.array(joint.sigmas)[list(joint.free_rows(SLIDES_M))]
+            sigmas = np.where(tangent.twists[row][:3].any(axis=0) | (sigmas >= LOOSE_M), np.inf, sigmas)
+            if np.isfinite(sigmas).any():
+                self._soft[row] = sigmas
+
+    def fit(self, predicted: Belief, measured: Measured, start: Coordinates | None = None) -> Belief:
+        """The body given a prediction and measurements.
+
+        Args:
+            predicted: before them.
+            measured: of the instant.
+            start: where to begin.
+        """
+        K, P = self._tangent.count, predicted.covariance
+        prior = np.linalg.inv(P[:K, :K])
+        prior = 0.5 * (prior + prior.T)
+        at = predicted.at if start is None else start
+        robust = False
+        for _ in range(_STEPS):
+            A, b = self._normal_equations(at.poses(self._tangent), at.motion, measured, robust)
+            information = prior + A
+            x = predicted.at.step_to(self._tangent, at)[:K]
+            step = np.asarray(np.linalg.solve(information, b - prior @ x), np.float64)
+            at = at.moved(self._tangent, step)
+            moved = float(np.abs(step).max())
+            if robust and moved < _SETTLED:
+                break
+            robust = robust or moved < _NEAR
+        covariance = np.linalg.inv(information)
+        covariance = 0.5 * (covariance + covariance.T)
+        # What was learned of the coordinates tells of their velocities, too.
+        gain = P[K:, :K] @ prior
+        both = np.empty_like(P)
+        both[:K, :K], both[K:, :K] = covariance, gain @ covariance
+        both[:K, K:] = both[K:, :K].T
+        both[K:, K:] = P[K:, K:] - gain @ (P[:K, :K] - covariance) @ gain.T
+        velocity = predicted.at.velocity + gain @ (x + step)
+        return Belief(Coordinates(at.root, at.motion, velocity), both)
+
+    def _normal_equations(self, poses: Array, motion: Array, measured: Measured, robust: bool) -> tuple[Array, Array]:
+        """Matrix (K, K) and right side (K) of all measurements about poses (S, 4, 4)."""
+        K = self._tangent.count
+        A, b = np.zeros((K, K)), np.zeros(K)
+        J_all = self._tangent.segment_jacobians(poses)
+        if len(measured.cameras):
+            r = measured.cameras.residuals(poses)
+            J = log_jacobian(r) @ J_all[measured.cameras.rows]
+            information = np.asarray(np.linalg.inv(measured.cameras.covariances), np.float64)
+            if robust:
+                information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
+            of_rows = (information @ J).reshape(-1, K)
+            A += of_rows.T @ J.reshape(-1, K)
+            b += of_rows.T @ r.ravel()
+        expected = measured.expected
+        for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
+            columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]
+            W = self._child_R_joint[row] / sigmas[:, None]
+            r = log_so3(motion[row, :3, :3].T @ rotation)
+            J, r = W @ log_jacobian(r) @ turns, W @ r
+            A[columns, columns] += J.T @ J
+            b[columns] += J.T @ r
+        if measured.guessed.any():
+            self._add_limits(A, b, motion[:, :3, :3], measured.guessed)
+        for row, sigmas in self._soft.items():
+            columns, twists = self._tangent.columns[row], self._tangent.twists[row]
+            A[columns, columns] += np.diag(sigmas**-2.0)
+            b[columns] -= twists.T @ log_se3(motion[row]) / sigmas**2
+        for each in (*self._loops, *measured.closed):
+            gap, J = self._tangent.gap(each.joint, poses, J_all)
+            weight = cauchy(_squared(each.information, gap), each.kernel)
+            A += weight * (J.T @ each.information @ J)
+            b -= weight * (J.T @ (each.information @ gap))
+        return A, b
+
+    def _add_limits(self, A: Array, b: Array, rotations: Array, guessed: NDArray[np.bool_]) -> None:
+        """Pull joints (J,) that are beyond their limits back into them, in place."""
+        within = self._limits().clamp(rotations)
+        beyond = guessed & (np.abs(within - rotations).max(axis=(1, 2)) > _BEYOND)
+        for row in np.flatnonzero(beyond).tolist():
+            columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3] / _LIMIT_RAD
+            A[columns, columns] += turns.T @ turns
+            b[columns] += turns.T @ log_so3(rotations[row].T @ within[row]) / _LIMIT_RAD
+
+
+def cauchy(squared: Array, kernel: float) -> Array:
+    """Weight of residuals whose squared size in sigmas is given (Black and Rangarajan 1996)."""
+    weight: Array = 1.0 / (1.0 + squared / kernel**2)
+    return weight
+
+
+def _squared(information: Array, residuals: Array) -> Array:
+    squared: Array = np.einsum("...i,...ij,...j", residuals, information, residuals)
+    return squared

@@ -1,0 +1,150 @@
+"""The motion prior: a white-noise acceleration of every coordinate, on velocities that fade (A eq. 10-11 with units).
+
+The paper penalises the change of pose between frames. That pulls every motion towards standing still; we penalise the
+change of velocity, whose size in people is known: accelerations of limbs in m/s^2 and rad/s^2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.estimation.belief import Belief, Coordinates, Link
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation
+from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.settings import setting
+
+LASTS_S = 0.033
+"""How long an acceleration lasts: with it a standard deviation becomes a spectral density."""
+
+_FIRST_SPEEDS = np.repeat([6.0, 2.0], 3)
+"""[rad/s], [m/s] of people, before anything is known of the motion."""
+
+_FIRST_POSES = np.repeat([1.0, 1.0], 3)
+"""[rad], [m] a body that begins is known by its measurements alone."""
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """How suddenly a body changes its motion."""
+
+    acceleration_sigma: float = setting(
+        15.0,
+        unit="m/s^2",
+        limits=(0.1, 1000.0),
+        reason="of a segment's origin; walking feet reach 30, heel strikes more",
+    )
+    angular_acceleration_sigma: float = setting(
+        60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
+    )
+    velocity_time: float = setting(
+        0.2,
+        unit="s",
+        limits=(0.01, 60.0),
+        reason="a velocity that nothing sees fades in this time: a blind limb comes to rest instead of flying off",
+    )
+
+
+class MotionModel:
+    """Predicts a body.
+
+    Args:
+        tangent: its coordinates.
+        settings: how suddenly people change their motion.
+
+    Attributes:
+        fade_s: (K) in which velocities fade.
+    """
+
+    def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
+        self._tangent = tangent
+        turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
+        self.fade_s = np.full(tangent.count, settings.velocity_time)
+        self._first = np.concatenate(
+            [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
+        )
+        equipment = tangent.tree.equipment_segments
+        self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
+        sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
+        self._root_information = 1.0 / (sigmas * np.sqrt(LASTS_S))
+
+    def _density(self, poses: Array, known: Array | None) -> Array:
+        """(K, K) spectral density of the coordinates' accelerations, at poses (S, 4, 4), which move every segment.
+
+        Its inverse sums up over segments what their accelerations cost: A eq. 10-11 in joint coordinates.
+        """
+        J = self._root_information[:, None] * self._tangent.segment_jacobians(poses)[self._of_people]
+        of_rows = J.reshape(-1, self._tangent.count)
+        information = of_rows.T @ of_rows
+        if known is None:
+            return np.asarray(np.linalg.inv(information), np.float64)
+        free, density = np.isnan(known), np.diag(np.nan_to_num(known))
+        density[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
+        return density
+
+    def begun_again(self, belief: Belief, at: Coordinates, columns: NDArray[np.bool_]) -> Belief:
+        """The belief about other coordinates, of which some columns (K,) begin anew."""
+        both = np.concatenate([columns, columns])
+        covariance = belief.covariance.copy()
+        covariance[both], covariance[:, both] = 0.0, 0.0
+        covariance[both, both] = self._first[both] ** 2
+        return Belief(Coordinates(at.root, at.motion, np.where(columns, 0.0, at.velocity)), covariance)
+
+    def begin(self, root: Array, motion: Array) -> Belief:
+        """A body that begins at a pose (4, 4) and joint motions (J, 4, 4): known by its measurements alone."""
+        at = Coordinates(root, motion, np.zeros(self._tangent.count))
+        return Belief(at, np.diag(self._first**2))
+
+    def predict(self, before: Belief, dt_s: float, density: Array | None = None, fade_s: Array | None = None) -> Link:
+        """The body ``dt_s`` later.
+
+        Args:
+            before: the instant before.
+            dt_s: [s].
+            density: (K) of coordinates that do not move as people do; NaN of those that do.
+            fade_s: (K) in which velocities fade, where it is not people's.
+        """
+        fade_s = self.fade_s if fade_s is None else fade_s
+        Q = self._density(before.at.poses(self._tangent), density)
+        K, keep = self._tangent.count, np.exp(-dt_s / fade_s)
+        reach = fade_s * (1.0 - keep)
+        at = before.at.moved(self._tangent, reach * before.at.velocity)
+        at = Coordinates(at.root, at.motion, keep * before.at.velocity)
+        P = before.covariance
+        # F = [[1, reach], [0, keep]], by columns.
+        cross = np.concatenate([P[:K] + reach[:, None] * P[K:], keep[:, None] * P[K:]])
+        covariance = np.concatenate([cross[:, :K] + cross[:, K:] * reach, cross[:, K:] * keep], axis=1)
+        covariance += np.kron([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]], Q)
+        return Link(before, Belief(at, covariance), cross)
+
+
+def predict(
+    world_T_segment_before: Array, world_T_segment: Array, before_s: float, ahead_s: float, settings: MotionSettings
+) -> Array:
+    """Poses (S, 4, 4) at the fading velocity of poses at two instants.
+
+    Args:
+        world_T_segment_before: (S, 4, 4) the earlier poses.
+        world_T_segment: (S, 4, 4) the later poses.
+        before_s: time between the two [s].
+        ahead_s: time to predict [s].
+        settings: how a velocity fades.
+    """
+    velocity = log_se3(inverse(world_T_segment_before) @ world_T_segment) / before_s
+    return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / settings.velocity_time) * velocity))
+
+
+def motion_sigmas(dt_s: float | Array, previous_dt_s: float | Array, settings: MotionSettings) -> Array:
+    """Sigmas (6), rotation [rad] then translation [m], of a segment's deviation from the prediction; (N, 6) of (N, 1).
+
+    The mean velocity over ``dt_s`` differs from the one over ``previous_dt_s`` by the acceleration times half of both.
+    """
+    sigmas = [settings.angular_acceleration_sigma, settings.acceleration_sigma]
+    return np.asarray(np.repeat(sigmas, 3) * dt_s * 0.5 * (dt_s + previous_dt_s))
+
+
+def orthonormal(poses: Array) -> Array:
+    """Poses (S, 4, 4) with rotations put back onto SO(3)."""
+    mended = poses.copy()
+    mended[:, :3, :3] = nearest_rotation(poses[:, :3, :3])
+    return mended

@@ -1,0 +1,114 @@
+"""What cameras, rates and settings must not do to the solver, on the synthetic body of ``test_body_smoother``."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.estimation.body_state import BodyState
+from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+
+def solve(smoother: BodyEstimator, frames: list[BodyFrame]) -> list[BodyState]:
+    states = [state for frame in frames for state in smoother.update(frame)]
+    return states + smoother.flush()
+
+
+def seen_frames(body: BodyModel, numbers: range, cameras: set[str]) -> list[BodyFrame]:
+    """Frames that only some cameras speak in."""
+    rng = np.random.default_rng(0)
+    frames = [frame_after(body, before, n, rng) for before, n in zip((-1, *numbers), numbers, strict=False)]
+    return [
+        dataclasses.replace(frame, matches={c: m for c, m in frame.matches.items() if c in cameras}) for frame in frames
+    ]
+
+
+@pytest.mark.parametrize("every", [1, 5, 15])
+@pytest.mark.parametrize("cameras", [{"wrist"}, {"back", "arm"}])
+def test_no_rate_and_no_missing_camera_ends_it(every: int, cameras: set[str]) -> None:
+    body = body_with_cameras()
+    frames = seen_frames(body, range(0, 90, every), cameras)
+    smoother = BodyEstimator(body, lenses(body))
+    states = solve(smoother, frames)
+    assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
+    assert np.isfinite([state.world_T_segment for state in states]).all()
+    on_body = {body.mounts[camera].segment for camera in cameras}
+    for state in states:
+        assert {s for s, seen in zip(state.segments, state.observed, strict=True) if seen} == on_body
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(1000.0, 5000.0), (0.1, 0.1)])
+@pytest.mark.parametrize("cameras", [{"chest"}, {"chest", "back", "arm", "wrist"}])
+def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float, cameras: set[str]) -> None:
+    body = body_with_cameras()
+    motion = MotionSettings(acceleration_sigma=linear, angular_acceleration_sigma=angular)
+    frames = seen_frames(body, range(60), cameras)
+    states = solve(BodyEstimator(body, lenses(body), motion=motion), frames)
+    assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
+    assert np.isfinite([state.world_T_segment for state in states]).all()
+
+
+@pytest.mark.parametrize("camera", ["chest", "wrist"])
+def test_registrations_that_are_noise_are_survived(camera: str) -> None:
+    body = body_with_cameras()
+    rng = np.random.default_rng(1)
+    frames = []
+    for frame in seen_frames(body, range(60), set(body.mounts)):
+        matches = dict(frame.matches)
+        pose = matches[camera].world_T_camera @ exp_se3(rng.normal(0.0, 1.0, 6))
+        matches[camera] = dataclasses.replace(matches[camera], world_T_camera=pose)
+        frames.append(BodyFrame(frame.stamp_ns, matches))
+    smoother = BodyEstimator(body, lenses(body))
+    states = solve(smoother, frames)
+    counts = smoother.refused
+    assert counts[camera] > 50 and sum(counts.values()) < 70
+    by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
+    chest = position_errors(body, by_frame)[:, 0]
+    assert chest.max() < 0.03
+
+
+def test_the_covariance_grows_while_nothing_is_seen_and_shrinks_again() -> None:
+    body = body_with_cameras()
+    rng = np.random.default_rng(0)
+    frames = [frame_after(body, number - 1, number, rng) for number in range(60)]
+    blind = [
+        frame
+        if not 20 <= number < 40
+        else dataclasses.replace(frame, matches={c: _lost(m) for c, m in frame.matches.items()})
+        for number, frame in enumerate(frames)
+    ]
+    states = solve(BodyEstimator(body, lenses(body), SmootherSettings(output_delay=0)), blind)
+    root = [float(np.sqrt(np.trace(state.uncertainty.root[3:, 3:]))) for state in states]
+    joints = [float(np.sqrt(np.trace(state.uncertainty.joints[0]))) for state in states]
+    twist = [float(np.trace(state.uncertainty.root_twist)) for state in states]
+    assert all(later > earlier for earlier, later in zip(root[20:39], root[21:40], strict=True))
+    assert root[39] > 30 * root[19] and joints[39] > 3 * joints[19] and twist[39] > 3 * twist[19]
+    assert root[45] < 1.5 * root[19]
+    assert [state.predicted for state in states] == [20 <= number < 40 for number in range(60)]
+
+
+def _lost(matches: LandmarkMatches) -> LandmarkMatches:
+    return dataclasses.replace(matches, world_T_camera=None, rotation_inliers=0, current_R_previous=np.eye(3))
+
+
+def test_counts_are_of_the_whole_recording_when_its_time_begins_anew() -> None:
+    body, rng = body_with_cameras(), np.random.default_rng(0)
+    frames = [
+        BodyFrame((n + 1) * STEP_NS, {c: seen_by(body, c, n, rng, wrong=c == "back") for c in body.mounts})
+        for n in range(30)
+    ]
+    pipeline = SkeletonPipeline(body, lenses(body), PipelineSettings(), live=True)
+    pipeline._solve(frames)
+    once = pipeline.refused["back"]
+    pipeline._solve(frames)
+    assert once > 0
+    assert pipeline.refused["back"] == 2 * once
