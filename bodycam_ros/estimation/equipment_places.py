@@ -11,10 +11,13 @@ from bodycam_ros.equipment.equipment import Attachment, Equipment
 from bodycam_ros.equipment.unknown_lengths import UnknownLengths
 from bodycam_ros.estimation.attachment_watch import Holding
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
-from bodycam_ros.estimation.measurements import KERNEL, ClosedJoint
+from bodycam_ros.estimation.measurements import ClosedJoint
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
+
+_KERNEL = 4.0
+"""Sigmas from which on an attachment counts less and less: one that is let go must not bend a leg."""
 
 
 class EquipmentPlaces:
@@ -85,5 +88,5 @@ class EquipmentPlaces:
     def _kernel(self, attachment: Attachment, holding: Holding) -> float:
         """Sigmas from which on an attachment gives way: unseen, nobody has let it go, and it may begin far off."""
         if attachment.name in holding.seen:
-            return KERNEL
-        return max(KERNEL, self._settings.release_distance / float(attachment.sigmas.min()))
+            return _KERNEL
+        return max(_KERNEL, self._settings.release_distance / float(attachment.sigmas.min()))

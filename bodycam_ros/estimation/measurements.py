@@ -24,7 +24,7 @@ _STEPS = 10
 _NEAR = 0.1  # [rad], [m] of a step after which residuals tell wrong measurements from a start that is far off
 _SETTLED = 1e-4  # [rad], [m]
 
-KERNEL = 4.0
+KERNEL = 8.0
 """Sigmas from which on a measurement counts less and less (Cauchy): a wrong one must not bend the limb."""
 
 
