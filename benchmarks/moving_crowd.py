@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, inverse
-from bodycam_ros.kernels.kernel import as_rows, kernel
+from bodycam_ros.kernels import as_rows, kernel
 from bodycam_ros.messages.header import stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording

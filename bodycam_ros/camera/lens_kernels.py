@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
 if TYPE_CHECKING:
     from bodycam_ros.camera.model import CameraModel

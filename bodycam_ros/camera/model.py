@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.lens_kernels import project_points, project_points_with_jacobian, unproject_pixels
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -28,7 +28,7 @@ from bodycam_ros.doctor.sampled_bag import sample_bag
 from bodycam_ros.doctor.sampled_recording import SampledRecording, spread_instants
 from bodycam_ros.doctor.sampled_videos import sample_videos
 from bodycam_ros.geometry import Array
-from bodycam_ros.kernels.preparation import prepare_kernels
+from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.mapping.progress import Progress

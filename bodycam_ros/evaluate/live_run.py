@@ -20,7 +20,7 @@ from pathlib import Path
 import yaml
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.kernels.preparation import prepare_kernels
+from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
 from bodycam_ros.moments import Noted, read_moments
 from bodycam_ros.share_folder import share_folder

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
-from bodycam_ros.kernels.kernel import as_bytes, as_rows
+from bodycam_ros.kernels import as_bytes, as_rows
 from bodycam_ros.mapping.epipolar_kernels import match_along_epipolars
 from bodycam_ros.mapping.epipolar_matching import axes_along
 

@@ -28,7 +28,7 @@ def _run(name: str) -> NoReturn:
         os.environ.setdefault(variable, "1")
     wanted = import_module("bodycam_ros.live.graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
-        preparation = import_module("bodycam_ros.kernels.preparation")
+        preparation = import_module("bodycam_ros.kernels")
         preparation.prepare_kernels()
         preparation.load_kernels()
     run: Any = import_module("bodycam_ros.nodes.process").run

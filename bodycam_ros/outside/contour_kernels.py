@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.lens_kernels import project_point, project_point_with_jacobian
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 from bodycam_ros.outside.contour_kernels import is_beside, label_at
 
 Array = NDArray[np.float64]

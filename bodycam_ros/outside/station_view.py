@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, inverse
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.contour_kernels import carry_contour, find_contour
 from bodycam_ros.outside.region_kernels import COLOURS, ask_lines, count_areas, count_colours, line_shifts, weigh_areas

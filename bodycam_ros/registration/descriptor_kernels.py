@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
 Bytes = NDArray[np.uint8]
 Whole = NDArray[np.int64]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import lens_parameters
 from bodycam_ros.camera.local_scale import local_scales
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
 from bodycam_ros.registration.landmark_trust import LandmarkTrust

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import as_bytes
+from bodycam_ros.kernels import as_bytes
 from bodycam_ros.registration.descriptor_kernels import FARTHEST, search_lists
 from bodycam_ros.registration.visual_words import VisualWords
 

@@ -6,7 +6,7 @@ Made when a camera is lost for the first time; all cameras of a process share it
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.giver_kernels import givers_of_looks
 from bodycam_ros.registration.landmark_index import LandmarkIndex
 from bodycam_ros.registration.map_photographs import MapPhotographs

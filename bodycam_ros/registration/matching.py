@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
-from bodycam_ros.kernels.kernel import as_bytes
+from bodycam_ros.kernels import as_bytes
 from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.registration.descriptor_kernels import squared_distances
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera.lens_kernels import project_point, project_point_with_jacobian
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, solve_positive
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 from bodycam_ros.registration.residual_scale import residual_scale
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
 _LEAST_LANDMARKS = 15
 """Fewer residuals tell their own size to a fifth at best, and six of them went into the pose."""

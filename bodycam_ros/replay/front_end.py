@@ -14,7 +14,7 @@ from multiprocessing.queues import Queue
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.kernels.preparation import prepare_kernels
+from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replay.camera_worker import (
     AwaitedGrowth,

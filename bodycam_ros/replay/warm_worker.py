@@ -8,7 +8,7 @@ import gc
 import cv2
 
 import bodycam_ros.replay.camera_worker  # noqa: F401
-from bodycam_ros.kernels.preparation import load_kernels
+from bodycam_ros.kernels import load_kernels
 
 cv2.setNumThreads(1)  # threads do not survive a fork
 load_kernels()
