@@ -10,13 +10,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyNow, BodyOutput, BodyState, SaidSegments, moving
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow, BodyOutput, BodyState, moving
+from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.camera_evidence import evidence_floor
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling

@@ -24,7 +24,6 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
 from bodycam_ros.tracking.tracker_settings import TrackerSettings
-from bodycam_ros.verdict.verdict import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -52,4 +51,3 @@ class PipelineSettings(SettingsGroups):
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()
     region: RegionSettings = RegionSettings()
-    verdict: VerdictSettings = VerdictSettings()

@@ -11,9 +11,8 @@ from held_ride import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
+from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.header import stamp_ns

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.perspective import PlumbBobCamera, RationalPolynomialCamera
 from bodycam_ros.errors import LensError
+from bodycam_ros.own_process import MOST_PIXELS
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.calibration.report.report_tables import body_report
     from bodycam_ros.calibration.report.terminal_report import print_report
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.replay.calibrate import calibrate
+    from bodycam_ros.offline.calibrate import calibrate
 
     output: Path = arguments.output
     page = arguments.report or output.parent / f"{output.stem}.html"

@@ -79,8 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print what was found, write the body."""
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
+    from bodycam_ros.offline.measure_body import measure_body
     from bodycam_ros.outside.outside_files import OutsideInput
-    from bodycam_ros.replay.measure_body import measure_body
 
     output: Path = arguments.output
     for flag in ("rig", "report", "facing"):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from rich.table import Table
 
-from bodycam_ros.replay.clock_remarks import clock_remarks, seconds_into
+from bodycam_ros.offline.clock_remarks import clock_remarks, seconds_into
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_state import ClockJump

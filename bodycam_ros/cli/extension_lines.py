@@ -6,7 +6,7 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from bodycam_ros.growth.extension_round import ExtensionRound
-from bodycam_ros.replay.extend import OnProgress
+from bodycam_ros.offline.extend import OnProgress
 from bodycam_ros.terminal import Terminal
 
 

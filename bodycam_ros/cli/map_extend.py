@@ -34,8 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
     from bodycam_ros.mapping.coverage_picture import draw_coverage
+    from bodycam_ros.offline.extend import MapExtension
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-    from bodycam_ros.replay.extend import MapExtension
 
     settings = pipeline_settings(arguments)
     check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))

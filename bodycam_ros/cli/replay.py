@@ -17,8 +17,8 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.growth.extension_round import ExtensionRound
+    from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.outside.outside_files import OutsideInput
-    from bodycam_ros.replay.replay_summary import ReplaySummary
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -75,10 +75,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.extension_lines import shown_steps
     from bodycam_ros.cli.verdict_lines import exit_code
     from bodycam_ros.lens.recorded_lens import other_lenses
+    from bodycam_ros.offline.doubted_cameras import doubted_cameras
+    from bodycam_ros.offline.passes import replay_in_passes
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
-    from bodycam_ros.replay.doubted_cameras import doubted_cameras
-    from bodycam_ros.replay.passes import replay_in_passes
 
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)

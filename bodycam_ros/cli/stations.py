@@ -34,11 +34,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.offline.place_stations import UnplacedCamera, place_stations
     from bodycam_ros.outside.station_settings import StationsSettings
     from bodycam_ros.outside.stations_file import MARK, write_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-    from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
 
     settings = settings_from_flags(arguments, StationsSettings, arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)

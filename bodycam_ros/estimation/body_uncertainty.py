@@ -1,11 +1,9 @@
 """How well the body is known at an instant: covariances of root, joints and segments, from the one of the belief."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from bodycam_ros.body_state import BodyUncertainty
 from bodycam_ros.estimation.belief import Belief
-from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _ALIKE_S = 0.3
@@ -13,23 +11,6 @@ _ALIKE_S = 0.3
 
 _BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)
 """[rad], [m] error of the calibrated body itself, which no registration knows of, the same at all instants."""
-
-
-@dataclass(frozen=True)
-class BodyUncertainty:
-    """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
-
-    Attributes:
-        root: (6, 6) of the root segment's pose.
-        root_twist: (6, 6) of its velocity [rad/s, m/s].
-        joints: (J, 3, 3) of the joint rotations, in the child segment's axes [rad^2].
-        segments: (S, 6, 6) of the segments' poses.
-    """
-
-    root: Array
-    root_twist: Array
-    joints: Array
-    segments: Array
 
 
 def body_uncertainty(belief: Belief, tangent: TreeTangent, dt_s: float, root_seen: bool) -> BodyUncertainty:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import adjoint, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
@@ -37,15 +38,6 @@ class EvidenceSettings:
 def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:
     """Covariance (6, 6) that is added to every registration: map, lens and strap err together."""
     return np.diag(np.repeat([settings.mount_rotation_sigma, settings.mount_translation_sigma], 3) ** 2)
-
-
-@dataclass(frozen=True)
-class SegmentPose:
-    """An absolute measurement of a segment: world_T_segment (4, 4) and its covariance (6, 6) in segment axes."""
-
-    segment: str
-    world_T_segment: NDArray[np.float64]
-    covariance: NDArray[np.float64]
 
 
 class MountedCameras:

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.estimation.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.estimation.belief import Coordinates
-from bodycam_ros.estimation.camera_evidence import SegmentPose, poses_as_seen
+from bodycam_ros.estimation.camera_evidence import poses_as_seen
 from bodycam_ros.estimation.coasting import coasting
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldPoints, Prior

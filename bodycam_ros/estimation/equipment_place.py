@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.estimation.equipment_fit import BODY_M, EquipmentFit, FittedEquipment, HeldPoints, Prior
 from bodycam_ros.geometry import exp_so3, inverse, nearest_rotation, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint

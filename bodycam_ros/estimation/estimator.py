@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyNow, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.belief import Belief, Coordinates, Link
 from bodycam_ros.estimation.between_instants import freed, given, turns_since
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyNow, BodyState
 from bodycam_ros.estimation.body_uncertainty import body_uncertainty
-from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras, SegmentPose
+from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.camera_judge import REFUSED, judge
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
 
 

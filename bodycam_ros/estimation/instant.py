@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body_state import BodyUncertainty
 from bodycam_ros.estimation.attachment_watch import Holding
 from bodycam_ros.estimation.belief import Belief, Link
 from bodycam_ros.estimation.between_instants import Between
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.estimation.looking_on import ToldJoints
 from bodycam_ros.estimation.measurements import Measured
 from bodycam_ros.geometry import Array

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.estimation.seen_body import Onlookers, SeenBody
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 

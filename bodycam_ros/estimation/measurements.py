@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.belief import Belief, Coordinates
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.geometry import Array, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
 from bodycam_ros.kinematics.limits import JointLimits

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.geometry import Array
 
 

@@ -5,13 +5,12 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_report import EquipmentReport
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.health import equipment_health, verdict_health
 from bodycam_ros.messages.status import Health
@@ -125,7 +124,6 @@ class LiveBody:
         """How the equipment and the result fare."""
         health = [] if self._coupled is None else [equipment_health(self._coupled)]
         if self._verdict is not None:
-            self._verdict.settings = self._settings().verdict
             health.append(verdict_health(self._verdict.verdict()))
         return health
 
@@ -137,7 +135,7 @@ class LiveBody:
     def _judge_anew(self, body: BodyModel, cameras: Mapping[str, CameraModel]) -> None:
         # Other cameras or another body: what was seen before is of no use for these.
         of = self._settings()
-        self._verdict = LiveVerdict(body, cameras, of.verdict, of.pose_fit)
+        self._verdict = LiveVerdict(body, cameras, of.pose_fit)
 
     def _on_corrected(self, matches: LandmarkMatches) -> None:
         """The verdict compares cameras at the times at which they saw, whatever their clocks show."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from bodycam_ros.body_state import BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.messages.health import timing_health
 from bodycam_ros.messages.status import Health, HealthLevel, few

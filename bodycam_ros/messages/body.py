@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.link_transforms import LinkTransform
-from bodycam_ros.estimation.body_state import BodyOutput, BodyState
+from bodycam_ros.body_state import BodyOutput, BodyState
 from bodycam_ros.geometry import inverse
 from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
 from bodycam_ros.messages.factory import Message, MessageFactory, flat

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SaidSegments, SegmentPose
 from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
 from bodycam_ros.messages.header import MAP_FRAME, header_message, stamp_ns
 from bodycam_ros.messages.pose import pose_message, transform_from_pose

@@ -3,8 +3,7 @@
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_state import BodyNow
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import BodyNow, SegmentPose
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES_TYPE, segment_poses, segment_poses_message
 

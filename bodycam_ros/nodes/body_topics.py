@@ -7,9 +7,9 @@ from rclpy.duration import Duration
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.link_transforms import LinkTransforms
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.learned_body import SettledLengths, learned_body
-from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.live.pacing import Paced
 from bodycam_ros.messages.body import output_messages, transforms_message

@@ -7,11 +7,10 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.errors import StationError
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow
 from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
 from bodycam_ros.live.image_health import ImageHealth
 from bodycam_ros.live.image_queue import ImageQueue, QueuedImage

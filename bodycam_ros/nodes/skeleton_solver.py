@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.equipment.equipment_yaml import read_equipment
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.live.flow_of_frames import MissedFrames
 from bodycam_ros.live.live_body import LiveBody
 from bodycam_ros.live.live_calibration import LiveCalibration

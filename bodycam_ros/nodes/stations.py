@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses

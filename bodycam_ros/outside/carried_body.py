@@ -7,7 +7,7 @@ from where the solver has it by the steps that the station saw it make, and from
 from collections import deque
 from dataclasses import dataclass
 
-from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.body_state import BodyNow
 from bodycam_ros.estimation.motion_model import MotionSettings, orthonormal, predict
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 
+from bodycam_ros.body_state import BodyNow, SaidSegments, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array

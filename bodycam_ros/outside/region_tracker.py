@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody

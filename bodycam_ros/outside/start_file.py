@@ -16,8 +16,8 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.checked_fields import numbers_of
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.estimation.first_poses import first_poses
 from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_xyzw
 from bodycam_ros.outside.articulated_step import ArticulatedStep, ExpectedBody

@@ -5,10 +5,10 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
 from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.geometry import Array

@@ -8,11 +8,13 @@ from types import TracebackType
 from typing import Any, Literal
 
 from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.own_process import is_ours
 from bodycam_ros.recording.bag_fault import check_files, fault_of
-from bodycam_ros.recording.bounded_unpacking import Reader
+from bodycam_ros.recording.bounded_unpacking import bound_unpacking
 from bodycam_ros.recording.typestore import recording_typestore
 
 _SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
@@ -37,6 +39,8 @@ class BagFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        if is_ours():
+            bound_unpacking()
         with _fault_named(path):
             check_files(path)
             self._reader = Reader(path)

@@ -124,12 +124,13 @@ class ReferenceMap:
         return rows, self.landmark_ids[rows] == landmark_ids
 
     @classmethod
-    def load(cls, path: Path) -> "ReferenceMap":
+    def load(cls, path: Path | str) -> "ReferenceMap":
         """Read a map folder.
 
         Raises:
             MapError: there is no map, it is of another version, damaged or empty.
         """
+        path = Path(path)
         if not path.is_dir():
             raise MapError(f"{path}: there is no map folder; make one with 'bodycam map REFERENCE_DIR -o {path}'")
         summary = _read_summary(path / _SUMMARY_FILE)

@@ -35,7 +35,8 @@ from bodycam_ros.solved.topics import (
 )
 from bodycam_ros.solved.trajectory import between_neighbours
 from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.stored_verdict import VERDICT, VERDICT_TYPE, StoredVerdict, parse_verdict
+from bodycam_ros.verdict.stored_verdict import VERDICT, VERDICT_TYPE, parse_verdict
+from bodycam_ros.verdict.verdict import Verdict
 
 GAP_FRAMES = 1.5
 """Instants further apart than this are a gap [frames]; between others the body is known."""
@@ -66,7 +67,7 @@ class SolvedRecording:
     cameras: tuple[CameraRecord, ...]
     equipment: EquipmentRecord | None = None
     stations: tuple[StationRecord, ...] = ()
-    stored_verdict: StoredVerdict | None = None
+    stored_verdict: Verdict | None = None
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:

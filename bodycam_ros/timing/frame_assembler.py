@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from math import inf
 from statistics import median
 
+from bodycam_ros.body_state import SaidSegments
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
+from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.synchrony import Synchrony

@@ -13,7 +13,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.verdict.lens_evidence import LensDeviation, LensEvidence
-from bodycam_ros.verdict.verdict import VerdictSettings
+from bodycam_ros.verdict.thresholds import JUDGED_HZ
 
 _RECENT = 256
 """Registrations of a camera that wait for their instant to be solved: some seconds at 60 Hz."""
@@ -117,7 +117,6 @@ class AgreementLog:
     Args:
         body: segments, joints and mounts.
         cameras: models by name, for what landmarks say of the lens; without them that stays unknown.
-        settings: how often it looks.
         inlier_px: a landmark farther off than this says nothing of the lens [px].
         span_s: only this much of the past is kept [s]; infinite for all, ever coarser.
     """
@@ -126,7 +125,6 @@ class AgreementLog:
         self,
         body: BodyModel,
         cameras: Mapping[str, CameraModel],
-        settings: VerdictSettings,
         inlier_px: float,
         span_s: float = math.inf,
     ) -> None:
@@ -134,7 +132,7 @@ class AgreementLog:
         self._models = cameras
         self._inlier_px = inlier_px
         self._span_ns = 1e9 * span_s
-        self._first_step_ns = self._step_ns = round(1e9 / settings.rate)
+        self._first_step_ns = self._step_ns = round(1e9 / JUDGED_HZ)
         self._lenses: dict[str, LensEvidence] = {}
         self._forget()
 

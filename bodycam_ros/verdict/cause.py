@@ -17,7 +17,7 @@ from bodycam_ros.verdict.camera_link import camera_links
 from bodycam_ros.verdict.contradiction import Contradiction, blame, lasting_gaps
 from bodycam_ros.verdict.joint_view import joint_view, joint_views
 from bodycam_ros.verdict.lens_evidence import LensDeviation
-from bodycam_ros.verdict.verdict import VerdictSettings
+from bodycam_ros.verdict.thresholds import CLOCK_ERROR_S, DOUBTFUL_GAP_M, LENS_CENTRE, LENS_SCALE
 
 _LONGEST_SEGMENT_M = 0.6
 """No strap holds a camera farther from where it was."""
@@ -49,14 +49,14 @@ class Cause:
     remedy: str
 
 
-def causes(agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings) -> dict[str, Cause]:
+def causes(agreement: Agreement, body: BodyModel, found: Contradiction) -> dict[str, Cause]:
     """The likely cause for each camera that contradicts."""
     if len(found.gaps) > len(found.core):
         scale = map_scale(agreement, body, [*found.core, *found.gaps])
         if scale is not None and abs(scale - 1.0) > _SCALE:
             return dict.fromkeys(found.gaps, _scale_cause(scale))
-    places = exchanged_places(agreement, body, found, settings)
-    return {camera: _cause(agreement, body, found, camera, places, settings) for camera in found.gaps}
+    places = exchanged_places(agreement, body, found)
+    return {camera: _cause(agreement, body, found, camera, places) for camera in found.gaps}
 
 
 def _cause(
@@ -65,21 +65,20 @@ def _cause(
     found: Contradiction,
     camera: str,
     places: Mapping[str, str],
-    settings: VerdictSettings,
 ) -> Cause:
     place = places.get(camera)
     if place and places.get(place) == camera:
         return Cause(f"its name is exchanged with {place}", "exchange the two names, in the topics or in the body file")
     lens = agreement.lens_errors.get(camera)
-    if lens is not None and is_wrong(lens, settings):
+    if lens is not None and is_wrong(lens):
         return lens_cause(lens)
     if place:
         return Cause(f"its pictures come from where {place} sits", "check which camera records under which name")
-    clock = clock_error(agreement, body, found.core, camera, settings.clock_error)
+    clock = clock_error(agreement, body, found.core, camera, CLOCK_ERROR_S)
     if clock is not None:
         return clock_cause(clock)
     views = joint_views(agreement, body, found.core, camera)
-    slips = [slip for view in views if (slip := view.slip(0.5 * settings.doubtful_gap))]
+    slips = [slip for view in views if (slip := view.slip(0.5 * DOUBTFUL_GAP_M))]
     if len(slips) > len(views) / 2:
         seconds, moved_m = (float(value) for value in np.median(slips, axis=0))
         return Cause(
@@ -105,9 +104,9 @@ def _scale_cause(scale: float) -> Cause:
     return Cause(f"the map is {scale:.3g} times as large as the body says", remedy)
 
 
-def is_wrong(lens: LensDeviation, settings: VerdictSettings) -> bool:
+def is_wrong(lens: LensDeviation) -> bool:
     """Whether a lens is too far from its model."""
-    return lens.excess(settings.lens_scale, settings.lens_centre) > 1.0
+    return lens.excess(LENS_SCALE, LENS_CENTRE) > 1.0
 
 
 def lens_cause(lens: LensDeviation) -> Cause:
@@ -148,9 +147,7 @@ def map_scale(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> 
     return scale if scale > 0.0 and rest < (1.0 - _SCALE_EXPLAINS) * total else None
 
 
-def exchanged_places(
-    agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings
-) -> dict[str, str]:
+def exchanged_places(agreement: Agreement, body: BodyModel, found: Contradiction) -> dict[str, str]:
     """Camera that contradicts -> the camera whose place on the body its poses fit.
 
     Only places are tried whose own camera contradicts, too, or is not there: the others are taken. A place whose camera
@@ -166,7 +163,7 @@ def exchanged_places(
         for camera, place in product(wanted, free):
             if place != camera:
                 mounts = {**moved, camera: body.mounts[place]}
-                gap_m = _gap_in_place(agreement, body, mounts, core, camera, place not in found.gaps, settings)
+                gap_m = _gap_in_place(agreement, body, mounts, core, camera, place not in found.gaps)
                 if gap_m is not None:
                     tried[camera, place] = gap_m
         if not tried:
@@ -186,13 +183,12 @@ def _gap_in_place(
     core: Sequence[str],
     camera: str,
     must_be_next: bool,
-    settings: VerdictSettings,
 ) -> float | None:
     """By how much a camera contradicts the core if all sit at these mounts [m]; None if it cannot."""
     links = [link for link in camera_links(body, mounts, [*core, camera]) if camera in (link.first, link.second)]
-    gaps = lasting_gaps(agreement, links, settings)
+    gaps = lasting_gaps(agreement, links)
     exact = any(link.is_exact and (link.first, link.second) in gaps for link in links)
-    if not gaps or (must_be_next and not exact) or max(gaps.values()) > settings.doubtful_gap:
+    if not gaps or (must_be_next and not exact) or max(gaps.values()) > DOUBTFUL_GAP_M:
         return None
     return max(gaps.values())
 

@@ -9,7 +9,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.verdict.agreement import Agreement
 from bodycam_ros.verdict.camera_link import CameraLink, camera_links
-from bodycam_ros.verdict.verdict import VerdictSettings
+from bodycam_ros.verdict.thresholds import DOUBTFUL_GAP_M, LEAST_STAY_S
 
 _LEAST_ROWS = 3
 """Instants that a link must be known at before it says anything."""
@@ -30,24 +30,21 @@ class Contradiction:
     rivals: Mapping[str, str]
 
 
-def contradiction(
-    agreement: Agreement, body: BodyModel, cameras: Sequence[str], settings: VerdictSettings
-) -> Contradiction:
+def contradiction(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> Contradiction:
     """Find the cameras whose own poses contradict the body that the others agree on.
 
     Args:
         agreement: poses over time.
         body: segments, joints and mounts.
         cameras: those that were registered at all.
-        settings: thresholds.
     """
-    limit = settings.doubtful_gap
-    gaps = lasting_gaps(agreement, camera_links(body, body.mounts, cameras), settings)
+    limit = DOUBTFUL_GAP_M
+    gaps = lasting_gaps(agreement, camera_links(body, body.mounts, cameras))
     blamed, rivals = blame(gaps, limit, lambda camera: _registration_rank(agreement, camera))
     core = [camera for camera in cameras if camera not in blamed]
     # Without the blamed, cameras on either side of them are linked over more joints: another may not fit.
     while len(core) > 1:
-        gaps = gaps | lasting_gaps(agreement, camera_links(body, body.mounts, core), settings)
+        gaps = gaps | lasting_gaps(agreement, camera_links(body, body.mounts, core))
         of_core = {pair: gap for pair, gap in gaps.items() if set(pair) <= set(core)}
         more, more_rivals = blame(of_core, limit, lambda camera: _registration_rank(agreement, camera))
         if not more:
@@ -94,14 +91,12 @@ def _weight(camera: str, bad: Iterable[tuple[str, str]], good: Iterable[tuple[st
     return sum(camera in pair for pair in bad) - sum(camera in pair for pair in good)
 
 
-def lasting_gaps(
-    agreement: Agreement, links: Iterable[CameraLink], settings: VerdictSettings
-) -> dict[tuple[str, str], float]:
+def lasting_gaps(agreement: Agreement, links: Iterable[CameraLink]) -> dict[tuple[str, str], float]:
     """(camera, camera) -> the gap that the two keep for ``min_stay`` in their worst time [m], of known links."""
     found = {}
     for link in links:
         gaps = link.gap(agreement.registered(link.first), agreement.registered(link.second))
-        worst = lasting(gaps, agreement.seconds, settings.min_stay)
+        worst = lasting(gaps, agreement.seconds, LEAST_STAY_S)
         if np.isfinite(worst):
             found[link.first, link.second] = worst
     return found

@@ -14,39 +14,50 @@ from bodycam_ros.verdict.agreement import Agreement, AgreementLog
 from bodycam_ros.verdict.camera_link import LEVER_M
 from bodycam_ros.verdict.cause import Cause, causes, clock_cause, clock_errors, is_wrong, lens_cause
 from bodycam_ros.verdict.contradiction import Contradiction, contradiction, gaps_over_time, lasting
-from bodycam_ros.verdict.verdict import Finding, Level, Verdict, VerdictSettings
+from bodycam_ros.verdict.thresholds import (
+    BLIND_S,
+    CLOCK_ERROR_S,
+    DOUBTFUL_GAP_M,
+    EARLY_END_S,
+    LEAST_REGISTERED,
+    LEAST_STAY_S,
+    LIVE_INTERVAL_S,
+    LIVE_SPAN_S,
+    WRONG_GAP_M,
+    WRONG_SHARE,
+)
+from bodycam_ros.verdict.verdict import Finding, Level, Verdict
 
 _LEAST_IMAGES = 5
 """A camera that was heard this little is not called unregistered yet."""
 
 
-def judge(agreement: Agreement, body: BodyModel, settings: VerdictSettings) -> Verdict:
+def judge(agreement: Agreement, body: BodyModel) -> Verdict:
     """The verdict on what was solved.
 
     Args:
         agreement: where cameras were registered and solved.
         body: that was solved.
-        settings: thresholds.
     """
-    silent = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera, settings)]
+    silent = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera)]
     alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_time(agreement, camera)]
     cameras = [camera for camera in agreement.cameras if camera not in silent and camera not in alone]
-    found = contradiction(agreement, body, cameras, settings)
+    found = contradiction(agreement, body, cameras)
     accused = [
-        _of_contradicting(agreement, body, found, camera, cause, settings)
-        for camera, cause in causes(agreement, body, found, settings).items()
+        _of_contradicting(agreement, body, found, camera, cause)
+        for camera, cause in causes(agreement, body, found).items()
     ]
     findings = [
         *_of_silent(agreement, silent, everybody=bool(silent) and not cameras and not alone),
         *(_of_alone(agreement, camera, cameras) for camera in alone),
         *accused,
-        *_of_lenses_and_clocks(agreement, body, found, settings),
-        *_of_early_ends(agreement, cameras, settings),
-        *_of_blindness(agreement, body, cameras, settings),
+        *_of_lenses_and_clocks(agreement, body, found),
+        *_of_early_ends(agreement, cameras),
+        *_of_blindness(agreement, body, cameras),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
         told = {finding.camera for finding in findings}
-        findings += _of_solver_astray(agreement, found, told, settings)
+        findings += _of_solver_astray(agreement, found, told)
     return Verdict.of(findings)
 
 
@@ -60,9 +71,9 @@ def solved_gaps(agreement: Agreement, camera: str) -> Array:
     return gaps
 
 
-def _is_unregistered(agreement: Agreement, camera: str, settings: VerdictSettings) -> bool:
+def _is_unregistered(agreement: Agreement, camera: str) -> bool:
     count = agreement.counts[camera]
-    return not count.registered or (count.images >= _LEAST_IMAGES and count.share < settings.min_registered)
+    return not count.registered or (count.images >= _LEAST_IMAGES and count.share < LEAST_REGISTERED)
 
 
 def _of_silent(agreement: Agreement, silent: Sequence[str], everybody: bool) -> Iterator[Finding]:
@@ -99,13 +110,13 @@ def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Findi
 
 
 def _of_contradicting(
-    agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, cause: Cause, settings: VerdictSettings
+    agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, cause: Cause
 ) -> Finding:
     # Over segments without a camera, links tell the least that it may be off by; the solved body tells more.
-    solved_gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
+    solved_gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, LEAST_STAY_S)
     gap_m = float(np.fmax(found.gaps[camera], solved_gap_m))
     over_time = gaps_over_time(agreement, body, found.core, camera)
-    bad = over_time > settings.doubtful_gap
+    bad = over_time > DOUBTFUL_GAP_M
     known = np.isfinite(over_time)
     share = float(bad[known].mean()) if known.any() else 1.0
     what = f"contradicts the body by {1e3 * gap_m:.0f} mm"
@@ -115,35 +126,27 @@ def _of_contradicting(
     if camera in found.rivals:
         what += f" (or {found.rivals[camera]} does)"
     level = Level.DOUBTFUL
-    if (
-        gap_m > settings.wrong_gap
-        and share > settings.wrong_share
-        and not _is_left_out(agreement, body, found, camera, settings)
-    ):
+    if gap_m > WRONG_GAP_M and share > WRONG_SHARE and not _is_left_out(agreement, body, found, camera):
         level = Level.WRONG
     return Finding(camera, level, what, cause.why, cause.remedy)
 
 
-def _is_left_out(
-    agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, settings: VerdictSettings
-) -> bool:
+def _is_left_out(agreement: Agreement, body: BodyModel, found: Contradiction, camera: str) -> bool:
     """Whether the solver was not misled: another camera holds the segment, and the body is where all others say."""
     segment = body.mounts[camera].segment
     held = any(body.mounts[other].segment == segment for other in found.core)
     return held and all(
-        not lasting(solved_gaps(agreement, other), agreement.seconds, settings.min_stay) > settings.doubtful_gap
+        not lasting(solved_gaps(agreement, other), agreement.seconds, LEAST_STAY_S) > DOUBTFUL_GAP_M
         for other in found.core
     )
 
 
-def _of_lenses_and_clocks(
-    agreement: Agreement, body: BodyModel, found: Contradiction, settings: VerdictSettings
-) -> Iterator[Finding]:
+def _of_lenses_and_clocks(agreement: Agreement, body: BodyModel, found: Contradiction) -> Iterator[Finding]:
     """Cameras that agree with each other, and yet have a lens or a clock that does not fit."""
-    clocks = clock_errors(agreement, body, found.core, settings.clock_error)
+    clocks = clock_errors(agreement, body, found.core, CLOCK_ERROR_S)
     for camera in found.core:
         lens = agreement.lens_errors.get(camera)
-        if lens is not None and is_wrong(lens, settings):
+        if lens is not None and is_wrong(lens):
             cause = lens_cause(lens)
             yield Finding(camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy)
         elif camera in clocks:
@@ -151,31 +154,27 @@ def _of_lenses_and_clocks(
             yield Finding(camera, Level.DOUBTFUL, "its places come at other times", cause.why, cause.remedy)
 
 
-def _of_solver_astray(
-    agreement: Agreement, found: Contradiction, told: Collection[str], settings: VerdictSettings
-) -> Iterator[Finding]:
+def _of_solver_astray(agreement: Agreement, found: Contradiction, told: Collection[str]) -> Iterator[Finding]:
     """Cameras that agree with each other and not with what was solved, though none that is wrong explains it.
 
     Of those with a finding already only what is worse than that.
     """
     for camera in found.core:
-        gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, settings.min_stay)
-        if gap_m > (settings.wrong_gap if camera in told else settings.doubtful_gap):
-            level = Level.WRONG if gap_m > settings.wrong_gap else Level.DOUBTFUL
+        gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, LEAST_STAY_S)
+        if gap_m > (WRONG_GAP_M if camera in told else DOUBTFUL_GAP_M):
+            level = Level.WRONG if gap_m > WRONG_GAP_M else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
             yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")
 
 
-def _of_blindness(
-    agreement: Agreement, body: BodyModel, cameras: Sequence[str], settings: VerdictSettings
-) -> Iterator[Finding]:
+def _of_blindness(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> Iterator[Finding]:
     """Cameras that found no landmark for long, where nobody else on their segment could see for them."""
     looked_from_ns = agreement.start_ns + 1e9 * float(agreement.seconds[0]) if len(agreement.seconds) else np.inf
     for camera in cameras:
         count = agreement.counts[camera]
         segment = body.mounts[camera].segment
         shared = any(other != camera and body.mounts[other].segment == segment for other in cameras)
-        if not shared and count.blind_ns > 1e9 * settings.blind_time and count.blind_until_ns > looked_from_ns:
+        if not shared and count.blind_ns > 1e9 * BLIND_S and count.blind_until_ns > looked_from_ns:
             until_s = 1e-9 * (count.blind_until_ns - agreement.start_ns)
             blind_s = 1e-9 * count.blind_ns
             yield Finding(
@@ -187,11 +186,11 @@ def _of_blindness(
             )
 
 
-def _of_early_ends(agreement: Agreement, cameras: Sequence[str], settings: VerdictSettings) -> Iterator[Finding]:
+def _of_early_ends(agreement: Agreement, cameras: Sequence[str]) -> Iterator[Finding]:
     last_ns = max((agreement.counts[camera].last_registered_ns for camera in cameras), default=0)
     for camera in cameras:
         ended_ns = agreement.counts[camera].last_registered_ns
-        if last_ns - ended_ns > 1e9 * settings.early_end:
+        if last_ns - ended_ns > 1e9 * EARLY_END_S:
             end_s, all_s = (1e-9 * (stamp_ns - agreement.start_ns) for stamp_ns in (ended_ns, last_ns))
             yield Finding(
                 camera,
@@ -210,19 +209,12 @@ class LiveVerdict:
     Args:
         body: that is solved.
         cameras: models by name.
-        settings: thresholds, how far it looks back, and how often it judges.
         pose_fit: which landmarks a registration took for its own; they tell of the lens.
-
-    Attributes:
-        settings: may be replaced; how far it looks back, and how often at the cameras, stays as it was at first.
     """
 
-    def __init__(
-        self, body: BodyModel, cameras: Mapping[str, CameraModel], settings: VerdictSettings, pose_fit: PoseFitSettings
-    ) -> None:
+    def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], pose_fit: PoseFitSettings) -> None:
         self._body = body
-        self.settings = settings
-        self._log = AgreementLog(body, cameras, settings, pose_fit.inlier_px, settings.span)
+        self._log = AgreementLog(body, cameras, pose_fit.inlier_px, LIVE_SPAN_S)
         self._latest = Verdict.of(())
         self._judged_ns: int | None = None
         self._solved_ns = 0
@@ -240,8 +232,8 @@ class LiveVerdict:
             self._judged_ns, self._latest = stamp_ns, Verdict.of(())
 
     def verdict(self) -> Verdict:
-        """The latest; made anew when ``interval`` has passed since, in time of the recording."""
-        if self._judged_ns is not None and self._solved_ns - self._judged_ns >= 1e9 * self.settings.interval:
-            self._latest = judge(self._log.agreement(), self._body, self.settings)
+        """The latest; made anew when ``LIVE_INTERVAL_S`` have passed since, in time of the recording."""
+        if self._judged_ns is not None and self._solved_ns - self._judged_ns >= 1e9 * LIVE_INTERVAL_S:
+            self._latest = judge(self._log.agreement(), self._body)
             self._judged_ns = self._solved_ns
         return self._latest

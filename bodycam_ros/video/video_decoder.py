@@ -5,10 +5,10 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.own_process import MOST_PIXELS
 from bodycam_ros.video.video_frame import DecodedFrame
 
 if TYPE_CHECKING:

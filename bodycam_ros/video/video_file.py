@@ -14,9 +14,9 @@ from av.error import FFmpegError
 from av.stream import Discard, Stream
 from numpy.typing import NDArray
 
-from bodycam_ros import MOST_PIXELS
 from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.own_process import MOST_PIXELS
 
 SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
 """Of files that are taken for videos in a folder; a file that is named may have any."""

@@ -6,7 +6,7 @@ from outside.dressed_body import small_motion
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.body_state import BodyNow
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segments_now import segments_now, segments_now_message
 from bodycam_ros.recording.typestore import recorded_messages

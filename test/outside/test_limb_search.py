@@ -6,7 +6,7 @@ from outside.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.outside.body_surface import BodySurface
 from bodycam_ros.outside.capsules import capsule_surfaces

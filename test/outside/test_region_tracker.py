@@ -10,7 +10,7 @@ from outside.painted_scene import grained
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
 from bodycam_ros.outside.articulated_step import ExpectedBody
 from bodycam_ros.outside.body_surface import BodySurface

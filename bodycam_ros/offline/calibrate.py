@@ -13,11 +13,11 @@ from bodycam_ros.calibration.calibration_settings import CalibrationSettings
 from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
+from bodycam_ros.offline.front_end import register_recording, warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_upright
-from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
-from bodycam_ros.replay.front_end import register_recording, warm_up
 
 logger = logging.getLogger(__name__)
 

@@ -16,13 +16,13 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.growth.growing_map import GrowingMap
 from bodycam_ros.growth.growth_settings import GrowthSettings
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
+from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.growth_epochs import EPOCH_NS, Growth, GrowthOfAll, GrowthOfOne
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask, Result
-from bodycam_ros.replay.front_end import register_recording
-from bodycam_ros.replay.growth_epochs import EPOCH_NS, Growth, GrowthOfAll, GrowthOfOne
 
 SETTINGS = GrowthSettings(capacity=400)
 MAP = elsewhere(np.random.default_rng(9))

@@ -12,6 +12,8 @@ from threadpoolctl import threadpool_limits
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
+from bodycam_ros.offline.front_end import warm_up
+from bodycam_ros.offline.outside_input import stations_of
 from bodycam_ros.outside.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
@@ -21,8 +23,6 @@ from bodycam_ros.outside.station import Station
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-from bodycam_ros.replay.front_end import warm_up
-from bodycam_ros.replay.outside_input import stations_of
 
 logger = logging.getLogger(__name__)
 

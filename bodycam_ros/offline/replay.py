@@ -19,6 +19,20 @@ from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.messages.health import RegistrationHealth
+from bodycam_ros.offline.camera_clock import CameraClocks
+from bodycam_ros.offline.camera_worker import (
+    DroppedImages,
+    LostImages,
+    RegisteredImage,
+    RegistrationTask,
+    Result,
+    SkippedImage,
+)
+from bodycam_ros.offline.front_end import register_recording, warm_up
+from bodycam_ros.offline.known_readouts import known_readouts
+from bodycam_ros.offline.outside_input import station_watch, stations_of
+from bodycam_ros.offline.replay_output import ReplayOutput
+from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import SkeletonPipeline
@@ -27,20 +41,6 @@ from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_log import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
-from bodycam_ros.replay.camera_clock import CameraClocks
-from bodycam_ros.replay.camera_worker import (
-    DroppedImages,
-    LostImages,
-    RegisteredImage,
-    RegistrationTask,
-    Result,
-    SkippedImage,
-)
-from bodycam_ros.replay.front_end import register_recording, warm_up
-from bodycam_ros.replay.known_readouts import known_readouts
-from bodycam_ros.replay.outside_input import station_watch, stations_of
-from bodycam_ros.replay.replay_output import ReplayOutput
-from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.equipment_findings import equipment_findings
 from bodycam_ros.verdict.judge import judge
@@ -96,7 +96,7 @@ def replay(
         cameras = _mounted_cameras(recording, body, stations) if map_path else {}
         known = known_readouts(recording, body, cameras)
         summary = ReplaySummary(recording.duration_s)
-    log = AgreementLog(body, cameras, settings.verdict, settings.pose_fit.inlier_px)
+    log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
     seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
     onlookers = None
     if outside is not None:
@@ -156,12 +156,12 @@ def replay(
         summary.speeds = agreement.speeds()
         summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
-        judged = judge(agreement, body, settings.verdict)
+        judged = judge(agreement, body)
         # Hands that its file does not have are more than was asked for: nobody need see them.
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
         found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
         summary.verdict = Verdict.of(found)
-        out.write_verdict(item.stamp_ns, summary.verdict, settings.verdict)
+        out.write_verdict(item.stamp_ns, summary.verdict)
         summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late

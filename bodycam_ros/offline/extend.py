@@ -23,13 +23,13 @@ from bodycam_ros.growth.registration_record import RegisteredImagePose, Registra
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
 from bodycam_ros.mapping.photographs import in_parallel
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
+from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.registration.rolling_shutter import steady_pixels
-from bodycam_ros.replay.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
-from bodycam_ros.replay.front_end import register_recording
 from bodycam_ros.tracking.keypoints import KeypointDetector
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 from bodycam_ros.tracking.view_mask import view_mask

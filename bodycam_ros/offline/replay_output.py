@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.equipment.equipment_record import EquipmentLog
 from bodycam_ros.equipment.learned_body import learned_body
-from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.estimation.seen_body import SeenBody
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.clocks import TIMING, timing_messages
@@ -15,17 +15,17 @@ from bodycam_ros.messages.health import RegistrationHealth, verdict_health
 from bodycam_ros.messages.map_points import map_points_message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.status import Health, diagnostics_message, text_message
+from bodycam_ros.offline.camera_worker import RegisteredImage
+from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import RegisteredImage
-from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.timing.clock_history import ClockHistory
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict.agreement import AgreementLog
 from bodycam_ros.verdict.outside_findings import SeenSegments
 from bodycam_ros.verdict.stored_verdict import VERDICT, verdict_text
-from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
+from bodycam_ros.verdict.verdict import Verdict
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
@@ -109,9 +109,9 @@ class ReplayOutput:
         health = [*self._health.report(clocks), *more]
         self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
 
-    def write_verdict(self, stamp_ns: int, verdict: Verdict, settings: VerdictSettings) -> None:
+    def write_verdict(self, stamp_ns: int, verdict: Verdict) -> None:
         """Whether the result may be used: for ``bodycam evaluate``, and with the last health for people."""
-        text = text_message(self._make, verdict_text(verdict, settings))
+        text = text_message(self._make, verdict_text(verdict))
         self._writer.write(VERDICT, stamp_ns, text)
         self.write_health(stamp_ns, verdict_health(verdict))
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bodycam_ros.replay.front_end import _signals_for_us_alone
+from bodycam_ros.offline.front_end import _signals_for_us_alone
 from bodycam_ros.whole_file import SCRATCH_PREFIX, write_whole
 
 TIME_S = 120.0

@@ -1,13 +1,63 @@
-"""What the solver says about the body at one instant, and what is published of it."""
+"""The body at one instant, as it passes from the estimator to messages, files and pictures."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.geometry import inverse, log_se3
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SegmentPose:
+    """An absolute measurement of a segment: world_T_segment (4, 4) and its covariance (6, 6) in segment axes."""
+
+    segment: str
+    world_T_segment: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SaidSegments:
+    """What a station says of one instant whose image was looked at elsewhere: live, in a process of its own.
+
+    Attributes:
+        station: a static camera.
+        stamp_ns: mid-exposure of its image's middle row [ns].
+        evidence: condensed poses of the segments that it sees well enough, each once.
+        confidence: segment -> share of its contour that tells where it is, of all that the station looked for.
+    """
+
+    station: str
+    stamp_ns: int
+    evidence: tuple[SegmentPose, ...]
+    confidence: Mapping[str, float]
+
+    @property
+    def camera(self) -> str:
+        """The station: it is a camera among others."""
+        return self.station
+
+
+@dataclass(frozen=True)
+class BodyUncertainty:
+    """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
+
+    Attributes:
+        root: (6, 6) of the root segment's pose.
+        root_twist: (6, 6) of its velocity [rad/s, m/s].
+        joints: (J, 3, 3) of the joint rotations, in the child segment's axes [rad^2].
+        segments: (S, 6, 6) of the segments' poses.
+    """
+
+    root: Array
+    root_twist: Array
+    joints: Array
+    segments: Array
 
 
 @dataclass(frozen=True)

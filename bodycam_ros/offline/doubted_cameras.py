@@ -1,6 +1,6 @@
 """Cameras of a replay whose lenses may not be those that the recording was made with."""
 
-from bodycam_ros.replay.replay_summary import ReplaySummary
+from bodycam_ros.offline.replay_summary import ReplaySummary
 
 _WELL_REGISTERED = 0.6
 """Share of its images that a camera with the right lens is registered on, unless it is covered."""

@@ -15,8 +15,7 @@ from multiprocessing.queues import Queue
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import (
+from bodycam_ros.offline.camera_worker import (
     AwaitedGrowth,
     RegisteredImage,
     RegistrationTask,
@@ -25,13 +24,14 @@ from bodycam_ros.replay.camera_worker import (
     WorkerItem,
     run_camera_worker,
 )
-from bodycam_ros.replay.growth_epochs import Growth, GrowthOfAll
+from bodycam_ros.offline.growth_epochs import Growth, GrowthOfAll
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 _QUEUE_LENGTH = 64
 """Results a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
 
 _POLL_S = 1.0
-_WARM = "bodycam_ros.replay.warm_worker"
+_WARM = "bodycam_ros.offline.warm_worker"
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 

@@ -23,14 +23,15 @@ from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.growth.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
+from bodycam_ros.offline.beat import Beat
+from bodycam_ros.offline.growth_epochs import Growth, GrowthOfOne
+from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.images_backwards import images_backwards
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.beat import Beat
-from bodycam_ros.replay.growth_epochs import Growth, GrowthOfOne
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _PR_SET_PDEATHSIG = 1
@@ -150,6 +151,7 @@ def run_camera_worker(
         inbox: for what the map has grown by, epoch by epoch.
     """
     _end_with_parent()
+    bound_inputs()
     # What there is to warn about goes to the parent, who counts it and says it once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)

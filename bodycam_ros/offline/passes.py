@@ -8,14 +8,14 @@ from tempfile import gettempdir
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.growth.extension_round import ExtensionRound
+from bodycam_ros.offline.extend import MapExtension, OnProgress
+from bodycam_ros.offline.known_readouts import known_readouts
+from bodycam_ros.offline.replay import replay
+from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.outside.hands import with_hands
 from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.replay.extend import MapExtension, OnProgress
-from bodycam_ros.replay.known_readouts import known_readouts
-from bodycam_ros.replay.replay import replay
-from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.whole_file import scratch_folder
 
 
