@@ -121,7 +121,15 @@ class EquidistantCamera(AngularCamera):
     coefficients = ("k1", "k2", "k3", "k4")
 
     def _parameters(self) -> Array:
-        return lens_vector(EQUIDISTANT, self, self.max_radius, self.regular_angle, self.distortion, *self.start_table)
+        return lens_vector(
+            EQUIDISTANT,
+            self.image,
+            self.max_angle,
+            self.max_radius,
+            self.regular_angle,
+            self.distortion,
+            *self.start_table,
+        )
 
     def _radius(self, angle: Array) -> Array:
         k1, k2, k3, k4 = self.distortion
@@ -177,7 +185,7 @@ class FovCamera(AngularCamera):
         return float(2.0 * np.tan(self.omega / 2.0))
 
     def _parameters(self) -> Array:
-        return lens_vector(FOV, self, self.max_radius, self.regular_angle, (self.omega, self.stretch))
+        return lens_vector(FOV, self.pinhole, self.max_radius, self.regular_angle, (self.omega, self.stretch))
 
     def _radius(self, angle: Array) -> Array:
         return np.arctan2(self.stretch * np.sin(angle), np.cos(angle)) / self.omega

@@ -64,6 +64,11 @@ class CameraModel(ABC):
         self._focal_lengths = np.array([[fx], [fy]])
 
     @property
+    def pinhole(self) -> tuple[float, ...]:
+        """What all models have: width, height, fx, fy, cx, cy [px], and ``max_angle`` [rad]."""
+        return self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.max_angle
+
+    @property
     def k(self) -> tuple[float, ...]:
         """The 3x3 intrinsic matrix by rows [px], as sensor_msgs/CameraInfo has it."""
         return (self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)

@@ -59,7 +59,7 @@ class PerspectiveCamera(CameraModel):
         """Gain and its derivative by the squared radius."""
 
     def _parameters(self) -> Array:
-        return lens_vector(PERSPECTIVE, self, self.max_radius, 0.0, self.distortion, *self.start_table)
+        return lens_vector(PERSPECTIVE, self.pinhole, self.max_radius, 0.0, self.distortion, *self.start_table)
 
     def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
         px, py = x / z, y / z

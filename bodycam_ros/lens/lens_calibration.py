@@ -19,8 +19,7 @@ from bodycam_ros.lens.lens_settings import LensSettings
 from bodycam_ros.lens.lens_start import as_model, first_fit, placed_fit
 from bodycam_ros.lens.lens_validation import Validation, validate
 from bodycam_ros.lens.sight_choice import choose_sights
-from bodycam_ros.mapping.photographs import in_parallel
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.progress import Progress, in_parallel
 
 _LEAST_SIGHTS = 4
 _TAIL = 2.0  # times the median error; what is farther off says little

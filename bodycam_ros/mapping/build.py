@@ -16,8 +16,8 @@ from bodycam_ros.mapping.floor import Floor, FloorSettings, find_floor
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.photographs import Photographs, in_parallel
-from bodycam_ros.mapping.progress import Progress, TimedProgress
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.progress import Progress, TimedProgress, in_parallel
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.photographs import in_parallel
+from bodycam_ros.mapping.progress import in_parallel
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 from bodycam_ros.tracking.view_mask import view_mask

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.mutual_matches import mutual_matches
-from bodycam_ros.mapping.photographs import in_parallel
+from bodycam_ros.mapping.progress import in_parallel
 from bodycam_ros.settings import setting
 
 

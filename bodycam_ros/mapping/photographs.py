@@ -1,10 +1,8 @@
 """The photographs of a reference folder, the camera that took them, and work on many of them at once."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.errors import MapError
@@ -12,9 +10,6 @@ from bodycam_ros.errors import MapError
 CAMERA_FILE = "camera.yaml"
 BOARD_FILE = "board.yaml"
 _SUFFIXES = {".jpg", ".jpeg", ".png"}
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -102,16 +97,3 @@ def _camera(folder: Path, camera_path: Path | None, model_folder: Path | None) -
     from bodycam_ros.mapping.model_camera import camera_of_model
 
     return camera_of_model(model_folder)
-
-
-def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:
-    """Results in the order of the items, as they get ready.
-
-    Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
-    for items that have not begun.
-    """
-    pool = ThreadPoolExecutor(max_workers=workers)
-    try:
-        yield from pool.map(function, items)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)

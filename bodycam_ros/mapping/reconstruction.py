@@ -22,8 +22,8 @@ from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.map_settings import LandmarkSettings
 from bodycam_ros.mapping.mutual_matches import mutual_matches
 from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
-from bodycam_ros.mapping.photographs import in_parallel, wrong_camera
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.photographs import wrong_camera
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
 from bodycam_ros.whole_file import scratch_folder
 

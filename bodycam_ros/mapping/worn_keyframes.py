@@ -13,8 +13,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError, RecordingError
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings, choose_frames
 from bodycam_ros.mapping.frame_motion import FrameMotion, frame_motion
-from bodycam_ros.mapping.photographs import Photographs, in_parallel
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.settings import setting
 
 if TYPE_CHECKING:

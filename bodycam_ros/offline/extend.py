@@ -21,7 +21,7 @@ from bodycam_ros.growth.growing_map import growing
 from bodycam_ros.growth.map_growth import MapGrowth
 from bodycam_ros.growth.registration_record import RegisteredImagePose, RegistrationRecord
 from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
-from bodycam_ros.mapping.photographs import in_parallel
+from bodycam_ros.mapping.progress import in_parallel
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
 from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
 from bodycam_ros.offline.front_end import register_recording

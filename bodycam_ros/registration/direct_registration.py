@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.lens_kernels import lens_parameters
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
@@ -115,7 +114,7 @@ class DirectRegistration:
         self._camera, self._photographs = camera, photographs
         self._settings = settings
         self._pose_fit = pose_fit
-        self._lens, self._scales = lens_parameters(camera), local_scales(camera)
+        self._lens, self._scales = camera.parameters, local_scales(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         # The latest image and the one before it.
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)

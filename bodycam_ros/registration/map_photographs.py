@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.lens_kernels import PROJECTION, lens_parameters
+from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
@@ -122,7 +122,7 @@ class MapPhotographs:
     @cached_property
     def lenses(self) -> NDArray[np.float64]:
         """(C, PROJECTION) of the cameras, as kernels take what they project by."""
-        return np.stack([lens_parameters(camera)[:PROJECTION] for camera in self.cameras])
+        return np.stack([camera.parameters[:PROJECTION] for camera in self.cameras])
 
     @cached_property
     def local_scales(self) -> NDArray[np.float64]:

@@ -49,7 +49,7 @@ def fit_kernel(
     """Fit a pose to landmarks.
 
     Args:
-        lens: ``lens_parameters`` of the camera.
+        lens: ``CameraModel.parameters``.
         points_world: (N, 3) [m].
         pixels: (N, 2).
         world_T_start: (4, 4) where to start.
