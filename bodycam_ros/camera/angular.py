@@ -123,8 +123,7 @@ class EquidistantCamera(AngularCamera):
     def _parameters(self) -> Array:
         return lens_vector(
             EQUIDISTANT,
-            self.image,
-            self.max_angle,
+            self.pinhole,
             self.max_radius,
             self.regular_angle,
             self.distortion,
