@@ -1,13 +1,15 @@
 """The body at one instant, as it passes from the estimator to messages, files and pictures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 Array = NDArray[np.float64]
 
@@ -148,3 +150,20 @@ def moving(
     passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
     step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
     return BodyOutput(state, joint_names, positions, change / passed_s, step / passed_s)
+
+
+@dataclass(frozen=True)
+class BodyFrame:
+    """The registrations of one instant, and what static cameras saw or said of it.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        matches: camera -> its registration; a camera that has nothing to say is absent.
+        images: static camera -> its image.
+        said: static camera -> what its image said, where it was looked at elsewhere.
+    """
+
+    stamp_ns: int
+    matches: Mapping[str, LandmarkMatches]
+    images: Mapping[str, CameraImage] = field(default_factory=dict)
+    said: Mapping[str, SaidSegments] = field(default_factory=dict)

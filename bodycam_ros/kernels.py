@@ -39,23 +39,20 @@ _NAME = "bodycam_kernels"
 _ARGUMENT = re.compile(r"([biuf]\d)(\[[:, ]*::1\])?")
 
 KERNEL_FILES = (
-    "camera/lens_kernels.py",
     "geometry_kernels.py",
+    "camera/lens_kernels.py",
     "mapping/epipolar_kernels.py",
-    "registration/residual_scale.py",
-    "registration/pose_kernels.py",
-    "registration/landmark_choice_kernels.py",
-    "registration/local_landmark_kernels.py",
     "registration/descriptor_kernels.py",
-    "registration/giver_kernels.py",
+    "registration/landmark_choice_kernels.py",
     "registration/patch_kernels.py",
+    "registration/pose_kernels.py",
+    "static_cameras/contour_kernels.py",
+    "static_cameras/region_kernels.py",
     "tracking/rotation_kernels.py",
-    "outside/contour_kernels.py",
-    "outside/region_kernels.py",
 )
 """All that hold kernels."""
 
-_CONSTANT_FILES = ("camera/limits.py", "camera/readout.py", "kernels.py")
+_CONSTANT_FILES = ("camera/readout.py", "kernels.py")
 """All else that is compiled into them."""
 
 _kernels: list["Kernel"] = []

@@ -12,15 +12,15 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
-from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.offline.known_readouts import known_readouts
+from bodycam_ros.offline.camera_worker import known_readouts
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording

@@ -10,10 +10,10 @@ from told_pose import told_pose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
+from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.verdict.agreement import AgreementLog
-from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.verdict import Verdict
 
 BODY = read_body(Path(__file__).parents[1] / "bags" / "body.yaml")
 RATE_HZ, DURATION_S = 30.0, 4.0

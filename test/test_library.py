@@ -11,7 +11,7 @@ import pytest
 
 from bodycam_ros import Body, Map, replay
 from bodycam_ros.errors import BodyError
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 REPOSITORY = Path(__file__).parent.parent
 _ENVIRONMENT = """

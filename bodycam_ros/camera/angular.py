@@ -10,8 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bodycam_ros.camera.lens_kernels import EQUIDISTANT, FOV, lens_vector
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
+from bodycam_ros.camera.lens_kernels import EDGE, EQUIDISTANT, FARTHEST, FOV, NEAREST, lens_vector
 from bodycam_ros.camera.model import Array, CameraModel, Mask, largest_regular_angle
 
 _WIDEST = np.radians(179.0)  # straight behind the camera the direction in the image is not defined

@@ -9,8 +9,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
 from bodycam_ros.kernels import kernel
+
+NEAREST = 1e-9
+"""A point closer to the projection centre has no direction [m]."""
+
+FARTHEST = 1e100
+"""Beyond it squares overflow [m]."""
+
+EDGE = 1e-9
+"""Of an angle [rad] or radius, the rounding allowed at the cone's edge: what was unprojected projects again."""
+
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,8 +11,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from bodycam_ros.camera.lens_kernels import PERSPECTIVE, lens_vector
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
+from bodycam_ros.camera.lens_kernels import EDGE, FARTHEST, NEAREST, PERSPECTIVE, lens_vector
 from bodycam_ros.camera.model import Array, CameraModel, Mask, largest_regular_angle
 
 _WIDEST = np.pi / 2.0 - 1e-6  # [rad]

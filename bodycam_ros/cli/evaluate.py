@@ -14,26 +14,28 @@ from bodycam_ros.cli.agreement_flags import (
     agreement_table,
     check_agreement_flags,
 )
-from bodycam_ros.cli.equipment_tables import equipment_tables
-from bodycam_ros.cli.evaluation_tables import (
+from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
+from bodycam_ros.cli.progress import shown_progress, waiting
+from bodycam_ros.cli.tables import (
     body_table,
+    camera_styles,
     camera_table,
     clock_table,
     constraint_table,
+    equipment_tables,
+    exit_code,
+    gait_table,
     joint_table,
+    print_verdict,
     sliding_table,
     station_table,
     truth_table,
 )
-from bodycam_ros.cli.gait_table import gait_table
-from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
-from bodycam_ros.cli.shown_progress import shown_progress, waiting
-from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
-    from bodycam_ros.verdict.verdict import Verdict
+    from bodycam_ros.verdict import Verdict
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -76,7 +78,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.evaluate.constraint.close_ups import close_ups
+    from bodycam_ros.evaluate.close_ups import close_ups
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report

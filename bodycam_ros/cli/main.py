@@ -9,9 +9,8 @@ from importlib import import_module
 from io import TextIOWrapper
 
 from bodycam_ros import __version__
-from bodycam_ros.cli.command_parser import CommandParser
+from bodycam_ros.cli.command_parser import THE_WAY, CommandParser
 from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
-from bodycam_ros.cli.the_way import THE_WAY
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.shown import printable

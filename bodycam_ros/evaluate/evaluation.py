@@ -8,22 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import health
-from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
-from bodycam_ros.evaluate.agreement.agreement import Agreement
-from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
+from bodycam_ros.evaluate.agree import AgreementOptions, agree
+from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.brightness import Brightness, brightness
 from bodycam_ros.evaluate.comparison import Comparison
-from bodycam_ros.evaluate.constraint.held_points import WithAndWithout, with_and_without
+from bodycam_ros.evaluate.gait import Gait, solved_gait, true_gait
 from bodycam_ros.evaluate.health import CameraHealth
+from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.walking.gait import Gait
-from bodycam_ros.evaluate.walking.gait_of import solved_gait, true_gait
+from bodycam_ros.evaluate.truth_as_captured import compare_with_truth
+from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
-from bodycam_ros.other_systems.read_captured import is_captured, read_captured
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)

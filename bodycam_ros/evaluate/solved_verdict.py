@@ -9,14 +9,14 @@ from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.joint import Joint, JointType
+from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.agreement import AgreementLog
-from bodycam_ros.verdict.equipment_findings import equipment_findings
-from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.verdict import Verdict
 
 _AHEAD_NS = 200_000_000
 """Registrations that are heard before an instant's body: a camera's place then lies between two of them."""

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
@@ -17,22 +17,50 @@ from pathlib import Path
 
 import cv2
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
-from bodycam_ros.offline.beat import Beat
 from bodycam_ros.offline.growth_epochs import Growth, GrowthOfOne
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.recording.images_backwards import images_backwards
+from bodycam_ros.recording.bag_reader import Recording, images_backwards, open_recording
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+_HEAD_START = 0.13
+"""In beats: the first image is well within its beat, and jitter of later stamps does not part the cameras."""
+
+
+class Beat:
+    """Picks the first image of each camera in every beat, which starts with the first image of all.
+
+    Args:
+        max_rate: beats per second [Hz]; infinite to take every image.
+    """
+
+    def __init__(self, max_rate: float) -> None:
+        self._max_rate = max_rate
+        self._start_ns: int | None = None
+        self._latest: dict[str, int] = {}
+
+    def is_due(self, camera: str, stamp_ns: int) -> bool:
+        """Whether a camera's next image is the first in its beat."""
+        if math.isinf(self._max_rate):
+            return True
+        if self._start_ns is None:
+            self._start_ns = stamp_ns
+        number = math.floor(1e-9 * (stamp_ns - self._start_ns) * self._max_rate + _HEAD_START)
+        if number == self._latest.get(camera):
+            return False
+        self._latest[camera] = number
+        return True
+
 
 _PR_SET_PDEATHSIG = 1
 
@@ -257,3 +285,13 @@ def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim:
         for name, message in messages.items()
         if message is not None
     )
+
+
+def known_readouts(recording: Recording, body: BodyModel, cameras: Iterable[str]) -> dict[str, Readout]:
+    """Camera -> its read-out time by the body file, hardly known where the recording is in another video mode."""
+    known = {
+        camera: body.mounts[camera].readout_in(recording.video_mode(camera))
+        for camera in cameras
+        if body.mounts[camera].readout is not None
+    }
+    return {camera: readout for camera, readout in known.items() if readout is not None}

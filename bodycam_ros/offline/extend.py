@@ -4,6 +4,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import gettempdir
 
@@ -11,28 +12,41 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.growth.extended_map import KeptImage, extended_map
-from bodycam_ros.growth.extension_round import ExtensionRound
-from bodycam_ros.growth.growing_map import growing
-from bodycam_ros.growth.map_growth import MapGrowth
-from bodycam_ros.growth.registration_record import RegisteredImagePose, RegistrationRecord
-from bodycam_ros.growth.worn_keyframe import WornKeyframe, keyframe_of_features
+from bodycam_ros.mapping.extended_map import KeptImage, extended_map
+from bodycam_ros.mapping.growing_map import growing
+from bodycam_ros.mapping.growth_settings import ExtensionRound
+from bodycam_ros.mapping.map_growth import MapGrowth
 from bodycam_ros.mapping.progress import in_parallel
+from bodycam_ros.mapping.registration_record import RegisteredImagePose, RegistrationRecord
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
-from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask, mirrored_ns
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe, keyframe_of_features
+from bodycam_ros.offline.camera_worker import (
+    DroppedImages,
+    LostImages,
+    RegisteredImage,
+    RegistrationTask,
+    known_readouts,
+    mirrored_ns,
+)
 from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.replay import replay
+from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import match_near_prediction
+from bodycam_ros.registration.recent_path import steady_pixels
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-from bodycam_ros.registration.rolling_shutter import steady_pixels
+from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.station_watch import with_hands
+from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
-from bodycam_ros.tracking.view_mask import view_mask
 from bodycam_ros.whole_file import scratch_folder
 
 logger = logging.getLogger(__name__)
@@ -214,3 +228,73 @@ class MapExtension:
             found.scales,
             ids,
         )
+
+
+def replay_in_passes(
+    recording_path: Path,
+    map_path: Path | None,
+    body_path: Path,
+    output_path: Path,
+    settings: PipelineSettings,
+    jobs: int,
+    passes: int = 1,
+    force: bool = False,
+    on_step: OnProgress = lambda step, share: None,
+    on_progress: Callable[[float], None] = lambda seconds: None,
+    equipment: str | Path | None = None,
+    outside: OutsideInput | None = None,
+    slim: bool = False,
+) -> tuple[ReplaySummary, Sequence[ExtensionRound]]:
+    """As ``replay``, with the map extended by the recording itself before; and what each round of that brought.
+
+    Args:
+        recording_path, map_path, body_path, output_path, settings, jobs, force, on_progress, equipment, outside: as of
+            ``replay``, and so is slim.
+        passes: over the recording, the last one included.
+        on_step: called with each step before the last pass or beside it, and the share of it that is done.
+
+    Raises:
+        BodycamError: as ``replay``.
+    """
+    if passes == 1 or map_path is None:
+        summary = replay(
+            recording_path,
+            map_path,
+            body_path,
+            output_path,
+            settings,
+            jobs,
+            force,
+            on_progress,
+            equipment,
+            on_step,
+            outside,
+            slim,
+        )
+        return summary, ()
+    person = read_body(body_path)
+    held = None if equipment is None else held_equipment(equipment, with_hands(person) if outside else person)
+    body = coupled_body(person, held)
+    with open_recording(recording_path) as recording:
+        cameras = [camera for camera in recording.cameras if camera in body.mounts]
+        readouts = known_readouts(recording, body, cameras)
+    rounds = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
+    extension = MapExtension(recording_path, map_path, rounds, jobs, cameras, readouts, on_step)
+    with scratch_folder(Path(gettempdir())) as scratch:
+        extension.run().save(scratch / "map")
+        summary = replay(
+            recording_path,
+            scratch / "map",
+            body_path,
+            output_path,
+            settings,
+            jobs,
+            force,
+            on_progress,
+            held,
+            on_step,
+            outside,
+            slim,
+        )
+    summary.elapsed_s += extension.elapsed_s
+    return summary, extension.rounds

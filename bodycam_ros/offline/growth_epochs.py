@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.growth.growing_map import GrowingMap, GrownLandmarks, growing
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.map_growth import MapGrowth
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.growing_map import GrowingMap, GrownLandmarks, growing
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.map_growth import MapGrowth
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 

@@ -1,23 +1,30 @@
 """What a user says of static cameras, and the watch that is made of it."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import LensError, StationError
-from bodycam_ros.estimation.seen_body import SeenBody
-from bodycam_ros.outside.body_surface import BodySurface
-from bodycam_ros.outside.chosen_surface import surfaces_of
-from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.outside.placed_body import placed_body
-from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.station_watch import StationWatch
-from bodycam_ros.outside.stations_file import read_stations, refuse_worn
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.model import mode_of_size
+from bodycam_ros.errors import LensError, RecordingError, StationError
+from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.static_cameras.body_shape import BodySurface
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration
+from bodycam_ros.static_cameras.station_watch import StationWatch
+from bodycam_ros.static_cameras.stations_file import StationsSettings, read_stations, refuse_worn
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)
 
@@ -95,3 +102,65 @@ def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
             said.width,
             said.height,
         )
+
+
+@dataclass(frozen=True)
+class UnplacedCamera:
+    """A camera whose place was not found.
+
+    Attributes:
+        name: of the camera.
+        reason: why, and what to do.
+    """
+
+    name: str
+    reason: str
+
+
+def place_stations(
+    recording: Recording, cameras: Sequence[str], reference_map: ReferenceMap, settings: StationsSettings
+) -> Iterator[RegisteredStation | UnplacedCamera]:
+    """Yield what became of each camera, in their order.
+
+    Args:
+        recording: that holds them.
+        cameras: names of those that stand.
+        reference_map: the map.
+        settings: of all steps.
+    """
+    for name in cameras:
+        try:
+            camera = recording.camera_model(name)
+            images = _spread_images(recording, camera, settings.stations.images)
+            yield StationRegistration(camera, reference_map, settings).register(images)
+        except (LensError, RecordingError, StationError) as error:
+            yield UnplacedCamera(name, str(error))
+
+
+def _spread_images(recording: Recording, camera: CameraModel, count: int) -> list[NDArray[np.uint8]]:
+    """Some images (H, W) of a camera, grey, from its first to its last.
+
+    Raises:
+        RecordingError: none can be used.
+    """
+    last = recording.image_count(camera.name) - 1
+    wanted = set(np.linspace(0, max(0, last), count).round().astype(int).tolist())
+    images, refused = [], ""
+    for number, image in enumerate(recording.images([camera.name])):
+        if number not in wanted:
+            continue
+        try:
+            grey = decode_grey(image)
+        except RecordingError as error:
+            refused = str(error)
+            continue
+        if grey.shape == (camera.height, camera.width):
+            images.append(grey)
+            continue
+        refused = (
+            f"camera {camera.name}: its images have {grey.shape[1]} x {grey.shape[0]} px, but its camera_info says "
+            f"{camera.width} x {camera.height}, {mode_of_size((camera.width, camera.height), grey.shape[::-1])}"
+        )
+    if not images:
+        raise RecordingError(refused or f"camera {camera.name}: {recording.path} holds no image of it")
+    return images

@@ -12,14 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
-from bodycam_ros.equipment.equipment import Equipment
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.estimation.seen_body import SeenBody
+from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.messages.health import RegistrationHealth
-from bodycam_ros.offline.camera_clock import CameraClocks
 from bodycam_ros.offline.camera_worker import (
     DroppedImages,
     LostImages,
@@ -27,24 +26,24 @@ from bodycam_ros.offline.camera_worker import (
     RegistrationTask,
     Result,
     SkippedImage,
+    known_readouts,
 )
 from bodycam_ros.offline.front_end import register_recording, warm_up
-from bodycam_ros.offline.known_readouts import known_readouts
 from bodycam_ros.offline.outside_input import station_watch, stations_of
-from bodycam_ros.offline.replay_output import ReplayOutput
+from bodycam_ros.offline.replay_output import CameraClocks, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
-from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.outside.outside_files import OutsideInput
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.registration.readout_log import ReadoutLog
+from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
-from bodycam_ros.verdict.agreement import AgreementLog
-from bodycam_ros.verdict.equipment_findings import equipment_findings
-from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.station_watch import with_hands
+from bodycam_ros.verdict import Verdict
 
 logger = logging.getLogger(__name__)
 

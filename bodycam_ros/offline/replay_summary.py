@@ -4,11 +4,10 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.equipment.equipment_record import EquipmentRecord
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockJump
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.timing.clock_state import ClockHistory, ClockJump
+from bodycam_ros.verdict import Verdict
 
 
 @dataclass

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.pose_kernels import fit_kernel
-from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares
+from bodycam_ros.registration.recent_path import ImageMotion, row_shares
 from bodycam_ros.settings import setting
 
 _NOTHING = np.zeros(0)

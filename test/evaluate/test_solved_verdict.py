@@ -17,11 +17,10 @@ from bodycam_ros.evaluate.solved_verdict import published_body, solved_verdict
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
-from bodycam_ros.solved.solved_recording import read_solved
-from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.camera_link import camera_links
-from bodycam_ros.verdict.stored_verdict import parse_verdict, verdict_text
-from bodycam_ros.verdict.verdict import Finding, Level, Verdict
+from bodycam_ros.quality.contradiction import camera_links
+from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
 
 
 def assert_same_links(published: BodyModel, body: BodyModel) -> None:

@@ -11,8 +11,8 @@ from two_cameras import write_body, write_map
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.outside.stations_file import write_stations
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 _START_S = 90.0
 

@@ -13,9 +13,9 @@ from grown_room import CAMERAS, cameras, elsewhere, matches_of, named, unlike, w
 
 from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.growth.growing_map import GrowingMap
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.growing_map import GrowingMap
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.offline.growth_epochs import EPOCH_NS, Growth, GrowthOfAll, GrowthOfOne

@@ -14,7 +14,7 @@ from outside.painted_bag import FRAME_NS, FRAMES, START_NS, dressed_body, write_
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 Array = NDArray[np.float64]
 

@@ -11,14 +11,14 @@ from altered_sample import write_altered_sample
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.evaluate.comparison import compare
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.messages.header import stamp_ns, time_message
+from bodycam_ros.messages.factory import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
-from bodycam_ros.offline.clock_remarks import clock_remarks
 from bodycam_ros.offline.replay import replay
+from bodycam_ros.offline.replay_output import clock_remarks
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 
 @pytest.fixture(scope="module")

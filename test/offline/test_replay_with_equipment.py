@@ -11,7 +11,7 @@ from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.cli.main import main
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 PLATE = """
 name: plate

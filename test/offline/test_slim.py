@@ -9,7 +9,7 @@ from altered_sample import write_altered_sample
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 
 @pytest.fixture(scope="module")
