@@ -6,6 +6,7 @@ for output in replay("walk.mcap", Map.load("map"), Body.load("body.yaml")):
 print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -21,6 +22,7 @@ from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodyError
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import known_readouts
+from bodycam_ros.offline.growth_epochs import Growth, GrowthOfAll, GrowthOfOne
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -100,13 +102,22 @@ def _solved(
     prepare_kernels()
     settings = settings or PipelineSettings()
     skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment)
+    told: deque[Growth] = deque()
+    growth = GrowthOfAll(reference_map, cameras, settings.growth, told.append) if settings.growth.enabled else None
+    grown = GrowthOfOne(reference_map, settings.growth, told.popleft) if growth else None
     pipelines = {
-        camera: CameraPipeline(model, reference_map, settings, readouts.get(camera))
+        camera: CameraPipeline(model, reference_map, settings, readouts.get(camera), None if grown is None else grown.map)
         for camera, model in cameras.items()
         if camera in body.mounts
     }
     for image in images:
-        if image.camera in pipelines:
-            _, matches, _ = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
-            yield from skeleton.add(matches)
+        if image.camera not in pipelines:
+            continue
+        if growth is not None and grown is not None:
+            growth.reach(image.stamp_ns)
+            grown.catch_up(image.stamp_ns)
+        _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
+        if growth is not None:
+            growth.hear(matches, keyframe)
+        yield from skeleton.add(matches)
     yield from skeleton.flush()

@@ -43,7 +43,7 @@ def test_states_are_those_of_a_replay(sample: Path, sample_out: Path) -> None:
     solved = read_solved(sample_out)
     np.testing.assert_array_equal([output.state.stamp_ns for output in outputs], solved.stamps_ns)
     poses = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)
-    np.testing.assert_allclose([output.state.world_T_segment for output in outputs], poses, atol=2e-3)
+    np.testing.assert_allclose([output.state.world_T_segment for output in outputs], poses, atol=1e-6)
 
 
 def test_live_states_come_while_images_are_given(sample: Path) -> None:
