@@ -106,7 +106,9 @@ def _solved(
     growth = GrowthOfAll(reference_map, cameras, settings.growth, told.append) if settings.growth.enabled else None
     grown = GrowthOfOne(reference_map, settings.growth, told.popleft) if growth else None
     pipelines = {
-        camera: CameraPipeline(model, reference_map, settings, readouts.get(camera), None if grown is None else grown.map)
+        camera: CameraPipeline(
+            model, reference_map, settings, readouts.get(camera), None if grown is None else grown.map
+        )
         for camera, model in cameras.items()
         if camera in body.mounts
     }

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Final, NoReturn
 
-from bodycam_ros.body.urdf_document import xml_elements
+from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StationError
 from bodycam_ros.live.node_parameters import (
     OF_NODES,

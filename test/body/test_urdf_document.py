@@ -2,7 +2,8 @@
 
 import pytest
 
-from bodycam_ros.body.urdf_document import MOST_LETTERS, UrdfDocument
+from bodycam_ros.body.urdf_document import UrdfDocument
+from bodycam_ros.body.urdf_xml import MOST_LETTERS
 from bodycam_ros.errors import BodyError
 
 TENFOLD = '<!ENTITY l{} "{}">'

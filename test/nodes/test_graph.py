@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from live_graph import live_graph
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from live_graph import live_graph, player
 from numpy.typing import NDArray
-from outside.dressed_body import DressedBody, small_motion, stations_around
-from outside.painted_bag import FRAME_NS, START_NS, write_bag
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.painted_bag import FRAME_NS, START_NS, write_bag
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw

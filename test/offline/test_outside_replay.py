@@ -9,8 +9,8 @@ import trimesh
 import yaml
 from made_once import made_once
 from numpy.typing import NDArray
-from outside.dressed_body import small_motion
-from outside.painted_bag import FRAME_NS, FRAMES, START_NS, dressed_body, write_painted
+from static_cameras.dressed_body import small_motion
+from static_cameras.painted_bag import FRAME_NS, FRAMES, START_NS, dressed_body, write_painted
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.cli.main import main

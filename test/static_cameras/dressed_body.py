@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from outside.painted_scene import Painted, clutter, grained, paint
+from static_cameras.painted_scene import Painted, clutter, grained, paint
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import SegmentName

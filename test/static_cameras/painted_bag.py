@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from outside.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw

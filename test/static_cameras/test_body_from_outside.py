@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from outside.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body

@@ -5,8 +5,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from outside.painted_scene import Painted, opencv_pixels, painted_labels
-from outside.silhouettes import (
+from static_cameras.painted_scene import Painted, opencv_pixels, painted_labels
+from static_cameras.silhouettes import (
     LENSES,
     SHRINK,
     SPACING_PX,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from outside.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from outside.dressed_body import DressedBody, small_motion, stations_around
-from outside.painted_scene import grained
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.painted_scene import grained
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel

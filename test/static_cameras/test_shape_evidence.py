@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from outside.dressed_body import small_motion, stations_around
-from outside.painted_scene import opencv_pixels
+from static_cameras.dressed_body import small_motion, stations_around
+from static_cameras.painted_scene import opencv_pixels
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from held_ride import UNPLACED, write_held
 from known_walk import FRAMES, Walk, walking_body, write_solved
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.cli.main import main
