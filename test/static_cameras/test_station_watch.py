@@ -103,9 +103,7 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
         for _ in range(2):
             seen = watch.look(frame_of(damaged), truth, 0.03, [])
             assert seen is not None and set(seen.evidence) == {"ext_00"}
-    warnings = [
-        record.getMessage() for record in caplog.records if "static_cameras" in record.name
-    ]
+    warnings = [record.getMessage() for record in caplog.records if "static_cameras" in record.name]
     assert len(warnings) == 1
     assert "ext_01" in warnings[0]
     assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000}] * 2
