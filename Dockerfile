@@ -31,7 +31,7 @@ RUN . /opt/ros/jazzy/setup.bash \
 
 # Kernels are compiled now, for every processor with AVX2; those that are compiled at the first run are for that machine.
 ARG NUMBA_CPU_NAME=x86-64-v3
-ENV NUMBA_CPU_NAME=${NUMBA_CPU_NAME} NUMBA_CPU_FEATURES=""
+ENV NUMBA_CPU_NAME=${NUMBA_CPU_NAME} NUMBA_CPU_FEATURES="" NUMBA_CACHE_DIR=/opt/bodycam_kernels
 COPY docker/entrypoint.sh /bodycam_entrypoint.sh
 RUN /bodycam_entrypoint.sh python3 -m bodycam_ros.kernels
 

@@ -98,10 +98,10 @@ setup(
     ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     # bodycam_ros/msg links to msg_defs/msg: recordings are read and written without ROS, but with its messages.
-    # bodycam_ros/equipment/supplied links to config/equipment: what is supplied is found by its name.
+    # bodycam_ros/body/supplied links to config/equipment: what is supplied is found by its name.
     package_data={
         NAME: ["msg/*.msg", "py.typed"],
-        f"{NAME}.equipment": ["supplied/*.yaml"],
+        f"{NAME}.body": ["supplied/*.yaml"],
         f"{NAME}.study": ["Snakefile"],
     },
     data_files=[

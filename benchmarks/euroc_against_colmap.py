@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.stage_timing import timed_method
 from bodycam_ros.camera import CameraModel, camera_from_yaml
-from bodycam_ros.camera.colmap_camera import colmap_camera, pycolmap
+from bodycam_ros.camera.colmap_model import colmap_camera, pycolmap
 from bodycam_ros.cli.main import main as bodycam
 from bodycam_ros.geometry import inverse, umeyama
 from bodycam_ros.registration.image_registration import ImageRegistration

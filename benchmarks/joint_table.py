@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anatomy import LEFT, RIGHT, SegmentName
+from bodycam_ros.calibration.anthropometry import LEFT, RIGHT, SegmentName
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.outside.usual_limits import with_usual_limits
+from bodycam_ros.static_cameras.limb_search import with_usual_limits
 
 BEGIN, END = "<!-- made by python -m benchmarks.joint_table -->", "<!-- end of what is made -->"
 

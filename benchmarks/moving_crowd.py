@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, inverse
-from bodycam_ros.kernels.kernel import as_rows, kernel
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.kernels import as_rows, kernel
+from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.solved.solved_recording import read_solved
-from bodycam_ros.solved.trajectory import interpolated
+from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.results.solved_recording import read_solved
 
 IMAGES = "/image_raw/compressed"
 Array = NDArray[np.float64]

@@ -15,9 +15,8 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.camera_registrar import registrar
-from bodycam_ros.camera_tracker import landmark_tracker
-from bodycam_ros.kernels.preparation import load_kernels, prepare_kernels
+from bodycam_ros.camera_pipeline import landmark_tracker, registrar
+from bodycam_ros.kernels import load_kernels, prepare_kernels
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording

@@ -18,14 +18,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.estimation.motion_model import predict
 from bodycam_ros.geometry import Array, exp_so3, rigid
-from bodycam_ros.outside.articulated_step import ExpectedBody
-from bodycam_ros.outside.body_surface import BodySurface
-from bodycam_ros.outside.capsules import capsule_surfaces
-from bodycam_ros.outside.contour_kernels import NOBODY
-from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.station_view import StationView
 from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.static_cameras.articulated_step import ExpectedBody
+from bodycam_ros.static_cameras.body_shape import BodySurface
+from bodycam_ros.static_cameras.contour_kernels import NOBODY
+from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.station import Station, StationView
 
 STATIONS = 4
 _WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0

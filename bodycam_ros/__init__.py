@@ -1,11 +1,20 @@
-"""Motion capture from body-mounted cameras: images in, a metric skeleton in the world out."""
+"""Motion capture from body-mounted cameras: images in, a metric skeleton in the world out.
 
-import os
+``Body``, ``CameraImage``, ``CameraModel``, ``Map`` and ``replay`` are what another program needs (``library.py``).
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bodycam_ros.library import Body, CameraImage, CameraModel, Map, replay
 
 __version__ = "0.1.0"
+__all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]
 
-MOST_PIXELS = 200_000_000
-"""Of an image: a few kilobytes of PNG can claim a thousand times as many, and OpenCV would allocate them."""
 
-# OpenCV reads this once, when it is loaded; every import of it in this package comes after this line.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+def __getattr__(name: str) -> Any:
+    """Load the library with the first name of it: a command or a node needs little of it."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("bodycam_ros.library"), name)

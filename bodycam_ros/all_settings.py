@@ -1,15 +1,15 @@
 """Every group of settings that there is: one file serves all commands and nodes, each of which reads its own of it."""
 
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.doctor.doctor_settings import DoctorGroups
+from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.outside.shape_settings import MeasureSettings
-from bodycam_ros.outside.station_settings import StationsSettings
 from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.quality.doctor_settings import DoctorGroups
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.static_cameras.body_shape import MeasureSettings
+from bodycam_ros.static_cameras.stations_file import StationsSettings
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     MapSettings,

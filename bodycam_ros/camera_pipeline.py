@@ -5,15 +5,39 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.camera_registrar import registrar
-from bodycam_ros.camera_tracker import landmark_tracker
-from bodycam_ros.growth.growing_map import GrowingMap
-from bodycam_ros.growth.keyframe_choice import KeyframeChoice
-from bodycam_ros.growth.worn_keyframe import WornKeyframe, worn_keyframe
+from bodycam_ros.mapping.growing_map import GrowingMap
+from bodycam_ros.mapping.worn_keyframe import KeyframeChoice, WornKeyframe, worn_keyframe
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+
+def landmark_tracker(
+    camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
+) -> LandmarkTracker:
+    """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
+    features = FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
+    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, settings.shutter, readout)
+
+
+def registrar(
+    camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout: Readout | None = None
+) -> Registrar:
+    """The registrar of one camera, with what is known beforehand of how its rows are read out."""
+    return Registrar(
+        camera,
+        reference_map,
+        settings.registrar,
+        settings.matching,
+        settings.absolute_pose,
+        settings.pose_fit,
+        settings.shutter,
+        readout,
+    )
 
 
 class CameraPipeline:

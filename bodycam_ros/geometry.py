@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry_kernels
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
     image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
 
-What happens to one camera is in ``camera_tracker.py``, ``camera_registrar.py`` and, offline, ``camera_pipeline.py``;
+What happens to one camera is in ``camera_pipeline.py``, ``camera_pipeline.py`` and, offline, ``camera_pipeline.py``;
 ``SkeletonPipeline`` is what happens to all cameras' registrations.
 """
 
@@ -10,18 +10,16 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment, fitted_equipment
+from bodycam_ros.body_state import BodyFrame, BodyNow, BodyOutput, BodyState, SaidSegments, moving
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.estimation.body_frame import BodyFrame, SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow, BodyOutput, BodyState, moving
-from bodycam_ros.estimation.camera_evidence import evidence_floor
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.seen_body import Onlookers
+from bodycam_ros.estimation.looking_on import Onlookers
+from bodycam_ros.estimation.measurements import evidence_floor
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

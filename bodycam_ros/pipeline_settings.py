@@ -2,29 +2,26 @@
 
 from dataclasses import dataclass
 
-from bodycam_ros.estimation.camera_evidence import EvidenceSettings
 from bodycam_ros.estimation.contact import ContactSettings
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
+from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.growth.extension_settings import ExtensionSettings
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.outside.region_settings import RegionSettings
-from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.mapping.growth_settings import ExtensionSettings, GrowthSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
+from bodycam_ros.registration.lost_camera import AbsolutePoseSettings
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.registration.readout_time import ShutterSettings
-from bodycam_ros.registration.registrar_settings import RegistrarSettings
+from bodycam_ros.registration.readout_time import ReadoutSettings, ShutterSettings
+from bodycam_ros.registration.registrar import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.frame_assembler import AssemblerSettings
+from bodycam_ros.tracking.feature_tracker import TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
 from bodycam_ros.tracking.rotation import RotationSettings
-from bodycam_ros.tracking.tracker_settings import TrackerSettings
-from bodycam_ros.verdict.verdict import VerdictSettings
 
 
 @dataclass(frozen=True)
@@ -52,4 +49,3 @@ class PipelineSettings(SettingsGroups):
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()
     region: RegionSettings = RegionSettings()
-    verdict: VerdictSettings = VerdictSettings()

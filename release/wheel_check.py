@@ -23,8 +23,8 @@ from importlib.metadata import version
 from pathlib import Path
 import bodycam_msgs, bodycam_ros
 from bodycam_msgs.msg import FeatureTracks
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.supplied_equipment import supplied_equipment
+from bodycam_ros.body.equipment_yaml import read_equipment
+from bodycam_ros.body.equipment_yaml import supplied_equipment
 from bodycam_ros.share_folder import share_folder
 from rclpy.serialization import deserialize_message, serialize_message
 sent = FeatureTracks(keyframe=True)

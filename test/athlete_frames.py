@@ -9,15 +9,15 @@ from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
 from moving_body import lenses
 from numpy.typing import NDArray
 
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 

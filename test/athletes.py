@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from two_link_limb import two_links
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
+from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
-from bodycam_ros.video.sound import SoundBlock, SoundSource
+from bodycam_ros.recording.sound import SoundBlock, SoundSource
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ from threadpoolctl import threadpool_limits
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.offline.replay import replay
+from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -23,6 +24,7 @@ REPOSITORY = Path(__file__).parent.parent
 def pytest_configure() -> None:
     """Let signals reach the tests of them, and let workers that test side by side not get in each other's way."""
     # What a shell started in the background ignores Ctrl-C, what nohup started a closed terminal; so do their children.
+    bound_inputs()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.

@@ -9,8 +9,7 @@ import numpy as np
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
 
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.factory import array_sequence
-from bodycam_ros.messages.header import header_message
+from bodycam_ros.messages.factory import array_sequence, header_message
 
 PERIOD_S = 0.05
 
@@ -24,7 +23,7 @@ class DrivenCamera:
     """A driver of raw images that show much to be tracked."""
 
     def __init__(self, graph: Any, name: str, quality: Any, info_quality: Any) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
+        from bodycam_ros.nodes.parameters import node_messages
 
         self.name = name
         self._make = node_messages()

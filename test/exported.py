@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 JOINT_M = 1e-3
 """What issue and users ask for."""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.geometry import Array, rigid
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.pose import rotation_from_message
+from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.messages.tracks import rotation_from_message
 
 
 class FrameTree:

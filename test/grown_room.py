@@ -10,7 +10,7 @@ from rolling_camera import map_of, wide_camera
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -8,8 +8,7 @@ import numpy as np
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anatomy import SegmentName
-from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones
+from bodycam_ros.calibration.anthropometry import BoneLength, SegmentName, expected_stature, judge_bones
 from bodycam_ros.calibration.diagnosis import (
     CalibrationDiagnosis,
     CameraDiagnosis,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.sole import sole_points
+from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 
 THIGH_M, SHIN_M, HIPS_M, PELVIS_M = 0.42, 0.42, 0.18, 0.9

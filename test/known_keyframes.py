@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import inverse, rigid, transform_points
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame

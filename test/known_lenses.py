@@ -5,8 +5,8 @@ import numpy as np
 from rendered_board import held_poses
 
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.lens.board_detector import BoardSight
 from bodycam_ros.lens.board_layout import BoardLayout
-from bodycam_ros.lens.board_sight import BoardSight
 
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11
 

@@ -6,8 +6,8 @@ import numpy as np
 from known_walk import FRAME_NS, FRAMES, START_NS, Poses, Walk, translation, walking_body
 
 from bodycam_ros.body.body_model import CameraMount
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles

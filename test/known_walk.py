@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.urdf import optical_frame, urdf_text
+from bodycam_ros.body_state import BodyOutput, BodyState, BodyUncertainty
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.estimation.body_state import BodyOutput, BodyState
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.messages.body import output_messages
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import header_message
-from bodycam_ros.messages.status import text_message
+from bodycam_ros.messages.factory import Message, header_message
+from bodycam_ros.messages.health import text_message
 from bodycam_ros.messages.tracks import landmarks_message, tracks_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages

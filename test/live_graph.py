@@ -26,10 +26,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.graph import READERS_OF_INFO, USER_ERROR, GraphArguments, GraphNode, graph
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.message_classes import message_class
+from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.nodes.parameters import latched, message_class, reliable
 from bodycam_ros.nodes.process import ignore_discovery
-from bodycam_ros.nodes.qos import latched, reliable
 from bodycam_ros.recording.bag_writer import is_latched, write_recording
 
 _REPOSITORY = Path(__file__).parent.parent

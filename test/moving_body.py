@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

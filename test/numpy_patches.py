@@ -8,7 +8,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.registration.patch_kernels import PATCH
-from bodycam_ros.registration.rolling_shutter import seen_later
+from bodycam_ros.registration.recent_path import seen_later
 
 Array = NDArray[np.float64]
 Levels = list[NDArray[np.uint8]]

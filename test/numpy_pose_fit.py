@@ -9,7 +9,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings
-from bodycam_ros.registration.rolling_shutter import ImageMotion, by_pose, row_shares, seen_later
+from bodycam_ros.registration.recent_path import ImageMotion, by_pose, row_shares, seen_later
 
 _CONVERGED = 1e-4
 _FIXED_READOUT = 1e-7

@@ -4,15 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.solved.solved_body import SolvedBody
+from bodycam_ros.results.solved_body import SolvedBody
 
 
 class SaidBySolver:
     """Says what the solver would, of the sample's person."""
 
     def __init__(self, graph: Any, solved: SolvedBody) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
-        from bodycam_ros.nodes.qos import latched
+        from bodycam_ros.nodes.parameters import latched, node_messages
 
         self._solved, self._make = solved, node_messages()
         self._described = graph.publisher("/robot_description", "std_msgs/msg/String", latched())
@@ -23,15 +22,15 @@ class SaidBySolver:
         return all(each.get_subscription_count() for each in (self._described, self._angles, self._root))
 
     def describe(self, text: str) -> None:
-        from bodycam_ros.messages.status import text_message
+        from bodycam_ros.messages.health import text_message
 
         self._described.publish(text_message(self._make, text))
 
     def tell(self, row: int, **angles: float) -> None:
         """An instant; angles are given to joints by name instead of what was solved."""
         from bodycam_ros.messages.body import joint_state_message
-        from bodycam_ros.messages.header import MAP_FRAME, header_message
-        from bodycam_ros.messages.pose import pose_with_covariance_message
+        from bodycam_ros.messages.factory import MAP_FRAME, header_message
+        from bodycam_ros.messages.tracks import pose_with_covariance_message
 
         motion = self._solved.motion
         stamp, root = int(motion.stamps_ns[row]), motion.world_T_root[row]

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.sole import sole_points
-from bodycam_ros.estimation.body_frame import BodyFrame
+from bodycam_ros.body.body_model import BodyModel, CameraMount, sole_points
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

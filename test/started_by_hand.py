@@ -11,7 +11,7 @@ from told_pose import told_pose
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.clock_watch import ClockWatch
 
 Array = NDArray[np.float64]

@@ -11,16 +11,20 @@ from held_ride import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry
+from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
-from bodycam_ros.messages.equipment import equipment_message, equipment_report
-from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.pose import body_covariance, ros_covariance
+from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
+from bodycam_ros.messages.health import equipment_message, equipment_report
 from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
-from bodycam_ros.messages.tracks import landmark_matches, landmarks_message, track_frame, tracks_message
+from bodycam_ros.messages.tracks import (
+    body_covariance,
+    landmark_matches,
+    landmarks_message,
+    map_points_message,
+    ros_covariance,
+    track_frame,
+    tracks_message,
+)
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -48,7 +52,7 @@ def library(request: pytest.FixtureRequest) -> tuple[MessageFactory, Send]:
         return recorded_messages(), send_recorded
     pytest.importorskip("rclpy", reason="rclpy is not installed")
     pytest.importorskip("bodycam_msgs", reason="bodycam_msgs is not built")
-    from bodycam_ros.nodes.message_classes import node_messages
+    from bodycam_ros.nodes.parameters import node_messages
 
     return node_messages(), send_live
 

@@ -1,4 +1,4 @@
-"""The shape of the package: who may import whom, and how long a file may be."""
+"""The shape of the package: who may import whom."""
 
 import ast
 import re
@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent.parent / "bodycam_ros"
-MOST_LINES = 300
 ROS = {"rclpy", "builtin_interfaces", "bodycam_msgs", "ament_index_python", "launch", "launch_ros", "tf2_ros"}
 MESSAGES = re.compile(r"\w+_(msgs|srvs|interfaces)")
 
@@ -57,16 +56,37 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     return next((found for start in sorted(graph) if start not in done and (found := search([start]))), [])
 
 
+def files_imported() -> dict[str, set[str]]:
+    """Module -> the modules of the package that it imports, in functions too; the package itself is none."""
+    modules = {
+        ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): file
+        for file in files()
+    }
+    del modules[PACKAGE.name]
+    graph = {}
+    for module, file in modules.items():
+        longest = ((name, name.rpartition(".")[0]) for name in imports(file))
+        graph[module] = {next((n for n in names if n in modules), module) for names in longest} - {module}
+    return graph
+
+
 def test_no_folders_import_in_a_circle() -> None:
     assert circle({"a": {"b"}, "b": {"c", "d"}, "d": {"b"}}) == ["b", "d", "b"]
     graph = rooms_imported()
     assert graph["estimation"] >= {"registration", "body"}
     assert not circle(graph), " imports ".join(circle(graph))
+    assert len([room for room in graph if (PACKAGE / room).is_dir()]) <= 26
+
+
+def test_no_files_import_in_a_circle() -> None:
+    graph = files_imported()
+    assert "bodycam_ros.estimation.estimator" in graph["bodycam_ros.pipeline"]
+    assert not circle(graph), " imports ".join(circle(graph))
 
 
 def test_what_shows_does_not_import_what_measures() -> None:
     graph = rooms_imported()
-    for folder in ("calibration", "view", "drawing", "solved"):
+    for folder in ("calibration", "viewer", "plots", "results"):
         assert "evaluate" not in graph[folder], folder
 
 
@@ -78,3 +98,13 @@ def test_ros_is_imported_by_nodes_alone() -> None:
                 found[room(file)].add(top)
     assert "rclpy" in found["nodes"]
     assert set(found) == {"nodes"}, found
+
+
+def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_estimator() -> None:
+    graph = rooms_imported()
+    assert "quality" not in graph["pipeline"] | graph["pipeline_settings"] | graph["estimation"]
+    assert "estimation" not in graph["messages"]
+    drawing = {"matplotlib", "jinja2"}
+    for file in files():
+        if room(file) in ("calibration", "mapping", "estimation", "registration", "static_cameras"):
+            assert not drawing & {module.split(".")[0] for module in imports(file)}, file

@@ -4,14 +4,13 @@ Segments form a tree from the root; a joint whose child already hangs on another
 pedal). ``body_file`` reads and writes it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from bodycam_ros.camera.readout import Readout
-from bodycam_ros.camera.video_mode import VideoMode
+from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import check_within_reach
@@ -89,3 +88,64 @@ class BodyModel(KinematicTree):
     def cameras_on(self, segment: str) -> tuple[str, ...]:
         """Names of the cameras on a segment."""
         return tuple(camera for camera, mount in self.mounts.items() if mount.segment == segment)
+
+
+@dataclass(frozen=True, eq=False)
+class Mass:
+    """Of a segment, in its frame.
+
+    Attributes:
+        kilograms: its mass.
+        centre: (3,) [m].
+        inertia: (3, 3) about the centre [kg m^2].
+    """
+
+    kilograms: float
+    centre: Array
+    inertia: Array
+
+
+def combined(parts: Sequence[Mass]) -> Mass:
+    """The mass of rigidly joined parts in one frame, by the parallel axis theorem."""
+    kilograms = sum(part.kilograms for part in parts)
+    centre = sum((part.kilograms * part.centre for part in parts), np.zeros(3)) / kilograms
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        lever = part.centre - centre
+        inertia += part.inertia + part.kilograms * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+    return Mass(kilograms, centre, inertia)
+
+
+JOINT_RADIUS_M = 0.04
+BONE_RADIUS_M = 0.025
+
+
+def bone_ends(body: BodyModel, segment: str) -> list[Array]:
+    """Where the bones from a segment's origin end (3,) [m]: at each joint that hangs on it, or else at its tip.
+
+    Equipment reaches to where it is held, too. What stands beside the segment is no part of it.
+    """
+    held = body.joints if segment in body.equipment_segments else body.tree_joints
+    ends = [joint.parent_T_joint[:3, 3] for joint in held if joint.parent == segment and joint.type != "free"]
+    return [end for end in ends or [_tip(body, segment)] if np.linalg.norm(end) > BONE_RADIUS_M]
+
+
+def _tip(body: BodyModel, segment: str) -> Array:
+    """(3,) where a segment without further joints is drawn to: along its long axis, as far as its cameras reach."""
+    joint = body.joint_to_parent(segment)
+    cameras = [body.mounts[camera].segment_T_camera[:3, 3] for camera in body.cameras_on(segment)]
+    if joint is None or not cameras:
+        return np.zeros(3)
+    long_axis = np.eye(3)["xyz".index(joint.angle_axes[1])]
+    reach = max((float(position @ long_axis) for position in cameras), key=abs)
+    tip: Array = reach * long_axis
+    return tip
+
+
+_DEPTH, _HEEL, _BALL = 0.19, -0.12, 0.29
+"""Below, behind and ahead of the ankle, in lengths of a shin: 8, 5 and 12.5 cm of a person of 1.75 m in flat shoes."""
+
+
+def sole_points(shin_length: float) -> Array:
+    """Heel and ball (2, 3) [m] in the frame of a foot: origin at the ankle, x forward and z up in the N-pose."""
+    return shin_length * np.array([[_HEEL, 0.0, -_DEPTH], [_BALL, 0.0, -_DEPTH]])

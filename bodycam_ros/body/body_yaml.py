@@ -52,8 +52,7 @@ import yaml
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pose_of
-from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
-from bodycam_ros.camera.video_mode import VideoMode
+from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.kinematics.joint import LONG_AXIS_Z, Joint, default_sigmas

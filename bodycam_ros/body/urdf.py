@@ -17,13 +17,11 @@ from itertools import combinations_with_replacement, pairwise, repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
 from bodycam_ros.body.body_yaml import joints_text
-from bodycam_ros.body.mass import Mass
-from bodycam_ros.body.segment_shape import BONE_RADIUS_M, JOINT_RADIUS_M, bone_ends
-from bodycam_ros.body.urdf_document import LOOPS, STANDING
+from bodycam_ros.body.urdf_document import LOOPS, STANDING, UrdfDocument
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array, exp_se3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 CAMERA_SUFFIX = "_optical_frame"
@@ -222,3 +220,45 @@ def _check_names(robot: ET.Element) -> None:
             raise BodyError(
                 f"two {kind}s of the URDF would be named {', '.join(twice)}; rename the segment, joint or camera"
             )
+
+
+LinkTransform = tuple[str, str, Array]
+"""Parent link, child link, parent_T_child (4, 4) [m]."""
+
+
+class LinkTransforms:
+    """The links of a URDF, apart from its root.
+
+    Args:
+        text: the document.
+
+    Attributes:
+        fixed: those that never move in their parent: cameras, and what is welded.
+
+    Raises:
+        BodyError: it is not a URDF.
+    """
+
+    def __init__(self, text: str) -> None:
+        joints = UrdfDocument.parse(text).joints
+        self.fixed: tuple[LinkTransform, ...] = tuple(
+            (joint.parent, joint.child, joint.parent_T_joint) for joint in joints if joint.axis is None
+        )
+        self._joints = tuple(joint for joint in joints if joint.axis is not None)
+        self._twists = np.array([joint.twist for joint in self._joints]).reshape(-1, 6)
+        self._parent_T_joint = np.array([joint.parent_T_joint for joint in self._joints]).reshape(-1, 4, 4)
+
+    def moving(self, names: Sequence[str], positions: NDArray[np.float64]) -> list[LinkTransform]:
+        """Those that move.
+
+        Args:
+            names: J joints, all that move among them.
+            positions: (J,) angles [rad], or places [m] of joints that slide.
+
+        Raises:
+            KeyError: a joint that moves is not among them.
+        """
+        row = {name: number for number, name in enumerate(names)}
+        rows = np.array([row[joint.name] for joint in self._joints], dtype=int)
+        parent_T_child = self._parent_T_joint @ exp_se3(positions[rows, None] * self._twists)
+        return [(joint.parent, joint.child, pose) for joint, pose in zip(self._joints, parent_T_child, strict=True)]

@@ -1,6 +1,9 @@
 """A URDF document as it stands: links, joints, and nothing believed before it is checked.
 
 Bodies and solved bags read the same documents, and both through here.
+
+There are no entities, which could stand for any file or any length, and what is read is bounded. A launch file reads
+it too: nothing but the standard library is imported.
 """
 
 import heapq

@@ -6,16 +6,97 @@ lengths between joint centres of men 1.741 m and women 1.735 m tall. The better 
 upper arm, 0.186 of the stature, begins at the acromion and is 15 % longer than that between the centres of shoulder
 and elbow, which is what cameras can find. Breadths of hips and shoulders are tabulated from skin to skin only, and
 where a spine bends is a matter of the model, so neither is expected to be anything.
+
+Only names of the default body (DESIGN 3) say anything; others are taken as they are.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from bodycam_ros.calibration.anatomy import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis
 from bodycam_ros.errors import MapError
+from bodycam_ros.kinematics.joint import LONG_AXIS_Z
 from bodycam_ros.settings import setting
+
+LEFT, RIGHT = "_left", "_right"
+
+JOINT_ABOVE = {
+    "torso": "spine",
+    "head": "neck",
+    "upper_arm": "shoulder",
+    "forearm": "elbow",
+    "hand": "wrist",
+    "thigh": "hip",
+    "shin": "knee",
+    "foot": "ankle",
+}
+"""Kind of segment -> the joint that it hangs on."""
+
+_LONG_AXIS_X = "yxz"  # a foot lies along x in the N-pose
+_STRAIGHT = ("shin", "forearm")
+_MOTION = {
+    "torso": "bend forward and sideways, and turn the torso",
+    "head": "nod, tilt and turn the head",
+    "upper_arm": "raise the {limb} forward and sideways, and swing it round",
+    "forearm": "bend and stretch the elbow, swing the {limb}",
+    "thigh": "lift the knee forward, swing the {limb} sideways and turn it",
+    "shin": "bend and stretch the knee, swing the {limb}",
+    "foot": "circle the {limb}, toes up, down, in and out",
+}
+
+
+@dataclass(frozen=True)
+class SegmentName:
+    """A segment's name taken apart: ``shin_left`` is the shin of the left."""
+
+    segment: str
+
+    @property
+    def side(self) -> str:
+        """``_left``, ``_right`` or nothing."""
+        return next((side for side in (LEFT, RIGHT) if self.segment.endswith(side)), "")
+
+    @property
+    def kind(self) -> str:
+        """The name without its side."""
+        return self.segment.removesuffix(self.side)
+
+    @property
+    def words(self) -> str:
+        """As a person says it: left shin."""
+        return f"{self.side[1:]} {self.kind.replace('_', ' ')}".strip()
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint that the segment hangs on."""
+        known = JOINT_ABOVE.get(self.kind)
+        return f"{known}{self.side}" if known else f"{self.segment}_joint"
+
+    @property
+    def angle_axes(self) -> str:
+        """Intrinsic order of the joint's angles, the segment's long axis in the middle."""
+        return _LONG_AXIS_X if self.kind == "foot" else LONG_AXIS_Z
+
+    @property
+    def straight_in_rest(self) -> bool:
+        """Whether the segment continues the one that it hangs on in a straight line in the N-pose."""
+        return self.kind in _STRAIGHT
+
+    @property
+    def exercise(self) -> str:
+        """What a person should do to exercise the segment's joint."""
+        motion = _MOTION.get(self.kind, "turn the {limb} about at least two axes")
+        return motion.format(limb=self.words)
+
+
+def mirrored(name: str) -> str | None:
+    """The same name on the other side; None for a name of the middle."""
+    for side, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
+        if name.endswith(side):
+            return name.removesuffix(side) + other
+    return None
+
 
 _MEN_M, _WOMEN_M = 1.741, 1.735
 """Statures behind the lengths of de Leva 1996, table 4."""

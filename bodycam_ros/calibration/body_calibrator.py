@@ -6,31 +6,50 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import refuse_impossible
-from bodycam_ros.calibration.assessment import assess
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
+from bodycam_ros.calibration.anthropometry import AnthropometrySettings, refuse_impossible
+from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
+from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.findings import Findings
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
-from bodycam_ros.calibration.joint_centre import check_exercised
-from bodycam_ros.calibration.joint_limits import limited_body
-from bodycam_ros.calibration.joint_search import FoundJoints, JointSearch
-from bodycam_ros.calibration.refinement import refine
-from bodycam_ros.calibration.rest_pose import RestPose, facing_direction, find_rest_pose, heading_rotation, zero_at_rest
+from bodycam_ros.calibration.joint_limits import JointLimitSettings, limited_body
+from bodycam_ros.calibration.joint_search import FoundJoints, JointCentreSettings, JointSearch, check_exercised
+from bodycam_ros.calibration.refinement import RefinementSettings, refine
+from bodycam_ros.calibration.rest_pose import (
+    RestPose,
+    RestPoseSettings,
+    facing_direction,
+    find_rest_pose,
+    heading_rotation,
+    zero_at_rest,
+)
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.calibration.strap_slip import StrapSlipSettings, VirtualCameraSettings
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.readout import Readout
-from bodycam_ros.camera.video_mode import VideoMode
+from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.estimation.camera_evidence import EvidenceSettings
+from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.registration.readout_log import ReadoutLog
-from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.registration.readout_time import ReadoutLog, ReadoutSettings
+from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.timing.clock_state import ClockSettings
+
+
+@dataclass(frozen=True)
+class CalibrationSettings(SettingsGroups):
+    """Settings of every step of a calibration."""
+
+    motion_log: MotionLogSettings = MotionLogSettings()
+    strap_slip: StrapSlipSettings = StrapSlipSettings()
+    virtual_camera: VirtualCameraSettings = VirtualCameraSettings()
+    joint_centre: JointCentreSettings = JointCentreSettings()
+    rest_pose: RestPoseSettings = RestPoseSettings()
+    refinement: RefinementSettings = RefinementSettings()
+    joint_limits: JointLimitSettings = JointLimitSettings()
+    assessment: AssessmentSettings = AssessmentSettings()
+    anthropometry: AnthropometrySettings = AnthropometrySettings()
 
 
 @dataclass(frozen=True)

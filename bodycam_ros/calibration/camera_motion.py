@@ -10,8 +10,8 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
-from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.shared_beat import shared_beat
+from bodycam_ros.timing.clock_window import shared_beat
+from bodycam_ros.timing.instant_sampler import CameraPath
 
 Array = NDArray[np.float64]
 

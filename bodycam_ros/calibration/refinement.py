@@ -1,7 +1,7 @@
 """Bundle adjustment of a body over its range of motion: joints, mounts and poses against the image measurements.
 
 Seed A stops at the SVD and a person's corrections. Here the reprojection errors of all landmarks (A eq. 8-9) decide,
-under the articulation (A eq. 3-5). A camera enters as in the solver (``camera_evidence``, DESIGN 4.2): as a pose with
+under the articulation (A eq. 3-5). A camera enters as in the solver (``measurements``, DESIGN 4.2): as a pose with
 its information, here linearised anew on its landmarks wherever an iteration puts it, floored and robust. The solver's
 tight joints are exact here, and its smoothness is left out: the instants then depend on each other through the body
 alone, and each is eliminated on its own (Schur complement).
@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion
-from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
+from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
 from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
 from bodycam_ros.settings import setting
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 
 Array = NDArray[np.float64]
 

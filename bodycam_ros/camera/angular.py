@@ -10,8 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bodycam_ros.camera.lens_kernels import EQUIDISTANT, FOV, lens_vector
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
+from bodycam_ros.camera.lens_kernels import EDGE, EQUIDISTANT, FARTHEST, FOV, NEAREST, lens_vector
 from bodycam_ros.camera.model import Array, CameraModel, Mask, largest_regular_angle
 
 _WIDEST = np.radians(179.0)  # straight behind the camera the direction in the image is not defined
@@ -121,7 +120,14 @@ class EquidistantCamera(AngularCamera):
     coefficients = ("k1", "k2", "k3", "k4")
 
     def _parameters(self) -> Array:
-        return lens_vector(EQUIDISTANT, self, self.max_radius, self.regular_angle, self.distortion, *self.start_table)
+        return lens_vector(
+            EQUIDISTANT,
+            self.pinhole,
+            self.max_radius,
+            self.regular_angle,
+            self.distortion,
+            *self.start_table,
+        )
 
     def _radius(self, angle: Array) -> Array:
         k1, k2, k3, k4 = self.distortion
@@ -177,7 +183,7 @@ class FovCamera(AngularCamera):
         return float(2.0 * np.tan(self.omega / 2.0))
 
     def _parameters(self) -> Array:
-        return lens_vector(FOV, self, self.max_radius, self.regular_angle, (self.omega, self.stretch))
+        return lens_vector(FOV, self.pinhole, self.max_radius, self.regular_angle, (self.omega, self.stretch))
 
     def _radius(self, angle: Array) -> Array:
         return np.arctan2(self.stretch * np.sin(angle), np.cos(angle)) / self.omega

@@ -1,15 +1,219 @@
 """One image of one camera, decoded only where it is looked at."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Final, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.file_picture import file_values
-from bodycam_ros.camera.video_packet import VideoPacket
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.shown import shown
+
+_BITS = {"8": 8, "16": 16}
+_MOSAICS = {"rggb": "BG", "bggr": "RG", "gbrg": "GR", "grbg": "GB"}
+"""ROS names a mosaic by its first two rows from the corner; OpenCV by two pixels of the second row."""
+
+
+@dataclass(frozen=True)
+class PixelEncoding:
+    """How the bytes of an image are to be read.
+
+    Attributes:
+        bits: of a value: 8 or 16, all of them used.
+        values: per pixel and row.
+        to_grey: OpenCV's conversion to grey; None where the values are.
+        to_colour: OpenCV's conversion to blue, green, red; None where the values are.
+        block: width and height must be multiples of these.
+        rows: of values per row of pixels: 1.5 where colours follow in a plane of their own.
+    """
+
+    bits: int
+    values: int
+    to_grey: int | None
+    to_colour: int | None
+    block: tuple[int, int] = (1, 1)
+    rows: float = 1.0
+
+    def grey(self, values: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
+        """Grey pixels (H, W) of values (rows, W) or (rows, W, values); of YUV the luma as it is."""
+        pixels = values if self.to_grey is None else cv2.cvtColor(values, self.to_grey)
+        return np.ascontiguousarray(_eight_bits(pixels))
+
+    def colour(self, values: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3), blue, green, red, of values (rows, W) or (rows, W, values); the caller's own."""
+        if self.to_colour is None:
+            return np.array(_eight_bits(values), order="C")
+        return _eight_bits(cv2.cvtColor(values, self.to_colour))
+
+
+def _eight_bits(values: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.asarray(values if values.dtype == np.uint8 else values >> 8, dtype=np.uint8)
+
+
+def _encodings() -> dict[str, PixelEncoding]:
+    known = {
+        "8UC1": PixelEncoding(8, 1, None, cv2.COLOR_GRAY2BGR),
+        "8UC3": PixelEncoding(8, 3, cv2.COLOR_BGR2GRAY, None),
+    }
+    for name, bits in _BITS.items():
+        known["mono" + name] = PixelEncoding(bits, 1, None, cv2.COLOR_GRAY2BGR)
+        known["bgr" + name] = PixelEncoding(bits, 3, cv2.COLOR_BGR2GRAY, None)
+        known["rgb" + name] = PixelEncoding(bits, 3, cv2.COLOR_RGB2GRAY, cv2.COLOR_RGB2BGR)
+        known["bgra" + name] = PixelEncoding(bits, 4, cv2.COLOR_BGRA2GRAY, cv2.COLOR_BGRA2BGR)
+        known["rgba" + name] = PixelEncoding(bits, 4, cv2.COLOR_RGBA2GRAY, cv2.COLOR_RGBA2BGR)
+        for mosaic, opencv in _MOSAICS.items():
+            grey, colour = (getattr(cv2, f"COLOR_Bayer{opencv}2{kind}") for kind in ("GRAY", "BGR"))
+            known[f"bayer_{mosaic}{name}"] = PixelEncoding(bits, 1, grey, colour, block=(2, 2))
+    uyvy = PixelEncoding(8, 2, cv2.COLOR_YUV2GRAY_UYVY, cv2.COLOR_YUV2BGR_UYVY, block=(2, 1))
+    yuyv = PixelEncoding(8, 2, cv2.COLOR_YUV2GRAY_YUY2, cv2.COLOR_YUV2BGR_YUY2, block=(2, 1))
+    known |= {"yuv422": uyvy, "uyvy": uyvy, "yuv422_yuy2": yuyv, "yuyv": yuyv}
+    for name, code in (("nv12", cv2.COLOR_YUV2BGR_NV12), ("nv21", cv2.COLOR_YUV2BGR_NV21)):
+        known[name] = PixelEncoding(8, 1, cv2.COLOR_YUV2GRAY_NV12, code, block=(2, 2), rows=1.5)
+    return known
+
+
+ENCODINGS: Final = _encodings()
+"""Name of an encoding, as in ``sensor_msgs/Image``, -> what it means."""
+
+
+@dataclass(frozen=True, eq=False)
+class FilePicture:
+    """A file whose values are to be read by the name of an encoding: the mosaic of a sensor, colours turned round.
+
+    Attributes:
+        camera: the camera's name.
+        stamp_ns: of the image [ns].
+        file: JPEG or PNG.
+        encoding: what was put in it, such as "bayer_rggb8".
+    """
+
+    camera: str
+    stamp_ns: int
+    file: bytes
+    encoding: str
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes."""
+        return len(self.file)
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Grey pixels (H, W).
+
+        Raises:
+            RecordingError: it cannot be decoded, or does not hold what it is said to.
+        """
+        name, values = self._decoded()
+        return ENCODINGS[name].grey(values)
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red.
+
+        Raises:
+            RecordingError: as of ``grey``.
+        """
+        name, values = self._decoded()
+        return ENCODINGS[name].colour(values)
+
+    def _decoded(self) -> tuple[str, NDArray[Any]]:
+        """The encoding, with the bits that the file has, and its values."""
+        values = file_values(self.camera, self.stamp_ns, self.file, cv2.IMREAD_UNCHANGED)
+        bits = 8 * values.itemsize
+        name = f"{self.encoding.rstrip('0123456789')}{bits}"
+        depth = values.shape[2] if values.ndim == 3 else 1
+        if name not in ENCODINGS or ENCODINGS[name].values != depth:
+            raise RecordingError(
+                f"camera {self.camera}: the image of stamp {self.stamp_ns} ns is said to be {shown(self.encoding)}, "
+                f"but its file has {depth} values of {bits} bits a pixel"
+            )
+        return name, values
+
+
+def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[Any]:
+    """Decode a file, as one of OpenCV's ways of reading images wants.
+
+    Args:
+        camera: whose image it is, for the message.
+        stamp_ns: of the image [ns], for the message.
+        file: JPEG or PNG.
+        mode: such as ``cv2.IMREAD_GRAYSCALE``.
+
+    Raises:
+        RecordingError: it is no image that OpenCV can decode.
+    """
+    encoded = np.frombuffer(file, dtype=np.uint8)
+    try:
+        values = cv2.imdecode(encoded, mode) if encoded.size else None
+    except cv2.error:  # a header that claims an absurd size
+        values = None
+    if values is None:
+        raise RecordingError(
+            f"camera {camera}: the image of stamp {stamp_ns} ns ({len(file)} bytes) "
+            "cannot be decoded; expected JPEG or PNG"
+        )
+    return np.asarray(values)
+
+
+@dataclass(frozen=True, eq=False)
+class RawPicture:
+    """Values that are left as they came until somebody wants pixels: most want grey, and pay for no other.
+
+    Attributes:
+        encoding: of ``ENCODINGS``.
+        values: (rows, W) or (rows, W, values) uint8 or uint16, maybe with a gap between the rows.
+    """
+
+    encoding: str
+    values: NDArray[np.uint8] | NDArray[np.uint16]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the values take."""
+        return self.values.nbytes
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Grey pixels (H, W)."""
+        return ENCODINGS[self.encoding].grey(self.values)
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red; the caller's own."""
+        return ENCODINGS[self.encoding].colour(self.values)
+
+
+_START_CODE = b"\x00\x00\x01"
+_H264_SLICES, _H264_KEY = range(1, 6), {5, 7}  # an IDR slice, or the sequence's parameters before an intra frame
+_HEVC_SLICES, _HEVC_KEY = range(0, 32), {*range(16, 22), 33}
+
+
+@dataclass(frozen=True)
+class VideoPacket:
+    """What decodes to exactly one frame, once the frames since the last keyframe were decoded.
+
+    Attributes:
+        codec: "h264" or "hevc".
+        data: NAL units in the form of Annex B; with a keyframe the stream's parameters.
+    """
+
+    codec: str
+    data: bytes
+
+    @cached_property
+    def is_key(self) -> bool:
+        """Whether decoding can begin here."""
+        hevc = self.codec == "hevc"
+        slices, key = (_HEVC_SLICES, _HEVC_KEY) if hevc else (_H264_SLICES, _H264_KEY)
+        at = self.data.find(_START_CODE)
+        while 0 <= at < len(self.data) - 3:
+            header = self.data[at + 3]
+            kind = header >> 1 & 0x3F if hevc else header & 0x1F
+            if kind in key:
+                return True
+            if kind in slices:
+                return False
+            at = self.data.find(_START_CODE, at + 3)
+        return False
 
 
 class Picture(Protocol):

@@ -5,11 +5,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros import MOST_PIXELS
+import yaml
+
 from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.perspective import PlumbBobCamera, RationalPolynomialCamera
 from bodycam_ros.errors import LensError
+from bodycam_ros.own_process import MOST_PIXELS
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -165,3 +167,23 @@ def _data(document: Mapping[str, Any], field: str) -> Any:
 
 def _error(name: str, message: str) -> LensError:
     return LensError(f"camera '{name}': {message}")
+
+
+def camera_info_yaml(camera: CameraModel) -> str:
+    """The text of a camera_info YAML, which ``camera_from_yaml`` reads back as the same camera."""
+    p = [camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    document = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": camera.name,
+        "camera_matrix": {"rows": 3, "cols": 3, "data": list(map(float, camera.k))},
+        "distortion_model": camera.distortion_model,
+        "distortion_coefficients": {
+            "rows": 1,
+            "cols": len(camera.distortion),
+            "data": list(map(float, camera.distortion)),
+        },
+        "rectification_matrix": {"rows": 3, "cols": 3, "data": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]},
+        "projection_matrix": {"rows": 3, "cols": 4, "data": list(map(float, p))},
+    }
+    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)

@@ -1,6 +1,17 @@
-"""A camera as COLMAP names and orders it. COLMAP's pixels have the centre of the top left pixel at (0.5, 0.5)."""
+"""A camera as COLMAP names and orders it. COLMAP's pixels have the centre of the top left pixel at (0.5, 0.5).
 
+COLMAP counts pixels from the corner of the image, we (like OpenCV) from the centre of the first pixel: whoever passes
+pixels between the two adds or takes ``PIXEL_SHIFT``.
+
+Whoever needs pycolmap takes it from here: the logging library within it answers SIGTERM by a stack trace once it is
+loaded, so what SIGTERM meant before is put back.
+"""
+
+import signal
+import threading
 from collections.abc import Sequence
+
+import pycolmap  # noqa: E402
 
 from bodycam_ros.camera.camera_info import camera_from_info
 from bodycam_ros.camera.model import CameraModel
@@ -61,3 +72,34 @@ def camera_from_colmap_model(
     k = (focal[0], 0.0, cx - PIXEL_SHIFT, 0.0, focal[-1], cy - PIXEL_SHIFT, 0.0, 0.0, 1.0)
     d = [*distortion, *[0.0] * (coefficients - len(distortion))]
     return camera_from_info(name, width, height, distortion_model, d, k)
+
+
+_before = signal.getsignal(signal.SIGTERM)
+
+
+if threading.current_thread() is threading.main_thread() and _before is not None:
+    signal.signal(signal.SIGTERM, _before)
+
+__all__ = ["PIXEL_SHIFT", "camera_from_colmap", "colmap_camera", "pycolmap"]
+
+# COLMAP's log would tear the progress bars and leave files in the temporary folder. What matters comes as an exception.
+for _level in pycolmap.logging.Level.__members__.values():
+    pycolmap.logging.set_log_destination(_level, "")
+pycolmap.logging.minloglevel = int(pycolmap.logging.Level.FATAL)
+
+
+def colmap_camera(camera: CameraModel) -> pycolmap.Camera:
+    """COLMAP's own camera object of one of our cameras."""
+    model, parameters = colmap_model(camera)
+    return pycolmap.Camera(
+        model=model, width=camera.width, height=camera.height, params=parameters, has_prior_focal_length=True
+    )
+
+
+def camera_from_colmap(name: str, camera: pycolmap.Camera) -> CameraModel:
+    """Our camera of a camera of COLMAP's.
+
+    Raises:
+        LensError: a lens model that we do not have, or parameters that no lens has.
+    """
+    return camera_from_colmap_model(name, camera.model_name, camera.width, camera.height, camera.params.tolist())

@@ -1,20 +1,25 @@
 """The lens models as kernels: a point to its pixel, with derivatives, and a pixel to its bearing.
 
 The equations are those of ``PerspectiveCamera``, ``EquidistantCamera`` and ``FovCamera``, where they are explained.
-Every kernel takes the lens as a vector, ``lens_parameters``. What is not valid is NaN.
+Every kernel takes the lens as a vector, ``CameraModel.parameters``. What is not valid is NaN.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
-if TYPE_CHECKING:
-    from bodycam_ros.camera.model import CameraModel
+NEAREST = 1e-9
+"""A point closer to the projection centre has no direction [m]."""
+
+FARTHEST = 1e100
+"""Beyond it squares overflow [m]."""
+
+EDGE = 1e-9
+"""Of an angle [rad] or radius, the rounding allowed at the cone's edge: what was unprojected projects again."""
+
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,23 +38,21 @@ _CONVERGED = 1e-14
 _ACCEPTED = 1e-11
 
 
-def lens_parameters(camera: "CameraModel") -> Array:
-    """The lens of a camera as all kernels take it: a vector, made once per camera; not to be changed."""
-    return camera.parameters
-
-
 def lens_vector(
     model: float,
-    camera: "CameraModel",
+    pinhole: tuple[float, ...],
     max_radius: float,
     regular_angle: float,
     coefficients: tuple[float, ...],
     *start_table: Array,
 ) -> Array:
-    """Put together what the kernels of a model need of a camera; see the models for what it is."""
+    """Put together what the kernels of a model need; see the models for what it is.
+
+    ``pinhole`` is that of the ``CameraModel``.
+    """
     head = np.zeros(_TABLE)
-    head[: _CY + 1] = model, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
-    head[_MAX_ANGLE : _REGULAR_ANGLE + 1] = camera.max_angle, max_radius, regular_angle
+    head[: _CY + 1] = model, *pinhole[:-1]
+    head[_MAX_ANGLE : _REGULAR_ANGLE + 1] = pinhole[-1], max_radius, regular_angle
     head[_COEFFICIENTS : _COEFFICIENTS + len(coefficients)] = coefficients
     return np.concatenate([head, *start_table])
 

@@ -11,8 +11,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from bodycam_ros.camera.lens_kernels import PERSPECTIVE, lens_vector
-from bodycam_ros.camera.limits import EDGE, FARTHEST, NEAREST
+from bodycam_ros.camera.lens_kernels import EDGE, FARTHEST, NEAREST, PERSPECTIVE, lens_vector
 from bodycam_ros.camera.model import Array, CameraModel, Mask, largest_regular_angle
 
 _WIDEST = np.pi / 2.0 - 1e-6  # [rad]
@@ -59,7 +58,7 @@ class PerspectiveCamera(CameraModel):
         """Gain and its derivative by the squared radius."""
 
     def _parameters(self) -> Array:
-        return lens_vector(PERSPECTIVE, self, self.max_radius, 0.0, self.distortion, *self.start_table)
+        return lens_vector(PERSPECTIVE, self.pinhole, self.max_radius, 0.0, self.distortion, *self.start_table)
 
     def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
         px, py = x / z, y / z

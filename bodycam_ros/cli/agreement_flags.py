@@ -10,7 +10,7 @@ from rich.table import Table
 from bodycam_ros.errors import RecordingError
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.agreement.agree import AgreementOptions
+    from bodycam_ros.evaluate.agree import AgreementOptions
     from bodycam_ros.evaluate.evaluation import Evaluation
 
 _ALIGNMENTS = ("similarity", "rigid", "none")
@@ -53,8 +53,8 @@ def check_agreement_flags(arguments: argparse.Namespace) -> None:
 
 def agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | None":
     """How to compare; None without a truth."""
-    from bodycam_ros.evaluate.agreement.agree import AgreementOptions
-    from bodycam_ros.other_systems.read_captured import is_captured
+    from bodycam_ros.evaluate.agree import AgreementOptions
+    from bodycam_ros.formats.read_captured import is_captured
 
     if arguments.truth is None:
         return None
@@ -78,7 +78,7 @@ def agreement_table(agreement: Mapping[str, Any]) -> Table:
 
 def agreement_remarks(evaluation: "Evaluation") -> list[str]:
     """How the two were brought together; nothing of a recording's own truth, which needs no such words."""
-    from bodycam_ros.evaluate.agreement.agreement_section import agreement_lines
+    from bodycam_ros.evaluate.agreement_section import agreement_lines
 
     agreement = evaluation.agreement
     if agreement is None or (evaluation.comparison is not None and agreement.clock.start_sigma_s == 0.0):

@@ -57,9 +57,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.lens.board_design import BoardWish, board_words, design, stretched
+    from bodycam_ros.lens.board_design import MARK, BoardWish, board_words, board_yaml, design, stretched
     from bodycam_ros.lens.board_page import PAGES, board_pdf, room_on, ruler_lengths
-    from bodycam_ros.lens.board_yaml import MARK, board_yaml
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.whole_file import whole_files
 

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.cli import body_outside
 from bodycam_ros.cli.body_outside import check_suffix
-from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_shares import shown_shares
+from bodycam_ros.cli.progress import shown_shares
+from bodycam_ros.cli.settings_flags import add_recording_flags, offer_settings, pipeline_settings, settings_from_flags
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -58,12 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-    from bodycam_ros.calibration.report.html_report import write_html_report
-    from bodycam_ros.calibration.report.report_tables import body_report
-    from bodycam_ros.calibration.report.terminal_report import print_report
+    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.replay.calibrate import calibrate
+    from bodycam_ros.cli.lines import print_report
+    from bodycam_ros.offline.measure_body import calibrate
+    from bodycam_ros.plots.body_report import write_html_report
+    from bodycam_ros.plots.report_tables import body_report
 
     output: Path = arguments.output
     page = arguments.report or output.parent / f"{output.stem}.html"
@@ -92,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _settings() -> "type[CalibrationSettings]":
-    from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 
     return CalibrationSettings
 

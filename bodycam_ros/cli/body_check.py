@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.equipment.supplied_equipment import supplied_equipment
+from bodycam_ros.body.equipment_yaml import supplied_equipment
 
 _DESCRIPTION = """
 Before anything is recorded: how many ways there are for body and equipment to move while all that is held stays held,
@@ -32,10 +32,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.body.body_file import read_body
-    from bodycam_ros.cli.mobility_lines import print_mobility
-    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
-    from bodycam_ros.equipment.coupled_body import held_equipment
-    from bodycam_ros.mobility.mobility import mobility
+    from bodycam_ros.body.coupled_body import held_equipment
+    from bodycam_ros.body.mobility import mobility
+    from bodycam_ros.cli.lines import print_mobility
+    from bodycam_ros.cli.tables import WRONG_RESULT
     from bodycam_ros.terminal import Terminal
 
     body = read_body(arguments.body)

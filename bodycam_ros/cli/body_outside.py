@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.pipeline_flags import pipeline_settings
-from bodycam_ros.cli.settings_flags import settings_from_flags
-from bodycam_ros.cli.shown_shares import shown_shares
+from bodycam_ros.cli.progress import shown_shares
+from bodycam_ros.cli.settings_flags import pipeline_settings, settings_from_flags
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
-    from bodycam_ros.outside.body_from_outside import MeasuredBody
-    from bodycam_ros.outside.shape_settings import MeasureSettings
+    from bodycam_ros.static_cameras.body_from_outside import MeasuredBody
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
 _MM_PER_M = 1000.0
@@ -49,7 +48,7 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
 
 def measure_settings() -> "type[MeasureSettings]":
     """Groups of settings beside those of all stages."""
-    from bodycam_ros.outside.shape_settings import MeasureSettings
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
 
     return MeasureSettings
 
@@ -79,8 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print what was found, write the body."""
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.body.checked_fields import name_of
-    from bodycam_ros.outside.outside_files import OutsideInput
-    from bodycam_ros.replay.measure_body import measure_body
+    from bodycam_ros.offline.measure_body import measure_body
+    from bodycam_ros.static_cameras.start_file import OutsideInput
 
     output: Path = arguments.output
     for flag in ("rig", "report", "facing"):
@@ -117,7 +116,7 @@ def _begun(arguments: argparse.Namespace, name: str) -> "BodyModel":
         BodyError: there is none, or it is nobody's.
     """
     from bodycam_ros.body.body_file import read_body
-    from bodycam_ros.outside.body_of_height import body_of_height
+    from bodycam_ros.static_cameras.body_from_outside import body_of_height
 
     if arguments.begun is not None:
         return read_body(arguments.begun)

@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.pipeline_flags import add_jobs
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bodycam_ros.doctor.doctor_settings import DoctorGroups
-    from bodycam_ros.doctor.finding import Finding
+    from bodycam_ros.quality.doctor_settings import DoctorGroups
+    from bodycam_ros.quality.finding import Finding
 
 _EXIT_CODES = (
     "Exit code: 0 if nothing is red, 3 if something is: mend it and record again; 1 if a file cannot be used. It looks "
@@ -56,9 +55,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
-    from bodycam_ros.doctor.doctor import DoctorInput, examine, notes
-    from bodycam_ros.doctor.finding import Light, worst
+    from bodycam_ros.cli.tables import WRONG_RESULT
+    from bodycam_ros.quality.doctor import DoctorInput, examine, notes
+    from bodycam_ros.quality.finding import Light, worst
 
     settings = settings_from_flags(arguments, _settings(), arguments.config)
     given = DoctorInput(
@@ -84,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _settings() -> "type[DoctorGroups]":
-    from bodycam_ros.doctor.doctor_settings import DoctorGroups
+    from bodycam_ros.quality.doctor_settings import DoctorGroups
 
     return DoctorGroups
 

@@ -14,29 +14,28 @@ from bodycam_ros.cli.agreement_flags import (
     agreement_table,
     check_agreement_flags,
 )
-from bodycam_ros.cli.equipment_tables import equipment_tables
-from bodycam_ros.cli.evaluation_tables import (
+from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
+from bodycam_ros.cli.progress import shown_progress, waiting
+from bodycam_ros.cli.tables import (
     body_table,
+    camera_styles,
     camera_table,
     clock_table,
     constraint_table,
+    equipment_tables,
+    exit_code,
+    gait_table,
     joint_table,
+    print_verdict,
     sliding_table,
     station_table,
     truth_table,
 )
-from bodycam_ros.cli.gait_table import gait_table
-from bodycam_ros.cli.outside_pictures import add_outside_flags, outside_files, outside_pictures
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress, waiting
-from bodycam_ros.cli.verdict_lines import camera_styles, exit_code, print_verdict
-from bodycam_ros.errors import SettingsError
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
-    from bodycam_ros.evaluate.solved_verdict import JudgeSettings
-    from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
+    from bodycam_ros.verdict import Verdict
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -64,14 +63,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="the same recording solved without the equipment: distances from what holds, and with --stations "
         "close-ups, with the constraints and without",
     )
-    parser.add_argument(
-        "--judge-again",
-        action="store_true",
-        help="judge the cameras of OUT again, by the settings of verdict.*, instead of repeating the verdict of the "
-        "replay",
-    )
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, _judge_settings)
     add_outside_flags(parser)
     parser.add_argument(
         "-o",
@@ -87,7 +78,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.evaluate.constraint.close_ups import close_ups
+    from bodycam_ros.evaluate.close_ups import close_ups
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
@@ -95,9 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     outside = outside_files(arguments)
     check_agreement_flags(arguments)
-    judge_again = _judge_again(arguments)
     check_report_folder(arguments.output)
-    inputs = (arguments.solved, arguments.truth, arguments.recording, arguments.compare, arguments.config)
+    inputs = (arguments.solved, arguments.truth, arguments.recording, arguments.compare)
     check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.map, arguments.names))
     _check_earlier(arguments.output)
     with waiting("reading and measuring"):
@@ -107,7 +97,6 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.recording,
             agreement_options(arguments),
             arguments.compare,
-            judge_again,
         )
     with waiting("looking at images"):
         overlay = overlay_views(evaluation.solved, arguments.recording) if arguments.recording is not None else ()
@@ -128,28 +117,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.recording is not None:
         compare_lenses(evaluation.verdict, arguments.recording)
     return exit_code(evaluation.verdict)
-
-
-def _judge_settings() -> "type[JudgeSettings]":
-    from bodycam_ros.evaluate.solved_verdict import JudgeSettings
-
-    return JudgeSettings
-
-
-def _judge_again(arguments: argparse.Namespace) -> "VerdictSettings | None":
-    """Settings to judge again with, if that is asked for.
-
-    Raises:
-        SettingsError: settings are given, and judging again is not.
-    """
-    if arguments.judge_again:
-        return settings_from_flags(arguments, _judge_settings(), arguments.config).verdict
-    for name, value in vars(arguments).items():
-        if value is not None and (name == "config" or name.startswith("verdict.")):
-            raise SettingsError(
-                f"--{name} changes nothing: the verdict of the replay is repeated; give --judge-again too, or leave it"
-            )
-    return None
 
 
 def compare_lenses(verdict: "Verdict", recording: Path) -> None:

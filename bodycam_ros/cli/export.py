@@ -9,15 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.settings_flags import offer_settings
-from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.export.axes import UP_AXES
-from bodycam_ros.export.bone_names import BONE_NAMES
-from bodycam_ros.export.formats import FORMATS
-from bodycam_ros.export.options import HIGHEST_RATE, MotionOptions
-from bodycam_ros.export.rest_pose import REST_POSES
-from bodycam_ros.export.writing import export, export_all
+from bodycam_ros.formats.axes import UP_AXES
+from bodycam_ros.formats.bone_names import BONE_NAMES
+from bodycam_ros.formats.formats import FORMATS
+from bodycam_ros.formats.options import HIGHEST_RATE, MotionOptions
+from bodycam_ros.formats.rest_pose import REST_POSES
+from bodycam_ros.formats.writing import export, export_all
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.retargeting import RobotSettings

@@ -6,10 +6,10 @@ import math
 import numpy as np
 from rich.table import Table
 
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.settings_flags import settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.export.options import MotionOptions
+from bodycam_ros.formats.options import MotionOptions
 from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.robot.robot_recording import RobotSummary, write_robot

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from bodycam_ros.cli.pipeline_flags import add_jobs
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.sound_settings import SoundSettings
 from bodycam_ros.output_place import check_output
@@ -55,10 +54,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.ingest.ingest import find_cameras, ingest
-    from bodycam_ros.ingest.lens_check import lens_remarks
-    from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
-    from bodycam_ros.ingest.video_clocks import video_clocks
+    from bodycam_ros.ingest.clock_times import video_clocks
+    from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
+    from bodycam_ros.ingest.timing_picture import timing_table, write_timing_report
 
     settings = settings_from_flags(arguments, SoundSettings, arguments.config)
     report: Path = arguments.report or arguments.output.with_name(f"{arguments.output.name}_timing")

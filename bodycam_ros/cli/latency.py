@@ -85,8 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
-    from bodycam_ros.evaluate.latency import cost_of_image, latency_of
-    from bodycam_ros.evaluate.live_run import play_live
+    from bodycam_ros.evaluate.latency import cost_of_image, latency_of, play_live
 
     while True:
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import OutputError
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.output_place import check_file, check_output
@@ -55,7 +55,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.verdict_lines import WRONG_RESULT
+    from bodycam_ros.cli.tables import WRONG_RESULT
     from bodycam_ros.lens.board_detector import LensBoard
     from bodycam_ros.lens.calibration_picture import calibration_picture
     from bodycam_ros.lens.lens_calibration import calibrate_lens
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(calibration: "LensCalibration", name: str, board: str) -> str:
-    from bodycam_ros.camera.camera_info_yaml import camera_info_yaml
+    from bodycam_ros.camera.camera_info import camera_info_yaml
 
     camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
     camera.name = name

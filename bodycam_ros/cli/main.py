@@ -9,10 +9,10 @@ from importlib import import_module
 from io import TextIOWrapper
 
 from bodycam_ros import __version__
-from bodycam_ros.cli.command_parser import CommandParser
+from bodycam_ros.cli.command_parser import THE_WAY, CommandParser
 from bodycam_ros.cli.ending import Ending, let_go_of_the_terminal
-from bodycam_ros.cli.the_way import THE_WAY
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.shown import printable
 
 COMMANDS = {
@@ -69,6 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None, ending: Ending) -> int:
+    bound_inputs()
     # A name that is not UTF-8 must not keep a message from being printed.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

@@ -9,9 +9,8 @@ from rich.table import Table
 
 from bodycam_ros.cli.map_from_bag import known_distances
 from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
-from bodycam_ros.cli.pipeline_flags import add_jobs
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -50,8 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.mapping.build import build_map
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, measure_coverage
     from bodycam_ros.mapping.coverage_gaps import with_coverage
-    from bodycam_ros.mapping.coverage_picture import draw_coverage
     from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import check_replaceable
 
     settings = settings_from_flags(arguments, MapSettings, arguments.config)

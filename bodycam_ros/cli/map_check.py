@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -32,8 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.mapping.coverage import measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines
-    from bodycam_ros.mapping.coverage_picture import draw_coverage
     from bodycam_ros.mapping.map_settings import CheckSettings
+    from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import ReferenceMap
 
     settings = settings_from_flags(arguments, CheckSettings, arguments.config)

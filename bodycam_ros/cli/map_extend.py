@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from bodycam_ros.cli.pipeline_flags import add_recording_flags, pipeline_settings
-from bodycam_ros.cli.shown_progress import shown_progress
+from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.settings_flags import add_recording_flags, pipeline_settings
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -28,14 +28,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.extension_lines import print_rounds, shown_steps
-    from bodycam_ros.cli.told_progress import ToldProgress
-    from bodycam_ros.growth.rounds_picture import draw_rounds
+    from bodycam_ros.cli.lines import print_rounds, shown_steps
+    from bodycam_ros.cli.progress import ToldProgress
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
-    from bodycam_ros.mapping.coverage_picture import draw_coverage
+    from bodycam_ros.offline.extend import MapExtension
+    from bodycam_ros.plots.coverage_picture import draw_coverage
+    from bodycam_ros.plots.rounds_picture import draw_rounds
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-    from bodycam_ros.replay.extend import MapExtension
 
     settings = pipeline_settings(arguments)
     check_output(arguments.output, (arguments.map, arguments.recording, arguments.config))

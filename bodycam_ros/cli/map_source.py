@@ -14,8 +14,8 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
+    from bodycam_ros.mapping.frame_motion import MovingCamera
     from bodycam_ros.mapping.map_settings import MapSettings
-    from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
@@ -61,7 +61,7 @@ def check_source(arguments: argparse.Namespace) -> None:
         MapError: there is no source, or a flag that it has no use for.
         OutputError: the frames cannot be kept where they should.
     """
-    from bodycam_ros.mapping.chosen_frames import check_frames_replaceable
+    from bodycam_ros.mapping.frame_choice import check_frames_replaceable
 
     check_worn(arguments)
     if arguments.source is not None and not arguments.source.exists():
@@ -95,10 +95,9 @@ def photographs_of(
         BodycamError: the source cannot be read, or makes no photographs.
     """
     from bodycam_ros.lens.compared_lens import compare_lens
-    from bodycam_ros.mapping.bag_camera import BagCamera
-    from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
+    from bodycam_ros.mapping.carried_camera import BagCamera, VideoCamera
+    from bodycam_ros.mapping.frame_choice import keep_chosen_frames
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
-    from bodycam_ros.mapping.video_camera import VideoCamera
 
     if arguments.from_bag is not None:
         with worn_photographs_of(arguments, settings.worn, progress) as worn:

@@ -11,7 +11,7 @@ from bodycam_ros.mapping.progress import Progress
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.evaluation import Evaluation
-    from bodycam_ros.evaluate.outside_scene import OutsideFiles
+    from bodycam_ros.evaluate.outside_picture import OutsideFiles
 
 
 def add_outside_flags(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def outside_files(arguments: argparse.Namespace) -> "OutsideFiles | None":
     Raises:
         StationError: something is said without where they stand, or without their images.
     """
-    from bodycam_ros.evaluate.outside_scene import OutsideFiles
+    from bodycam_ros.evaluate.outside_picture import OutsideFiles
 
     if arguments.stations is None:
         for flag in ("surface", "map", "video"):
@@ -66,9 +66,8 @@ def outside_pictures(
         RecordingError: not a recording, or an image that cannot be decoded.
     """
     from bodycam_ros.evaluate.feet_picture import draw_feet, has_feet
-    from bodycam_ros.evaluate.outside_picture import draw_outside, outside_views
-    from bodycam_ros.evaluate.outside_scene import OutsideScene
-    from bodycam_ros.evaluate.outside_video import check_station, draw_outside_video
+    from bodycam_ros.evaluate.outside_picture import OutsideScene, draw_outside, outside_views
+    from bodycam_ros.evaluate.overlay_picture import check_station, draw_outside_video
     from bodycam_ros.evaluate.report_folder import FEET, OUTSIDE, VIDEO
 
     solved = evaluation.solved

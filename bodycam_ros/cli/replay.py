@@ -9,16 +9,16 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.pipeline_flags import add_pipeline_flags, pipeline_settings, positive
-from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
+from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
+from bodycam_ros.cli.settings_flags import add_pipeline_flags, pipeline_settings, positive
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
-    from bodycam_ros.growth.extension_round import ExtensionRound
-    from bodycam_ros.outside.outside_files import OutsideInput
-    from bodycam_ros.replay.replay_summary import ReplaySummary
+    from bodycam_ros.mapping.growth_settings import ExtensionRound
+    from bodycam_ros.offline.replay_summary import ReplaySummary
+    from bodycam_ros.static_cameras.start_file import OutsideInput
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -72,13 +72,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # What solves takes a second to load; --help does without.
-    from bodycam_ros.cli.extension_lines import shown_steps
-    from bodycam_ros.cli.verdict_lines import exit_code
+    from bodycam_ros.cli.lines import shown_steps
+    from bodycam_ros.cli.tables import exit_code
     from bodycam_ros.lens.recorded_lens import other_lenses
+    from bodycam_ros.offline.extend import replay_in_passes
+    from bodycam_ros.offline.measure_body import doubted_cameras
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
-    from bodycam_ros.replay.doubted_cameras import doubted_cameras
-    from bodycam_ros.replay.passes import replay_in_passes
 
     console = Terminal(stderr=True)
     settings = pipeline_settings(arguments)
@@ -121,10 +121,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", remarks: Sequence[str], output: Path) -> None:
-    from bodycam_ros.cli.clock_lines import print_clocks
-    from bodycam_ros.cli.equipment_tables import equipment_tables
-    from bodycam_ros.cli.extension_lines import print_rounds
-    from bodycam_ros.cli.verdict_lines import print_verdict
+    from bodycam_ros.cli.lines import print_clocks, print_rounds
+    from bodycam_ros.cli.tables import equipment_tables, print_verdict
     from bodycam_ros.evaluate.equipment_figures import equipment_figures
 
     if rounds:
@@ -155,7 +153,7 @@ def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
     Raises:
         StationError: it is said for none, nothing tells where the world is, or no map is there to grow in passes.
     """
-    from bodycam_ros.outside.outside_files import OutsideInput
+    from bodycam_ros.static_cameras.start_file import OutsideInput
 
     if arguments.map is None and arguments.passes > 1:
         raise StationError("--passes lets a reference map grow before the last pass: say which with --map")
@@ -173,7 +171,7 @@ def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
 
 
 def _table(summary: "ReplaySummary") -> Table:
-    from bodycam_ros.cli.verdict_lines import camera_styles
+    from bodycam_ros.cli.tables import camera_styles
 
     table = Table(
         "camera",

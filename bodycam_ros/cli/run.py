@@ -4,13 +4,10 @@ import argparse
 import shlex
 from pathlib import Path
 
-from bodycam_ros.cli.pipeline_flags import add_jobs
+from bodycam_ros.cli.settings_flags import add_jobs
 from bodycam_ros.shown import printable
+from bodycam_ros.study.steps import LAYOUT, DoneSteps, RecordingFolder, Step, state_of, steps_of
 from bodycam_ros.terminal import Terminal
-from bodycam_ros.workflow.done_steps import DoneSteps, state_of
-from bodycam_ros.workflow.folder_steps import steps_of
-from bodycam_ros.workflow.recording_folder import LAYOUT, RecordingFolder
-from bodycam_ros.workflow.step import Step
 
 _END = f"""
 A RECORDING_DIR holds

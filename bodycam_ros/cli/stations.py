@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
-from bodycam_ros.cli.shown_progress import shown_progress
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.outside.station_registration import RegisteredStation
-    from bodycam_ros.outside.station_settings import StationsSettings
+    from bodycam_ros.static_cameras.station_registration import RegisteredStation
+    from bodycam_ros.static_cameras.stations_file import StationsSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -34,11 +34,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.outside.station_settings import StationsSettings
-    from bodycam_ros.outside.stations_file import MARK, write_stations
+    from bodycam_ros.offline.outside_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-    from bodycam_ros.replay.place_stations import UnplacedCamera, place_stations
+    from bodycam_ros.static_cameras.stations_file import MARK, StationsSettings, write_stations
 
     settings = settings_from_flags(arguments, StationsSettings, arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
@@ -73,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _settings() -> "type[StationsSettings]":
-    from bodycam_ros.outside.station_settings import StationsSettings
+    from bodycam_ros.static_cameras.stations_file import StationsSettings
 
     return StationsSettings
 

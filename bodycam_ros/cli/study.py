@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from bodycam_ros.cli.pipeline_flags import positive
+from bodycam_ros.cli.settings_flags import positive
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.study.corrected_bodies import CorrectedBodies
-    from bodycam_ros.study.recording_result import RecordingResult
     from bodycam_ros.study.snakemake_process import SnakemakeProcess
-    from bodycam_ros.study.study_steps import StudySteps
+    from bodycam_ros.study.study import StudySteps
+    from bodycam_ros.study.study_report import RecordingResult
     from bodycam_ros.study.workflow_folder import WorkflowFolder
 
 _END = """
@@ -61,14 +61,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.study.cluster_profile import profile_folder
     from bodycam_ros.study.corrected_bodies import CorrectedBodies
     from bodycam_ros.study.job_resources import JobResources
-    from bodycam_ros.study.snakemake_process import SnakemakeProcess, check_snakemake
+    from bodycam_ros.study.snakemake_process import SnakemakeProcess, check_snakemake, profile_folder
+    from bodycam_ros.study.study import study_steps
     from bodycam_ros.study.study_file import read_study
-    from bodycam_ros.study.study_lock import study_lock
-    from bodycam_ros.study.study_steps import study_steps
-    from bodycam_ros.study.workflow_folder import WorkflowFolder, folder_of, stages_of
+    from bodycam_ros.study.workflow_folder import WorkflowFolder, folder_of, stages_of, study_lock
 
     study = read_study(arguments.study)
     folder = WorkflowFolder.at(arguments.output or folder_of(arguments.study), study)
@@ -116,7 +114,7 @@ def _tell_plan(process: "SnakemakeProcess") -> int:
 
 def _run(process: "SnakemakeProcess", folder: "WorkflowFolder", steps: "StudySteps", bodies: "CorrectedBodies") -> None:
     """Run it, with a line a job that has ended."""
-    from bodycam_ros.study.recording_result import failure_of
+    from bodycam_ros.study.study_report import failure_of
 
     by_name = {step.name: step for step in steps}
     begun: dict[str, float] = {}
@@ -144,8 +142,7 @@ def _run(process: "SnakemakeProcess", folder: "WorkflowFolder", steps: "StudySte
 
 def _report(folder: "WorkflowFolder", steps: "StudySteps") -> int:
     """Write the page and print its table."""
-    from bodycam_ros.study.recording_result import results_of
-    from bodycam_ros.study.study_report import PAGE, counted, told_failure, write_study_report
+    from bodycam_ros.study.study_report import PAGE, counted, results_of, told_failure, write_study_report
 
     results = results_of(folder.study, folder, steps)
     write_study_report(folder.study.path.stem, results, folder.path)
@@ -162,7 +159,7 @@ def _report(folder: "WorkflowFolder", steps: "StudySteps") -> int:
 
 
 def _table(results: "Sequence[RecordingResult]") -> Table:
-    from bodycam_ros.study.study_columns import shown_columns
+    from bodycam_ros.study.study_report import shown_columns
 
     columns = shown_columns(results)
     table = Table("recording", "subject", "place", "verdict", *(column.heading for column in columns))

@@ -77,8 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.from_camera is not None:
         raise ViewError(f"--from {shown(arguments.from_camera)}: is for --video; say where to write it")
     # The web server takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.view.detail import COARSE, FINE
-    from bodycam_ros.view.session import view
+    from bodycam_ros.viewer.footage import COARSE, FINE
+    from bodycam_ros.viewer.session import view
 
     view(
         arguments.solved,
@@ -95,10 +95,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write_film(arguments: argparse.Namespace) -> None:
-    from bodycam_ros.cli.shown_progress import shown_progress
+    from bodycam_ros.cli.progress import shown_progress
     from bodycam_ros.terminal import Terminal
-    from bodycam_ros.view.film import write_film
-    from bodycam_ros.view.sources import Sources
+    from bodycam_ros.viewer.film import write_film
+    from bodycam_ros.viewer.sources import Sources
 
     if arguments.compare is not None:
         raise ViewError("--compare: is shown in the page alone; leave out --video, or compare without it")
@@ -118,14 +118,14 @@ def _view_live(arguments: argparse.Namespace) -> None:
     if told := [name for name, value in given.items() if value is not None]:
         raise ViewError(f"--live: the running graph says where the body is; leave out {', '.join(told)}")
     try:
-        listener = import_module("bodycam_ros.nodes.body_listener").BodyListener
+        listener = import_module("bodycam_ros.nodes.body_topics").BodyListener
     except ImportError as error:
         raise ViewError(
             f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
             "wheels that 'make test' installs"
         ) from error
-    from bodycam_ros.view.detail import COARSE, FINE
-    from bodycam_ros.view.live_session import view_live
+    from bodycam_ros.viewer.footage import COARSE, FINE
+    from bodycam_ros.viewer.live_session import view_live
 
     heard = partial(listener, namespace=arguments.namespace)
     view_live(heard, arguments.map, arguments.port, COARSE if arguments.coarse else FINE)

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.equipment.equipment import Attachment, Equipment
-from bodycam_ros.equipment.unknown_lengths import UnknownLengths
+from bodycam_ros.body.equipment import Attachment, Equipment, UnknownLengths
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.equipment_fit import HeldPoints
 from bodycam_ros.geometry import transform_points

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.sole import sole_points
+from bodycam_ros.body.body_model import BodyModel, sole_points
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.between_instants import StandingPoint
+from bodycam_ros.estimation.motion_model import StandingPoint
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.settings import setting

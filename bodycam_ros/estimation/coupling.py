@@ -13,19 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_report import EquipmentReport
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachment_watch import AttachmentWatch, Holding
 from bodycam_ros.estimation.belief import Coordinates
-from bodycam_ros.estimation.camera_evidence import SegmentPose, poses_as_seen
-from bodycam_ros.estimation.coasting import coasting
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
-from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldPoints, Prior
-from bodycam_ros.estimation.equipment_memory import SeenInstants
-from bodycam_ros.estimation.equipment_motion import EquipmentMotion
-from bodycam_ros.estimation.equipment_place import EquipmentPlace
-from bodycam_ros.estimation.equipment_places import EquipmentPlaces
-from bodycam_ros.estimation.measurements import JointRotations, SegmentPoses
+from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldPoints, Prior, SeenInstants
+from bodycam_ros.estimation.equipment_motion import EquipmentMotion, coasting
+from bodycam_ros.estimation.equipment_place import EquipmentPlace, EquipmentPlaces
+from bodycam_ros.estimation.measurements import JointRotations, SegmentPoses, poses_as_seen
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
 from bodycam_ros.estimation.search_pacing import SearchPacing
 from bodycam_ros.geometry import inverse

@@ -6,15 +6,14 @@ contradicts the others is found here before it could bend anybody. Where it stan
 same at all instants; a Schur complement eliminates the rest.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.equipment.equipment import Attachment, Equipment
-from bodycam_ros.equipment.unknown_lengths import UnknownLengths
-from bodycam_ros.estimation.equipment_chain import EquipmentChain
+from bodycam_ros.body.equipment import Attachment, Equipment, UnknownLengths
+from bodycam_ros.estimation.equipment_motion import EquipmentChain
 from bodycam_ros.geometry import hat, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
 
@@ -267,3 +266,51 @@ def _diagonal(H: Array, columns: slice) -> Array:
     """View (T, F) of the diagonals of matrices (T, n, n) in some columns."""
     diagonal: Array = np.einsum("tii->ti", H[:, columns, columns])
     return diagonal
+
+
+_LEARN_HZ = 10.0
+"""Rate of the instants that the fit keeps at first; neighbours say nothing new."""
+
+_MOST = 200
+"""Instants that are kept, spread over all that was seen: the time of a fit grows with them."""
+
+_LEARN_EVERY_S = 0.5
+"""Of seen motion, before what is unknown of the equipment is fitted anew."""
+
+
+class SeenInstants:
+    """Instants at which the body was seen to hold the equipment."""
+
+    def __init__(self) -> None:
+        self._instants: list[tuple[HeldPoints, Array]] = []
+        self._kept_ns, self._period_ns, self._new_s = -(1 << 62), 1e9 / _LEARN_HZ, 0.0
+
+    def add(self, stamp_ns: int, held: HeldPoints, poses: Array) -> bool:
+        """Keep an instant, if it says something new; whether it is time to fit."""
+        if stamp_ns - self._kept_ns < 0.99 * self._period_ns or not any(h[0] for h in held.holds.values()):
+            return False
+        self._kept_ns = stamp_ns
+        self._instants.append((held, poses.copy()))
+        self._new_s += 1e-9 * self._period_ns
+        if len(self._instants) > _MOST:
+            # All that was seen, at half the rate.
+            self._instants = self._instants[::2]
+            self._period_ns *= 2.0
+        if self._new_s < _LEARN_EVERY_S:
+            return False
+        self._new_s = 0.0
+        return True
+
+    def fit(self, fit: EquipmentFit, lengths: Array) -> FittedEquipment:
+        """What stands still and the lengths, fitted to all instants that are kept."""
+        held = _together(held for held, _ in self._instants)
+        start = np.stack([poses for _, poses in self._instants])
+        return fit.solve(start, lengths, held)
+
+
+def _together(instants: Iterable[HeldPoints]) -> HeldPoints:
+    all_of = list(instants)
+    return HeldPoints(
+        {name: np.concatenate([held.points[name] for held in all_of]) for name in all_of[0].points},
+        {name: np.concatenate([held.holds[name] for held in all_of]) for name in all_of[0].holds},
+    )

@@ -6,37 +6,68 @@ fitted; going backwards each takes over what later ones know. Delay 0, 2, 4 fram
 far back that goes.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, BodyNow, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.belief import Belief, Coordinates, Link
-from bodycam_ros.estimation.between_instants import freed, given, turns_since
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyNow, BodyState
-from bodycam_ros.estimation.body_uncertainty import body_uncertainty
-from bodycam_ros.estimation.camera_evidence import EvidenceSettings, MountedCameras, SegmentPose
+from bodycam_ros.estimation.belief import Belief, Coordinates, Link, body_uncertainty
 from bodycam_ros.estimation.camera_judge import REFUSED, judge
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.first_poses import first_poses
-from bodycam_ros.estimation.instant import Instant, Step, smoothed
-from bodycam_ros.estimation.looking_on import LookingOn
-from bodycam_ros.estimation.measurements import SLIDES_M, ClosedJoint, InstantFit, Measured, SegmentPoses
-from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
+from bodycam_ros.estimation.instant import Instant, Step, first_poses, smoothed
+from bodycam_ros.estimation.looking_on import LookingOn, Onlookers
+from bodycam_ros.estimation.measurements import (
+    SLIDES_M,
+    ClosedJoint,
+    EvidenceSettings,
+    InstantFit,
+    Measured,
+    MountedCameras,
+    SegmentPoses,
+)
+from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings, freed, given, turns_since
 from bodycam_ros.estimation.pose_prior import PosePrior
-from bodycam_ros.estimation.seen_body import Onlookers
-from bodycam_ros.estimation.silence import Silence
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.estimation.whole_recording import WholeRecording
+from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
+
+_REMEMBERED = 15  # frames whose period is remembered: a single odd one does not count
+_SILENT = 1.5  # periods: one missed image is at two
+
+
+class Silence:
+    """Learns the period of the cameras by their own stamps, so that cameras that run freely do not look faster.
+
+    Args:
+        max_pause_s: a longer silence is not filled.
+    """
+
+    def __init__(self, max_pause_s: float) -> None:
+        self._max_pause_ns = 1e9 * max_pause_s
+        self._periods_ns: deque[float] = deque(maxlen=_REMEMBERED)
+        self._last_ns: int | None = None
+
+    def missing(self, frame: BodyFrame) -> tuple[int, ...]:
+        """Stamps [ns] between the instant before and this one at which images are missing."""
+        last_ns, self._last_ns = self._last_ns, frame.stamp_ns
+        own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
+        period_ns = median(self._periods_ns) if self._periods_ns else None
+        if own_ns:
+            self._periods_ns.append(median(own_ns))
+        pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0
+        if period_ns is None or not _SILENT * period_ns < pause_ns <= self._max_pause_ns or last_ns is None:
+            return ()
+        steps = round(pause_ns / period_ns)
+        return tuple(last_ns + round(pause_ns * step / steps) for step in range(1, steps))
+
 
 Mask = NDArray[np.bool_]
 

@@ -1,18 +1,19 @@
 """One instant of the chain: what was measured, what is believed of it, and what its state still waits for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyUncertainty, SegmentPose
 from bodycam_ros.estimation.attachment_watch import Holding
 from bodycam_ros.estimation.belief import Belief, Link
-from bodycam_ros.estimation.between_instants import Between
-from bodycam_ros.estimation.body_uncertainty import BodyUncertainty
 from bodycam_ros.estimation.looking_on import ToldJoints
 from bodycam_ros.estimation.measurements import Measured
-from bodycam_ros.geometry import Array
+from bodycam_ros.estimation.motion_model import Between
+from bodycam_ros.geometry import Array, inverse, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 Mask = NDArray[np.bool_]
@@ -106,3 +107,21 @@ def smoothed(instants: Sequence[Instant], tangent: TreeTangent) -> list[Belief]:
         assert later.step.link is not None  # only the first has none
         beliefs.append(later.step.link.smoothed(tangent, beliefs[-1], covariance=False))
     return beliefs[::-1]
+
+
+def first_poses(body: BodyModel, evidence: Collection[SegmentPose]) -> Array:
+    """Poses (S, 4, 4) of a body of which some segments are seen; joints between these need not be closed."""
+    poses: dict[str, Array] = {}
+    for seen in evidence:
+        poses.setdefault(seen.segment, seen.world_T_segment)
+    joints = body.tree_joints
+    while len(poses) < len(body.segments):
+        for joint in (*joints, *reversed(joints)):
+            parent_T_child = joint.parent_T_joint @ joint.joint_T_child
+            if joint.parent in poses and joint.child not in poses:
+                poses[joint.child] = poses[joint.parent] @ parent_T_child
+            elif joint.child in poses and joint.parent not in poses:
+                poses[joint.parent] = poses[joint.child] @ inverse(parent_T_child)
+    all_poses = np.stack([poses[segment] for segment in body.segments])
+    all_poses[:, :3, :3] = nearest_rotation(all_poses[:, :3, :3])
+    return all_poses

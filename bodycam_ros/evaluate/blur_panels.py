@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from bodycam_ros.drawing.picture_style import LANDMARKS, QUIET, WARNING, light_grid, panel_title, side_colour
-from bodycam_ros.evaluate.blur import BlurClass, blur_classes
+from bodycam_ros.evaluate.brightness import BlurClass, blur_classes
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.plots.picture_style import LANDMARKS, QUIET, WARNING, light_grid, panel_title, side_colour
 
 _NARROW_RANGE = (0.5, 2.0)
 """Of the brightness scale at least: light that stays shall look so."""

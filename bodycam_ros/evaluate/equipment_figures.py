@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.equipment.equipment_record import EquipmentRecord
-from bodycam_ros.evaluate.measures import Distribution
+from bodycam_ros.body.equipment_report import EquipmentRecord
+from bodycam_ros.evaluate.comparison import Distribution
 
 _MM_PER_M = 1000.0
 

@@ -5,11 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from bodycam_ros.drawing.picture_style import QUIET, light_grid, panel_title, side_colour
-from bodycam_ros.equipment.equipment_record import EquipmentRecord
+from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.evaluate.time_panels import broken_at_gaps
-from bodycam_ros.solved.solved_recording import SolvedRecording
+from bodycam_ros.plots.picture_style import QUIET, light_grid, panel_title, side_colour
+from bodycam_ros.results.solved_recording import SolvedRecording
 
 _DASHES: tuple[tuple[int, tuple[int, ...]], ...] = ((0, ()), (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 """Of what is held, by its name without the side."""

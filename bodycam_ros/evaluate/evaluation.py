@@ -8,22 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import health
-from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
-from bodycam_ros.evaluate.agreement.agreement import Agreement
-from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
+from bodycam_ros.evaluate.agree import AgreementOptions, agree
+from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.brightness import Brightness, brightness
 from bodycam_ros.evaluate.comparison import Comparison
-from bodycam_ros.evaluate.constraint.held_points import WithAndWithout, with_and_without
+from bodycam_ros.evaluate.gait import Gait, solved_gait, true_gait
 from bodycam_ros.evaluate.health import CameraHealth
+from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.walking.gait import Gait
-from bodycam_ros.evaluate.walking.gait_of import solved_gait, true_gait
+from bodycam_ros.evaluate.truth_as_captured import compare_with_truth
+from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
-from bodycam_ros.other_systems.read_captured import is_captured, read_captured
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,6 @@ def evaluate(
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
     without_path: Path | None = None,
-    judge_again: VerdictSettings | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -88,7 +86,6 @@ def evaluate(
             and which shows how bright it was.
         options: how that is compared; by default by a similarity, and by the same clock if it is a recording's truth.
         without_path: bag of the same recording solved without the equipment.
-        judge_again: thresholds of a verdict other than the stored one.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -125,7 +122,7 @@ def evaluate(
         jitter=health.jitter(solved),
         sliding=sliding(solved),
         brightness={} if recording_path is None else brightness(solved, recording_path),
-        verdict=solved_verdict(solved, models, judge_again),
+        verdict=solved_verdict(solved, models),
         comparison=comparison,
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
         agreement=agreement,

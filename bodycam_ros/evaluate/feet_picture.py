@@ -10,13 +10,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bodycam_ros.drawing.picture_style import QUIET, TRUTH, TYPOGRAPHY, side_colour
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.sliding import feet_of, sole_of
 from bodycam_ros.evaluate.space_axes import frame_space
 from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.evaluate.time_panels import broken_at_gaps
 from bodycam_ros.geometry import Array
+from bodycam_ros.plots.picture_style import QUIET, TRUTH, TYPOGRAPHY, side_colour
 
 _BALL = 1  # of heel and ball
 _TURNS_DEG = {"from ahead and the right": 55.0, "from ahead and the left": -40.0}

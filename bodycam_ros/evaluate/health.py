@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.drawing.overlay import Overlay
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.blur import image_motion
-from bodycam_ros.evaluate.measures import Distribution, distance_in_time
+from bodycam_ros.evaluate.brightness import image_motion
+from bodycam_ros.evaluate.comparison import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.plots.overlay import Overlay
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.camera_sight import CameraSight
-from bodycam_ros.solved.camera_record import CameraRecord
-from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.solved.trajectory import interpolated
-from bodycam_ros.timing.clock_history import ClockHistory
+from bodycam_ros.registration.map_photographs import CameraSight
+from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.results.camera_record import CameraRecord
+from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.timing.clock_state import ClockHistory
 
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _EVEN_SHARE = 0.2

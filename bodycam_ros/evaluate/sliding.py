@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.sole import sole_points
+from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.estimation.contact import MAX_HEIGHT_M, ContactSettings
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.geometry import Array, transform_points
-from bodycam_ros.solved.solved_recording import SolvedRecording
+from bodycam_ros.results.solved_recording import SolvedRecording
 
 _SHORTEST_NS = 100_000_000
 _FIRM_NS = 200_000_000

@@ -1,7 +1,6 @@
 """The verdict on a solved recording: the one that its replay stored, or judged again from what its bag has."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,57 +9,37 @@ from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.joint import Joint, JointType
+from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.solved.solved_recording import SolvedRecording
-from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.agreement import AgreementLog
-from bodycam_ros.verdict.equipment_findings import equipment_findings
-from bodycam_ros.verdict.judge import judge
-from bodycam_ros.verdict.verdict import Verdict, VerdictSettings
+from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.verdict import Verdict
 
 _AHEAD_NS = 200_000_000
 """Registrations that are heard before an instant's body: a camera's place then lies between two of them."""
 
 
-@dataclass(frozen=True)
-class JudgeSettings(SettingsGroups):
-    """Settings of ``bodycam evaluate --judge-again``."""
-
-    verdict: VerdictSettings = VerdictSettings()
-
-
-def solved_verdict(
-    solved: SolvedRecording, models: Mapping[str, CameraModel], settings: VerdictSettings | None = None
-) -> Verdict:
-    """The stored verdict; judged from the bag where none is stored, or with other settings.
-
-    What a replay found of equipment and static cameras depends on no setting and on files that are not in the bag: it
-    is kept when cameras are judged again.
+def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:
+    """The stored verdict; judged from the bag where none is stored, as in one of the live graph.
 
     Args:
         solved: the recording.
         models: camera -> its model, for what landmarks show of the lens; without them that stays unknown.
-        settings: thresholds to judge again with; None: no more than is needed.
 
     Raises:
         RecordingError: the bag is damaged.
     """
-    stored = solved.stored_verdict
-    if stored is not None and settings is None:
-        return stored.verdict
-    judged = _judge_cameras(solved, models, settings or VerdictSettings())
-    if stored is None:
-        kept = equipment_findings(solved.equipment)
-    else:
-        kept = tuple(finding for finding in stored.verdict.findings if finding.part != "camera")
-    return Verdict.of((*judged.findings, *kept))
+    if solved.stored_verdict is not None:
+        return solved.stored_verdict
+    return Verdict.of((*_judge_cameras(solved, models).findings, *equipment_findings(solved.equipment)))
 
 
-def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel], settings: VerdictSettings) -> Verdict:
+def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:
     body = published_body(solved.urdf)
-    log = AgreementLog(body, models, settings, PoseFitSettings().inlier_px)
+    log = AgreementLog(body, models, PoseFitSettings().inlier_px)
     world_T_segment = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)
     registrations = _registrations(solved, models)
     waiting = next(registrations, None)
@@ -72,7 +51,7 @@ def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel], s
     while waiting is not None:
         _add(log, *waiting)
         waiting = next(registrations, None)
-    return judge(log.agreement(), body, settings)
+    return judge(log.agreement(), body)
 
 
 def published_body(urdf: UrdfTree) -> BodyModel:

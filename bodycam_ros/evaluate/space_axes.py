@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.drawing.picture_style import FAINT
 from bodycam_ros.geometry import Array
+from bodycam_ros.plots.picture_style import FAINT
 
 _ELEVATION_DEG = 16.0
 _FOCAL_LENGTH = 0.6  # of matplotlib's camera: the nearer foot is seen to be larger

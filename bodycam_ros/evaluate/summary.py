@@ -7,20 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
-from bodycam_ros.evaluate.blur import blur_classes
-from bodycam_ros.evaluate.brightness import Brightness
-from bodycam_ros.evaluate.comparison import Comparison
-from bodycam_ros.evaluate.constraint.constraint_section import constraint_figures
+from bodycam_ros.evaluate.agree import agreement_figures
+from bodycam_ros.evaluate.brightness import Brightness, blur_classes
+from bodycam_ros.evaluate.comparison import Comparison, Distribution
+from bodycam_ros.evaluate.constraint_section import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.gait_section import gait_figures
 from bodycam_ros.evaluate.health import CameraHealth
-from bodycam_ros.evaluate.measures import Distribution
 from bodycam_ros.evaluate.sliding import Sliding
-from bodycam_ros.evaluate.walking.gait_figures import gait_figures
-from bodycam_ros.solved.station_record import StationRecord
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.verdict.verdict import Verdict
+from bodycam_ros.results.camera_record import StationRecord
+from bodycam_ros.timing.clock_state import ClockHistory
+from bodycam_ros.verdict import Verdict
 
 CM_PER_M, MM_PER_M = 100.0, 1000.0
 MS_PER_S, PPM = 1000.0, 1e6

@@ -9,18 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 
-from bodycam_ros.drawing.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
 from bodycam_ros.evaluate.blur_panels import draw_blur, draw_brightness
+from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.evaluate.measures import Distribution
-from bodycam_ros.evaluate.sight_panel import draw_sights
-from bodycam_ros.evaluate.station_panel import draw_stations
+from bodycam_ros.evaluate.figure_panel import draw_figures, draw_sights, draw_stations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
-from bodycam_ros.verdict.verdict import Level, Verdict
+from bodycam_ros.plots.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
+from bodycam_ros.verdict import Level, Verdict
 
 _VERDICT_COLOURS = {Level.GOOD: GOOD, Level.DOUBTFUL: CAUTION, Level.WRONG: WARNING}
 _MOST_LETTERS = 150

@@ -11,7 +11,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from bodycam_ros.drawing.picture_style import (
+from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.summary import MM_PER_M
+from bodycam_ros.geometry import Array
+from bodycam_ros.plots.picture_style import (
     INK,
     LEFT,
     QUIET,
@@ -22,11 +26,7 @@ from bodycam_ros.drawing.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.evaluate.comparison import Comparison
-from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.summary import MM_PER_M
-from bodycam_ros.geometry import Array
-from bodycam_ros.solved.solved_recording import GAP_FRAMES, SolvedRecording
+from bodycam_ros.results.solved_recording import GAP_FRAMES, SolvedRecording
 
 LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
 """Joint -> the kind of segment that it moves."""

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array
-from bodycam_ros.other_systems.tum_file import read_tum
-from bodycam_ros.solved.trajectory import interpolated
+from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.yaml_file import read_yaml
 
 _TRUTH = "truth"

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.clap_places import Listener, places_of
-from bodycam_ros.ingest.clock_fit import Clocks, HeardSounds, fit_clocks
-from bodycam_ros.ingest.common_sounds import SoundGroup, common_sounds, heard_sounds, worthiest
+from bodycam_ros.ingest.offset_agreement import Clocks, HeardSounds, fit_clocks
 from bodycam_ros.ingest.sound_peaks import CameraSound, SoundPeak
 from bodycam_ros.ingest.sound_settings import ClapSettings, ClockSettings
+from bodycam_ros.ingest.whole_sound import SoundGroup, common_sounds, heard_sounds, worthiest
 
 _LOOKS = 3  # places, then clocks, then exact arrivals: each look groups peaks by what the one before found
 

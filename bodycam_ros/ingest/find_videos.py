@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.video.video_file import SUFFIXES
+from bodycam_ros.recording.video_file import SUFFIXES
 
 _GOPRO_FIRST = re.compile(r"(?P<kind>G[HXL])(?P<chapter>\d\d)(?P<number>\d{4})", re.IGNORECASE)
 _GOPRO_OLD = re.compile(r"(?P<kind>GOPR|GP(?P<chapter>\d\d))(?P<number>\d{4})", re.IGNORECASE)

@@ -1,8 +1,16 @@
 """The messages of one camera in order of time, as they go into the bag."""
 
+import heapq
 import math
-from collections.abc import Iterator
+import os
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from threading import Event
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -10,13 +18,12 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
-from bodycam_ros.messages.camera_info import camera_info_message
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import header_message, optical_frame, time_message
+from bodycam_ros.messages.factory import Message, header_message, optical_frame, time_message
+from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
-from bodycam_ros.video.upright_frames import h264_packets, jpegs
-from bodycam_ros.video.video_file import TimedPacket
+from bodycam_ros.recording.video_decoder import h264_packets, jpegs
+from bodycam_ros.recording.video_file import TimedPacket
 
 _INFO_EVERY_NS = 1_000_000_000
 """A reader that begins in the middle of a bag needs not wait for the lens."""
@@ -165,3 +172,96 @@ class FrameStream:
 def _stamped(stamp_ns: int, topic: str, message: Message) -> StampedMessage:
     cdr = bytes(recording_typestore().serialize_cdr(message, message.__msgtype__))
     return StampedMessage(stamp_ns, topic, message.__msgtype__, cdr)
+
+
+T = TypeVar("T")
+
+_QUEUE_LENGTH = 16
+_POLL_S = 0.2
+
+
+@contextmanager
+def merged_ahead(streams: Sequence[Iterator[T]], order: Callable[[T], int], jobs: int) -> Iterator[Iterator[T]]:
+    """Merge ordered streams, each made on a thread of its own.
+
+    The heavy work, to decode and to compress, leaves Python to the other threads meanwhile. An error in a stream is
+    raised where its item would have come; however the block ends, all threads have ended after it.
+
+    Args:
+        streams: what to merge; each is used by one thread only.
+        order: of an item.
+        jobs: threads that may work at the same time.
+    """
+    stopped = threading.Event()
+    turn = threading.Semaphore(jobs)
+    producers = [_Producer(stream, turn, stopped) for stream in streams]
+    try:
+        yield heapq.merge(*(producer.items() for producer in producers), key=order)
+    finally:
+        stopped.set()
+        for producer in producers:
+            producer.thread.join()
+
+
+class _Producer(Generic[T]):
+    def __init__(self, stream: Iterator[T], turn: threading.Semaphore, stopped: threading.Event) -> None:
+        self._stream = stream
+        self._turn = turn
+        self._stopped = stopped
+        self._made: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_LENGTH)
+        self.thread = threading.Thread(target=self._make, daemon=True)
+        self.thread.start()
+
+    def items(self) -> Iterator[T]:
+        while True:
+            made = self._made.get()
+            if isinstance(made, BaseException):
+                raise made
+            if not made:
+                return
+            yield from made
+
+    def _make(self) -> None:
+        try:
+            while not self._stopped.is_set():
+                with self._turn:
+                    item = next(self._stream, None)
+                self._put([] if item is None else [item])
+                if item is None:
+                    return
+        except BaseException as error:  # whatever it is, it is raised where the stream is read
+            self._put(error)
+
+    def _put(self, made: list[T] | BaseException) -> None:
+        while not self._stopped.is_set():
+            try:
+                return self._made.put(made, timeout=_POLL_S)
+            except queue.Full:
+                continue
+
+
+def for_each_camera(
+    cameras: Iterable[str], work: Callable[[str, Event], T], on_done: Callable[[int, int], None]
+) -> dict[str, T]:
+    """Camera -> what the work for it came to.
+
+    Args:
+        cameras: names.
+        work: done in threads; it should look at the event now and then, and end once it is set: Ctrl-C must not wait
+            for two hours of video.
+        on_done: told how many are done, and of how many, from the calling thread.
+    """
+    ended = Event()
+    results: dict[str, T] = {}
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        waiting = {camera: pool.submit(work, camera, ended) for camera in cameras}
+        try:
+            for done, (camera, result) in enumerate(waiting.items()):
+                on_done(done, len(waiting))
+                results[camera] = result.result()
+        except BaseException:
+            ended.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+        on_done(len(waiting), len(waiting))
+    return results

@@ -1,19 +1,26 @@
 """Videos of cameras in, one bag out, in the time of one of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
+from threading import Event
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.clock_times import sane
 from bodycam_ros.ingest.find_videos import find_videos
-from bodycam_ros.ingest.frame_stream import FrameStream
+from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
-from bodycam_ros.ingest.read_ahead import merged_ahead
+from bodycam_ros.lens.lens_match import LensMatch, lens_match
+from bodycam_ros.lens.lens_watch import followed_pairs
 from bodycam_ros.recording.bag_writer import INGEST, check_ingested, write_recording
-from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.video_file import grey_pixels
 
 EPOCH = datetime(2020, 1, 1, tzinfo=UTC)
 """Time 0 of a recording whose reference does not know when it was."""
@@ -192,3 +199,36 @@ def _remarks(stream: FrameStream) -> list[str]:
 def _left_out(stream: FrameStream) -> str:
     why = stream.tally.fault or f"none of the frames of {stream.camera.video.path} can be read"
     return f"camera {stream.camera.name}: left out: {why}"
+
+
+_PAIRS = 8
+_MOST_FRAMES = 900
+"""A camera that lies still all that time is not waited for."""
+
+
+def lens_remarks(cameras: Sequence[IngestCamera], on_progress: Callable[[int, int], None]) -> list[str]:
+    """A line for each camera whose points say that its lens is another, with the likely mode.
+
+    Args:
+        cameras: all of them.
+        on_progress: told how many are done, and of how many.
+    """
+    by_name = {camera.name: camera for camera in cameras}
+    matches = for_each_camera(by_name, lambda name, ended: _match(by_name[name], ended), on_progress)
+    return [matches[name].text for name in by_name if not matches[name].matches]
+
+
+def _match(camera: IngestCamera, ended: Event) -> LensMatch:
+    try:
+        pairs = list(followed_pairs(_upright(camera, ended), _PAIRS))
+    except RecordingError:  # named when it is written
+        pairs = []
+    return lens_match(camera.lens, pairs)
+
+
+def _upright(camera: IngestCamera, ended: Event) -> Iterator[NDArray[np.uint8]]:
+    turns = camera.video.facts.rotation_deg // 90
+    for _, frame in islice(camera.video.frames(threads=1), _MOST_FRAMES):
+        if ended.is_set():
+            return
+        yield np.ascontiguousarray(np.rot90(grey_pixels(frame), turns))

@@ -9,7 +9,7 @@ from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles
-from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.recording.camera_video import CameraVideo
 
 _NAME_OF_TOPIC = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 

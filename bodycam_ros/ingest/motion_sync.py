@@ -1,6 +1,6 @@
 """Clocks of cameras on one body from how they turned: where there is no sound, or more exactly than the sound.
 
-Cameras of one segment turn alike, so their clocks agree to a fraction of a frame (``rigid_lag``). A segment turns
+Cameras of one segment turn alike, so their clocks agree to a fraction of a frame (``pair_lags``). A segment turns
 somewhat as the one that it hangs on: that tells which second, and hundredths of it (``motion_correlation``).
 """
 
@@ -13,11 +13,10 @@ import numpy as np
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.clock_adjustment import adjust_clocks
 from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, OffsetCurve, chance_curve, even_motion, offset_curve
-from bodycam_ros.ingest.motion_sync_settings import MotionSyncSettings
-from bodycam_ros.ingest.offset_agreement import AgreedOffset, Pair, agreed_offsets
+from bodycam_ros.ingest.offset_agreement import AgreedOffset, Pair, adjust_clocks, agreed_offsets
 from bodycam_ros.ingest.pair_lags import linked_lags, rigid_lags
+from bodycam_ros.ingest.sound_settings import MotionSyncSettings
 
 _LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
 _SEARCH_WINDOW_S = 0.1  # the search is right to some hundredths of a second

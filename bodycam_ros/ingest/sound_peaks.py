@@ -1,19 +1,78 @@
 """Sudden sounds of one camera: when, how loud against what was before, how sharp, and their waveform (A section 3).
 
 A sound of any length goes through in pieces; what is kept of it grows by some kilobytes a second at most.
+
+Where claps are made is not known: by a clapper board in somebody's hands, as in A, or by the wearer's own. The first
+reaches all cameras within the 2 to 3 ms that a body is long, and in what order nothing tells. If the wearer clapped,
+ordinary proportions tell the larger part, and what is left is people's size and bearing.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import resample
+from scipy.signal import butter, resample, sosfilt
 
-from bodycam_ros.ingest.sound_bands import FRAME_S, Array, BandEnergies
+from bodycam_ros.ingest.offset_agreement import SOUND_SPEED
 from bodycam_ros.ingest.sound_settings import PeakSettings
-from bodycam_ros.video.sound import SoundBlock
+from bodycam_ros.recording.sound import SoundBlock
+
+FRAME_S = 0.001
+
+BANDS_HZ = ((300.0, 1500.0), (1500.0, 5000.0), (5000.0, 12000.0))
+"""Wind and steps lie beneath; a muffled camera keeps the lowest, AAC may drop what lies above."""
+
+_MOST_OF_NYQUIST = 0.95
+
+Array = NDArray[np.float64]
+
+
+class BandEnergies:
+    """The filters of one run of samples; what they remember goes from block to block.
+
+    Args:
+        rate_hz: samples per second [Hz]; bands above half of it are silent.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
+        self._filters = [_band_pass(band, rate_hz) for band in BANDS_HZ]
+        self._memory = [None if sos is None else np.zeros((len(sos), 2)) for sos in self._filters]
+        self._left_over = np.zeros((len(BANDS_HZ), 0))
+        self._samples = 0  # of which the frames are known
+        self._frames = 0
+
+    def next(self, samples: NDArray[np.float32]) -> Array:
+        """Mean squares (B, K) of the frames that end with these samples (N,); the rest waits for the next call."""
+        squares = np.zeros((len(BANDS_HZ), len(samples)))
+        for band, sos in enumerate(self._filters):
+            if sos is not None:
+                passed, self._memory[band] = sosfilt(sos, samples, zi=self._memory[band])
+                squares[band] = passed**2
+        squares = np.concatenate((self._left_over, squares), axis=1)
+        last = int((self._samples + squares.shape[1]) / (FRAME_S * self._rate_hz))
+        edges = np.ceil(np.arange(self._frames, last + 1) * FRAME_S * self._rate_hz).astype(int) - self._samples
+        edges = edges[edges <= squares.shape[1]]
+        if len(edges) < 2:
+            self._left_over = squares
+            return np.zeros((len(BANDS_HZ), 0))
+        energies: Array = np.add.reduceat(squares[:, : edges[-1]], edges[:-1], axis=1) / np.diff(edges)
+        self._left_over = squares[:, edges[-1] :]
+        self._samples += int(edges[-1])
+        self._frames += len(edges) - 1
+        return energies
+
+
+def _band_pass(band: tuple[float, float], rate_hz: float) -> Array | None:
+    low, high = band
+    high = min(high, _MOST_OF_NYQUIST * rate_hz / 2.0)
+    if low >= high:
+        return None
+    sos: Array = butter(2, (low, high), "bandpass", fs=rate_hz, output="sos")
+    return sos
+
 
 SNIPPET_S, BEFORE_S = 0.06, 0.015
 """How much of the waveform of a peak is kept, and how much of that lies before it."""
@@ -262,3 +321,35 @@ def _sharpness(energies: Array, frame: int) -> float:
     before = float(total[max(0, frame - 30) : frame - 3].sum()) * 10.0 / 27.0 if frame > 3 else 0.0
     after = float(total[max(0, frame - 1) : frame + 9].sum())
     return max(0.0, 1.0 - before / after) if after > 0.0 else 0.0
+
+
+WAYS_M: Mapping[str, float] = {
+    "hand": 0.1,
+    "forearm": 0.25,
+    "upper_arm": 0.45,
+    "torso": 0.4,
+    "head": 0.5,
+    "pelvis": 0.45,
+    "thigh": 0.65,
+    "shin": 1.05,
+    "foot": 1.35,
+}
+"""From hands that clap before the chest of a person of 1.75 m to the middle of each segment [m], by kind of segment."""
+
+OWN_CLAP_SIGMA_M = 0.12
+"""What is left of the way once it is corrected: size, bearing, and on which side the camera is [m]."""
+
+
+def travel_s(cameras: Mapping[str, str]) -> dict[str, float]:
+    """Camera -> nominal time [s] from the wearer's clapping hands, of those whose segment has an ordinary name.
+
+    Args:
+        cameras: camera -> segment that it is strapped to.
+    """
+    return {
+        camera: WAYS_M[kind] / SOUND_SPEED for camera, segment in cameras.items() if (kind := _kind(segment)) in WAYS_M
+    }
+
+
+def _kind(segment: str) -> str:
+    return segment.removesuffix("_left").removesuffix("_right")

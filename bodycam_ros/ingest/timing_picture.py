@@ -1,18 +1,41 @@
-"""One picture of the sound of all cameras: as the files have it, as it was, and claps to the millisecond."""
+"""One picture of the sound of all cameras: as the files have it, as it was, and claps to the millisecond.
+
+reference: waist_front           camera whose media time is the recording's
+cameras:
+  head:
+    start_s: -2.0555             recording_s = start_s + (1 + drift_ppm / 1e6) * media_s
+    start_sigma_s: 0.0013        standard deviation, the travel of sound included
+    drift_ppm: 3.1
+    drift_sigma_ppm: 31.0
+    source: claps                claps, sound, motion, telemetry or given
+    confidence: 0.49             0 to 1: lead over the second best start; 1: two sources agree
+claps:
+- recording_s: 3.0032            when the reference heard it, or would have
+  share: 1.0                     of the cameras that ran then, which heard it
+  heard_s: {head: 5.0589}        camera -> media time
+  late_ms: {head: -0.31}         camera -> by how much later than its clock says; the way of the sound, and error
+unplaced: {foot_left: has no sound}
+remarks: []
+"""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
-from bodycam_ros.drawing.picture_style import FAINT, GOOD, INK, QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
 from bodycam_ros.ingest.camera_offsets import Offsets
 from bodycam_ros.ingest.claps import CommonSound
 from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, SNIPPET_S, SNIPPET_SAMPLES, CameraSound
+from bodycam_ros.plots.picture_style import FAINT, GOOD, INK, QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
+from bodycam_ros.whole_file import failure_named, whole_files, write_whole
 
 Array = NDArray[np.float64]
 
@@ -137,3 +160,86 @@ def _draw_clap(axes: Axes, clap: CommonSound, offsets: Offsets, names: list[str]
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.set_xlabel("[ms] after the time that the clocks say", labelpad=2.0)
+
+
+FILE_NAME, PICTURE_NAME = "timing.yaml", "timing.png"
+
+_PPM, _MS = 1e6, 1e3
+
+
+def timing_table(offsets: Offsets) -> Table:
+    """A row per camera, in the order in which they started."""
+    table = Table(title="clocks of the cameras", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("camera", overflow="fold")
+    for column in ("start\n[s]", "sigma\n[ms]", "drift\n[ppm]", "sigma\n[ppm]"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("by", overflow="fold")
+    table.add_column("confi-\ndence", justify="right", no_wrap=True)
+    for name, time in sorted(offsets.times.items(), key=lambda item: item[1].start_s):
+        if name == offsets.reference:
+            table.add_row(name, "0.0000", "", "0.0", "", "reference", "")
+            continue
+        table.add_row(
+            name,
+            f"{time.start_s:+.4f}",
+            f"{_MS * time.start_sigma_s:.1f}",
+            f"{_PPM * time.drift:+.1f}",
+            f"{_PPM * time.drift_sigma:.1f}",
+            time.source,
+            f"{offsets.confidence[name]:.2f}",
+        )
+    for name, why in offsets.unplaced.items():
+        table.add_row(name, "unknown", "", "", "", why, "", style="red")
+    return table
+
+
+def timing_document(offsets: Offsets) -> dict[str, Any]:
+    """The content of ``timing.yaml``, as described on top."""
+    return {
+        "reference": offsets.reference,
+        "cameras": {
+            name: {
+                "start_s": round(time.start_s, 7),
+                "start_sigma_s": round(time.start_sigma_s, 7),
+                "drift_ppm": round(_PPM * time.drift, 3),
+                "drift_sigma_ppm": round(_PPM * time.drift_sigma, 3),
+                "source": time.source,
+                "confidence": round(offsets.confidence[name], 3),
+            }
+            for name, time in offsets.times.items()
+        },
+        "claps": [
+            {
+                "recording_s": round(clap.recording_s, 6),
+                "share": round(clap.share, 3),
+                "heard_s": {name: round(heard, 6) for name, heard in clap.heard_s.items()},
+                "late_ms": {name: round(_MS * late, 3) for name, late in clap.late_s.items()},
+            }
+            for clap in offsets.claps
+        ],
+        "unplaced": dict(offsets.unplaced),
+        "remarks": list(offsets.remarks),
+    }
+
+
+def write_timing(offsets: Offsets, folder: Path) -> Path:
+    """Write ``timing.yaml`` into a folder, whole or not at all; returns its path.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    path = folder / FILE_NAME
+    text = yaml.safe_dump(timing_document(offsets), sort_keys=False, allow_unicode=True, width=120)
+    write_whole(path, f"# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n{text}")
+    return path
+
+
+def write_timing_report(offsets: Offsets, folder: Path) -> None:
+    """Write ``timing.yaml`` and ``timing.png`` into a folder, both or neither; earlier ones are replaced.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    with whole_files(folder) as unfinished, failure_named(folder):
+        write_timing(offsets, unfinished)
+        draw_timing(offsets, unfinished / PICTURE_NAME)

@@ -5,13 +5,87 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 ``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant where this says "angles".
 """
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.euler_angles import EulerOrder, nearest_turn
+from bodycam_ros.geometry import Array, exp_so3, hat
 from bodycam_ros.kinematics.joint import FULL_TURN, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
+
+_SINGULAR = 1e-3  # cosine of the middle angle, about, below which the rates of the other two are no longer told apart
+
+# [rad] Nearer than this to the singularity the first angle stays as it was. Noise would turn it by a radian at once,
+# and what is lost of the rotation is at most as much as this.
+_FROZEN = 1e-4
+
+_PARITY = {"xyz": 1.0, "yzx": 1.0, "zxy": 1.0, "xzy": -1.0, "yxz": -1.0, "zyx": -1.0}
+_GENERATORS = hat(np.eye(3))
+
+
+class EulerOrder:
+    """The axes of N rotations, such as yzx for each: three angles a rotation, intrinsic about three different axes.
+
+    R = R_i(first) R_j(middle) R_k(last), with i, j, k a permutation of x, y, z. Each rotation has two such triples; and
+    at a middle angle of 90 degrees only the sum or the difference of the other two is determined. Both times the
+    decomposition here stays near the angles of the previous instant, so that angles do not jump while a limb moves.
+    """
+
+    def __init__(self, orders: tuple[str, ...]) -> None:
+        self._axes = np.array([["xyz".index(axis) for axis in order] for order in orders], dtype=int).reshape(-1, 3)
+        self._parity = np.array([_PARITY[order] for order in orders])
+        self._rows = np.arange(len(orders))
+
+    def compose(self, angles: NDArray[np.floating]) -> Array:
+        """Rotations (..., N, 3, 3) of angles (..., N, 3) [rad]."""
+        K = _GENERATORS[self._axes]
+        sine, versine = np.sin(angles)[..., None, None], 1.0 - np.cos(angles)[..., None, None]
+        R = np.eye(3) + sine * K + versine * (K @ K)
+        rotations: Array = R[..., 0, :, :] @ R[..., 1, :, :] @ R[..., 2, :, :]
+        return rotations
+
+    def rates(self, angles: Array) -> Array:
+        """(N, 3, 3) how angles (N, 3) [rad] grow with a turn w of their rotations, R exp(w); least at the singularity.
+
+        Row by angle, column by component of w; the inverse of the Jacobian whose columns are the angles' axes in the
+        axes of R.
+        """
+        first, middle, last = np.swapaxes(np.eye(3)[self._axes], 0, 1)
+        R_last = exp_so3(angles[:, 2:] * last)
+        R_middle = exp_so3(angles[:, 1:2] * middle) @ R_last
+        turns = [(first[:, None] @ R_middle)[:, 0], (middle[:, None] @ R_last)[:, 0], last]
+        return np.asarray(np.linalg.pinv(np.stack(turns, axis=2), rcond=_SINGULAR), np.float64)
+
+    def decompose(self, rotations: Array, previous: Array) -> Array:
+        """Angles (..., N, 3) [rad] of rotations (..., N, 3, 3), nearest to the previous angles (..., N, 3) [rad].
+
+        Given the first angle, the other two follow without a singularity from R_i(first)^-1 R = R_j(middle) R_k(last).
+        """
+        first, middle, last = self._axes.T
+        y, x = -self._parity * rotations[..., self._rows, middle, last], rotations[..., self._rows, last, last]
+        frozen = np.hypot(x, y) < _FROZEN  # the cosine of the middle angle
+        principal = np.where(frozen, previous[..., 0], np.arctan2(y, x))
+        triples = self._with_first(rotations, np.stack([principal, principal + np.pi]), previous)
+        distances = np.sum((triples - previous) ** 2, axis=-1)
+        nearest: Array = np.where((distances[0] <= distances[1])[..., None], triples[0], triples[1])
+        return nearest
+
+    def _with_first(self, rotations: Array, first_angle: Array, previous: Array) -> Array:
+        """Angles (K, ..., N, 3) whose first are given (K, ..., N)."""
+        rows, (i, j, k), parity = self._rows, self._axes.T, self._parity
+        cosine, sine = np.cos(first_angle)[..., None], (parity * np.sin(first_angle))[..., None]
+        row_j = cosine * rotations[..., rows, j, :] + sine * rotations[..., rows, k, :]
+        row_k = cosine * rotations[..., rows, k, :] - sine * rotations[..., rows, j, :]
+        middle_angle = np.arctan2(parity * rotations[..., rows, i, k], row_k[..., rows, k])
+        last_angle = np.arctan2(parity * row_j[..., rows, i], row_j[..., rows, j])
+        return nearest_turn(np.stack([first_angle, middle_angle, last_angle], axis=-1), previous)
+
+
+def nearest_turn(angles: NDArray[np.floating], previous: NDArray[np.floating]) -> Array:
+    """Angles (...) [rad] plus as many whole turns as bring them nearest to the previous ones (...) [rad]."""
+    turns: Array = angles - 2.0 * np.pi * np.round((angles - previous) / (2.0 * np.pi))
+    return turns
 
 
 class JointAngles:
@@ -117,3 +191,49 @@ class JointAngleTracker:
 def angles_within_a_turn(body: KinematicTree) -> NDArray[np.bool_]:
     """(A) whether the published angle stays between -2 pi and 2 pi."""
     return np.array([not joint.counts_turns for joint in body.tree_joints for _ in joint.angle_names], dtype=bool)
+
+
+class JointLimits:
+    """The limits of a tree's joints.
+
+    Attributes:
+        angles: of the tree.
+        low, high: (A) of each angle [rad]; infinite where no limit is known.
+    """
+
+    def __init__(self, tree: KinematicTree) -> None:
+        self.angles = JointAngles(tree)
+        none = ((-np.inf, np.inf),)
+        pairs = [pair for joint in tree.tree_joints for pair in joint.limits or none * len(joint.angle_names)]
+        self.low, self.high = np.array(pairs, dtype=np.float64).reshape(-1, 2).T.copy()
+        self._at_rest = np.clip(np.zeros(len(pairs)), self.low, self.high)
+
+    def excess(self, angles: Array) -> Array:
+        """By how much (..., A) angles (..., A) [rad] are above their limits; negative below, zero within."""
+        excess: Array = np.maximum(angles - self.high, 0.0) + np.minimum(angles - self.low, 0.0)
+        return excess
+
+    def middle(self, share: float = 1.0) -> Array:
+        """Joint rotations (J, 3, 3) a share of the way from zero to the middle of their limits; zero without limits."""
+        bounded = np.isfinite(self.low) & np.isfinite(self.high)
+        low, high = np.where(bounded, self.low, 0.0), np.where(bounded, self.high, 0.0)
+        return self.angles.rotations(share * (0.5 * low + 0.5 * high))
+
+    def clamp(self, rotations: Array) -> Array:
+        """Joint rotations (J, 3, 3) with every angle put back into its limits; themselves if none is beyond."""
+        angles = self.nearest_angles(rotations)
+        if not self.excess(angles).any():
+            return rotations
+        return self.angles.rotations(np.clip(angles, self.low, self.high))
+
+    def widened(self, rotations: Array, seen: NDArray[np.bool_]) -> "JointLimits":
+        """Limits that hold the angles of some joints (J,) of rotations (J, 3, 3) as well."""
+        angles, widened = self.nearest_angles(rotations), copy(self)
+        chosen = seen[self.angles.joint_rows]
+        widened.low = np.where(chosen, np.minimum(self.low, angles), self.low)
+        widened.high = np.where(chosen, np.maximum(self.high, angles), self.high)
+        return widened
+
+    def nearest_angles(self, rotations: Array) -> Array:
+        """Angles (A) [rad] of joint motions (J, 3, 3) or (J, 4, 4), of all triples and turns those nearest to zero."""
+        return self.angles.angles(rotations, self._at_rest)

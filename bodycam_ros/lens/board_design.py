@@ -1,13 +1,159 @@
-"""A board to print: as large as the paper allows, or of the size that was asked for."""
+"""A board to print: as large as the paper allows, or of the size that was asked for.
 
+``docs/board.md`` explains the fields. A map needs ``corners_in_board``; for a lens the measures are enough, so that the
+file of a board that was bought is written in a minute.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
+import yaml
 
 from bodycam_ros.errors import LensError
-from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, BoardLayout
+from bodycam_ros.geometry import Array
+from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, tags_in
 from bodycam_ros.lens.board_page import Room
-from bodycam_ros.lens.board_yaml import check_tags, dictionaries
+from bodycam_ros.mapping.board import read_board
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
+
+MARK = "# board of bodycam"
+"""How the files that are written begin."""
+
+MOST_SQUARES = 100
+"""Of columns and of rows."""
+
+_LARGEST_M = 100.0
+_UPPER_LEFT = ("black", "white")
+
+
+def dictionaries() -> dict[str, int]:
+    """Families of tags that ``cv2.aruco`` knows: 36h11 and the other AprilTags, 5X5_100 and the other ArUcos."""
+    # Some have two names; the one with small letters, which comes last, is that of the map's boards.
+    names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+    of_number = {int(getattr(cv2.aruco, n)): n.removeprefix("DICT_").removeprefix("APRILTAG_") for n in names}
+    return {name: number for number, name in of_number.items()}
+
+
+def board_yaml(layout: BoardLayout, placement: str) -> str:
+    """The text of a board's file, which ``read_layout`` and, if it has tags, ``mapping.board.read_board`` read."""
+    document: dict[str, Any] = {"kind": layout.kind}
+    if layout.dictionary is not None:
+        document["family"] = next(n for n, number in dictionaries().items() if number == layout.dictionary)
+        document["first_tag"] = layout.first_tag
+    document |= {"columns": layout.columns, "rows": layout.rows}
+    if layout.kind != APRILTAG:
+        document["square_size_m"] = _sides(layout.pitch_m)
+        document["upper_left"] = _UPPER_LEFT[not layout.upper_left_is_black]
+    if layout.kind != CHECKERBOARD:
+        document["tag_size_m"] = _sides(layout.tag_m)
+    if layout.kind == APRILTAG:
+        document["gap_m"] = _sides(tuple(np.subtract(layout.pitch_m, layout.tag_m).tolist()))
+    document["placement"] = placement
+    head = (
+        f"{MARK}; corners in the order of cv2.aruco (from the upper left, clockwise),\n"
+        "# board frame x right, y to the top row, z out of the face, origin in the middle [m]\n"
+    )
+    text = head + yaml.safe_dump(document, sort_keys=False)
+    if layout.tags:
+        corners = {tag: np.round(corners_tag, 7).tolist() for tag, corners_tag in layout.tags.items()}
+        text += yaml.safe_dump({"corners_in_board": corners}, default_flow_style=None, width=120)
+    return text
+
+
+def read_layout(path: Path) -> tuple[BoardLayout | None, dict[int, Array], int | None]:
+    """What is on a board that a lens is to be measured by.
+
+    Returns:
+        The layout, None where only corners are given; tag -> corners (4, 3) [m]; the tags' family in ``cv2.aruco``.
+
+    Raises:
+        LensError: the file lacks a measure, or has one that no board has.
+        MapError: it has corners that make no tags.
+    """
+    document = read_yaml(path, "board description", LensError)
+    if not isinstance(document, Mapping):
+        raise LensError(f"{path}: expected a board description with kind, columns, rows and so on; see docs/board.md")
+    kind = document.get("kind", APRILTAG)
+    if kind not in KINDS:
+        raise LensError(f"{path}: there is no kind of board {shown(kind)}; known are {', '.join(KINDS)}")
+    if kind == APRILTAG and "corners_in_board" in document:
+        board = read_board(path)
+        return None, dict(board.corners_board), dictionaries()[board.family]
+    layout = _layout(path, kind, document)
+    return layout, dict(layout.tags), layout.dictionary
+
+
+def _layout(path: Path, kind: str, document: Mapping[Any, Any]) -> BoardLayout:
+    columns, rows = (_count(path, document, name, 3 if kind == CHECKERBOARD else 1) for name in ("columns", "rows"))
+    upper_left = document.get("upper_left", _UPPER_LEFT[0])
+    if upper_left not in _UPPER_LEFT:
+        raise LensError(f"{path}: 'upper_left' must be black or white, not {shown(upper_left)}")
+    if kind == CHECKERBOARD:
+        return BoardLayout(kind, columns, rows, _lengths(path, document, "square_size_m"))
+    family = str(document.get("family"))
+    if family not in dictionaries():
+        known = ", ".join(sorted(dictionaries()))
+        raise LensError(f"{path}: there is no family of tags {shown(family)}; known are {known}")
+    tag = _lengths(path, document, "tag_size_m")
+    if kind == APRILTAG:
+        across, up = _lengths(path, document, "gap_m")
+        pitch = (tag[0] + across, tag[1] + up)
+    else:
+        pitch = _lengths(path, document, "square_size_m")
+        if tag[0] >= pitch[0] or tag[1] >= pitch[1]:
+            raise LensError(f"{path}: tag_size_m must be less than square_size_m: the tags lie in white squares")
+    first = document.get("first_tag", 0)
+    if type(first) is not int or first < 0:
+        raise LensError(f"{path}: 'first_tag' must be a whole number from 0, not {shown(first)}")
+    dictionary = dictionaries()[family]
+    layout = BoardLayout(kind, columns, rows, pitch, tag, dictionary, first, upper_left == "black")
+    check_tags(layout, family, str(path))
+    return layout
+
+
+def check_tags(layout: BoardLayout, family: str, source: str) -> None:
+    """Refuse a board with more tags than its family has.
+
+    Raises:
+        LensError: so it is; the message begins with ``source``.
+    """
+    if layout.dictionary is None:
+        return
+    there = tags_in(layout.dictionary)
+    if max(layout.tags) >= there:
+        raise LensError(
+            f"{source}: tags {layout.first_tag} to {max(layout.tags)} are wanted, but the family {family} ends with "
+            f"{there - 1}; take fewer, or another family"
+        )
+
+
+def _sides(lengths: tuple[float, ...]) -> float | list[float]:
+    across, up = (round(length, 7) for length in lengths)
+    return across if across == up else [across, up]
+
+
+def _count(path: Path, document: Mapping[Any, Any], name: str, least: int) -> int:
+    value = document.get(name)
+    if type(value) is not int or not least <= value <= MOST_SQUARES:
+        raise LensError(f"{path}: '{name}' must be a whole number from {least} to {MOST_SQUARES}, not {shown(value)}")
+    return value
+
+
+def _lengths(path: Path, document: Mapping[Any, Any], name: str) -> tuple[float, float]:
+    """One length, or one across and one upwards, of a printer that stretches [m]."""
+    value = document.get(name)
+    values: list[Any] = value if isinstance(value, list) else [value, value]
+    if len(values) != 2 or not all(type(v) in (int, float) and 0.0 < v < _LARGEST_M for v in values):
+        raise LensError(
+            f"{path}: '{name}' must be a length [m] above 0, or two of them (to the right, upwards), not {shown(value)}"
+        )
+    return float(values[0]), float(values[1])
+
 
 COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
 """Columns and rows, for paper on its long side; an even and an odd number tell how a checkerboard is turned."""

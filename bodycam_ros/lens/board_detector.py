@@ -1,4 +1,8 @@
-"""Points of a board in a picture: first without a lens, then more and more exactly by the lens that came of it."""
+"""Points of a board in a picture: first without a lens, then more and more exactly by the lens that came of it.
+
+A saddle of the light is pulled aside where a lens bends the sides that meet there. So sides are fitted, like those of
+tags, as lines that are straight in space.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,19 +11,143 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import spline_filter
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
-from bodycam_ros.lens.board_sight import BoardSight
-from bodycam_ros.lens.board_yaml import read_layout
-from bodycam_ros.lens.square_corners import square_corners
-from bodycam_ros.mapping.apriltag import TagSettings, refined_tags
-from bodycam_ros.mapping.tag_search import find_tags, find_tags_in_picture
+from bodycam_ros.mapping.apriltag import (
+    TagSettings,
+    breadths_of,
+    corners_of_edges,
+    find_tags,
+    find_tags_in_picture,
+    refined_tags,
+)
+
+_FLAT_M = 1e-9
+_NARROW = 0.2  # cosine of the angle to the middle of the points, beyond which a perspective image of them is too wide
+_LEAST_POINTS = 6
+
+
+@dataclass(frozen=True)
+class BoardSight:
+    """The points of a board in one picture.
+
+    Attributes:
+        name: of the picture, for people.
+        points_board: (N, 3) in the board frame [m].
+        pixels: (N, 2) where they are.
+        spreads: (N,) how uncertain a point is against the best: 1 or more.
+        sharpness: steepest change from pixel to pixel, as a share of the board's contrast.
+    """
+
+    name: str
+    points_board: Array
+    pixels: Array
+    spreads: Array
+    sharpness: float
+
+
+def board_pose(camera: CameraModel, sight: BoardSight) -> tuple[Array, float] | None:
+    """camera_T_board (4, 4) and its median error [px] by a lens, or None where that sees too few points."""
+    rays, valid = camera.unproject(sight.pixels)
+    if valid.sum() < _LEAST_POINTS:
+        return None
+    middle = rays[valid].mean(axis=0)
+    view_R_camera = turned_to(middle / np.linalg.norm(middle))
+    rays_view = rays @ view_R_camera.T
+    with np.errstate(invalid="ignore"):
+        used = valid & (rays_view[:, 2] > _NARROW)
+    if used.sum() < _LEAST_POINTS:
+        return None
+    image = rays_view[used, :2] / rays_view[used, 2:]
+    points = sight.points_board[used]
+    best = None
+    for view_T_board in _perspective_poses(points, image):
+        camera_T_board = rigid(view_R_camera.T, np.zeros(3)) @ view_T_board
+        seen, in_view = camera.project(sight.points_board @ camera_T_board[:3, :3].T + camera_T_board[:3, 3])
+        error = np.where(in_view, np.linalg.norm(seen - sight.pixels, axis=1), np.inf)
+        median = float(np.median(error))
+        if best is None or median < best[1]:
+            best = camera_T_board, median
+    return best if best is not None and np.isfinite(best[1]) else None
+
+
+def _perspective_poses(points: Array, image: Array) -> list[Array]:
+    """view_T_board (4, 4) of points (N, 3) at coordinates (N, 2) in the image plane: a flat board may have two."""
+    is_flat = np.ptp(points[:, 2]) < _FLAT_M and abs(points[0, 2]) < _FLAT_M
+    method = cv2.SOLVEPNP_IPPE if is_flat else cv2.SOLVEPNP_SQPNP
+    try:
+        _, turns, shifts, _ = cv2.solvePnPGeneric(points, image, np.eye(3), np.zeros(4), flags=method)
+    except cv2.error:  # points on a line
+        return []
+    poses = [rigid(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(turns, shifts, strict=True)]
+    return [pose for pose in poses if np.isfinite(pose).all()]
+
+
+def turned_to(direction: Array) -> Array:
+    """view_R_camera (3, 3) of a view along a unit direction."""
+    across = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0], direction)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(direction, across), direction])
+
+
+_LINE_TOLERANCE_PX = 0.3
+_NARROWEST_PX = 7.0  # breadth of a square; below it one side's blur reaches the other's
+_AGREE_PX = 1.0  # squares on where the corner between them is
+
+
+def square_corners(
+    gray: NDArray[np.uint8],
+    camera: CameraModel,
+    layout: BoardLayout,
+    numbers: NDArray[np.int64],
+    rough: Array,
+    is_turned: bool = False,
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Numbers of the inner corners that were found (N,), their pixels (N, 2), and breadths of their squares (N,) [px].
+
+    Args:
+        gray: picture (H, W).
+        camera: its lens.
+        layout: of the board.
+        numbers, rough: inner corners, and about where they are (M, 2).
+        is_turned: what should be black is white.
+    """
+    spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
+    at = dict(zip(numbers.tolist(), rough, strict=True))
+    found: dict[int, list[tuple[Array, float]]] = {}
+    across = layout.columns - 1
+    for row, column in np.ndindex(layout.rows - 2, layout.columns - 2):
+        first = row * across + column
+        around = [first, first + 1, first + across + 1, first + across]  # clockwise
+        if layout.black_squares[row + 1, column + 1] == is_turned:
+            around.reverse()  # so that a white square has what is dark on the right of its sides, too
+        if not all(number in at for number in around):
+            continue
+        corners = np.array([at[number] for number in around])
+        breadths = breadths_of(corners)
+        if breadths.min() < _NARROWEST_PX:
+            continue
+        met = corners_of_edges(spline, corners, breadths, camera, _LINE_TOLERANCE_PX)
+        if met is not None:
+            for number, corner in zip(around, met, strict=True):
+                found.setdefault(number, []).append((corner, float(breadths.min())))
+    good = [number for number in sorted(found) if _agree([corner for corner, _ in found[number]])]
+    pixels = [np.mean([corner for corner, _ in found[number]], axis=0) for number in good]
+    breadth = [max(breadth for _, breadth in found[number]) for number in good]
+    return np.array(good, np.int64), np.reshape(pixels, (-1, 2)), np.array(breadth)
+
+
+def _agree(corners: list[Array]) -> bool:
+    return bool(np.ptp(corners, axis=0).max() < _AGREE_PX)
+
 
 Grey = NDArray[np.uint8]
 
-_LEAST_POINTS = 8
+_LEAST_OF_BOARD = 8
 _TAGS = TagSettings(min_breadth=8.0, line_tolerance=0.3)  # what does not fit counts less, so more is looked at
 _LEAST_WINDOW, _LARGEST_WINDOW = 2, 9  # [px] half the side of the square that a corner is refined in
 _WINDOW_OF_SQUARE = 0.2
@@ -70,7 +198,7 @@ def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | No
         found = _checkerboard(gray, board.squares, camera)
     else:
         found = _charuco(gray, board, board.squares, camera)
-    if found is None or len(found[0]) < _LEAST_POINTS:
+    if found is None or len(found[0]) < _LEAST_OF_BOARD:
         return None
     points, pixels, spreads = found
     return BoardSight(name, points, pixels, spreads, _sharpness(gray, pixels))
@@ -120,7 +248,7 @@ def _charuco(gray: Grey, board: LensBoard, layout: BoardLayout, camera: CameraMo
         for number, pixel in zip(near.tolist(), pixels, strict=True):
             if np.isfinite(pixel).all():
                 predicted.setdefault(number, []).append(pixel)
-    if len(predicted) < _LEAST_POINTS:
+    if len(predicted) < _LEAST_OF_BOARD:
         return None
     numbers = np.array(sorted(predicted))
     rough = np.array([np.median(predicted[number], axis=0) for number in numbers.tolist()])

@@ -11,7 +11,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from bodycam_ros.drawing.picture_style import (
+from bodycam_ros.lens.lens_calibration import LensCalibration
+from bodycam_ros.lens.lens_judgement import TRUSTED_RADIUS, ray_grid
+from bodycam_ros.lens.sight_choice import CELLS
+from bodycam_ros.plots.picture_style import (
     FAINT,
     GOOD,
     INK,
@@ -23,9 +26,6 @@ from bodycam_ros.drawing.picture_style import (
     light_grid,
     panel_title,
 )
-from bodycam_ros.lens.lens_calibration import LensCalibration
-from bodycam_ros.lens.lens_judgement import TRUSTED_RADIUS, ray_grid
-from bodycam_ros.lens.sight_choice import CELLS
 
 _INCHES, _DPI = (12.0, 9.0), 110
 _ARROWS = (12, 16)  # rows and columns of the field of residuals

@@ -10,17 +10,14 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_detector import LensBoard, find_board
-from bodycam_ros.lens.board_sight import BoardSight
-from bodycam_ros.lens.lens_fit import LensFit, fit_lens
+from bodycam_ros.lens.board_detector import BoardSight, LensBoard, find_board
+from bodycam_ros.lens.lens_fit import LensFit, as_model, first_fit, fit_lens, placed_fit
 from bodycam_ros.lens.lens_judgement import SeenArea, objections, ray_grid, seen_area
 from bodycam_ros.lens.lens_pictures import LensPicture, lit
 from bodycam_ros.lens.lens_settings import LensSettings
-from bodycam_ros.lens.lens_start import as_model, first_fit, placed_fit
 from bodycam_ros.lens.lens_validation import Validation, validate
 from bodycam_ros.lens.sight_choice import choose_sights
-from bodycam_ros.mapping.photographs import in_parallel
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.progress import Progress, in_parallel
 
 _LEAST_SIGHTS = 4
 _TAIL = 2.0  # times the median error; what is farther off says little

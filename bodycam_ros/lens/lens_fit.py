@@ -11,10 +11,77 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array, exp_so3, hat, rigid
-from bodycam_ros.lens.board_sight import BoardSight
-from bodycam_ros.lens.lens_derivatives import by_lens
+from bodycam_ros.lens.board_detector import BoardSight, board_pose
+
+_TINY = 1e-300
+_OMEGA_STEP = 1e-6
+
+
+def by_lens(camera: CameraModel, points_camera: Array) -> Array:
+    """Derivatives (N, 2, 4 + D) of the pixels of points (N, 3) by fx, fy, cx, cy and the D coefficients.
+
+    They mean nothing where the lens does not see a point.
+    """
+    with np.errstate(all="ignore"):
+        if camera.distortion_model == "equidistant":
+            plane, by_coefficients = _equidistant(camera.distortion, points_camera)
+        elif camera.distortion_model == "fov":
+            plane, by_coefficients = _fov(camera.distortion[0], points_camera)
+        else:
+            plane, by_coefficients = _perspective(camera.distortion, points_camera)
+    derivatives = np.zeros((len(points_camera), 2, 4 + len(camera.distortion)))
+    derivatives[:, 0, 0], derivatives[:, 1, 1] = plane.T
+    derivatives[:, 0, 2] = derivatives[:, 1, 3] = 1.0
+    derivatives[:, :, 4:] = by_coefficients * np.array([[camera.fx], [camera.fy]])
+    return derivatives
+
+
+def _equidistant(k: tuple[float, ...], points: Array) -> tuple[Array, Array]:
+    """Distorted coordinates (N, 2) [focal lengths] and their derivatives (N, 2, 4)."""
+    angle, direction = _angle(points)
+    powers = angle[:, None] ** np.array([1.0, 3.0, 5.0, 7.0, 9.0])
+    return direction * (powers @ np.array([1.0, *k]))[:, None], direction[:, :, None] * powers[:, None, 1:]
+
+
+def _fov(omega: float, points: Array) -> tuple[Array, Array]:
+    angle, direction = _angle(points)
+
+    def radius(w: float) -> Array:
+        values: Array = np.arctan2(2.0 * np.tan(0.5 * w) * np.sin(angle), np.cos(angle)) / w
+        return values
+
+    w = max(omega, 2.0 * _OMEGA_STEP)
+    slope = (radius(w + _OMEGA_STEP) - radius(w - _OMEGA_STEP)) / (2.0 * _OMEGA_STEP)
+    return direction * radius(w)[:, None], direction[:, :, None] * slope[:, None, None]
+
+
+def _perspective(d: tuple[float, ...], points: Array) -> tuple[Array, Array]:
+    """plumb_bob (k1, k2, p1, p2, k3), and rational_polynomial, which goes on with k4, k5, k6 of the denominator."""
+    k1, k2, p1, p2, k3, *rest = d
+    at = points[:, :2] / points[:, 2:]
+    x, y = at.T
+    r2 = x * x + y * y
+    powers = np.stack([r2, r2**2, r2**3], axis=1)
+    above, below = 1.0 + powers @ np.array([k1, k2, k3]), 1.0 + powers @ np.array(rest or [0.0, 0.0, 0.0])
+    gain = above / below
+    plane = at * (gain + 2.0 * p1 * y + 2.0 * p2 * x)[:, None] + np.stack([p2 * r2, p1 * r2], axis=1)
+    derivatives = np.empty((len(points), 2, len(d)))
+    derivatives[:, :, [0, 1, 4]] = at[:, :, None] * (powers / below[:, None])[:, None]
+    derivatives[:, :, 2] = np.stack([2.0 * x * y, r2 + 2.0 * y * y], axis=1)
+    derivatives[:, :, 3] = np.stack([r2 + 2.0 * x * x, 2.0 * x * y], axis=1)
+    if rest:
+        derivatives[:, :, 5:] = -at[:, :, None] * (powers * (gain / below)[:, None])[:, None]
+    return plane, derivatives
+
+
+def _angle(points: Array) -> tuple[Array, Array]:
+    """Angles (N,) to the axis, and unit directions (N, 2) from it in the image."""
+    from_axis = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2 + _TINY)
+    return np.arctan2(from_axis, points[:, 2]), points[:, :2] / from_axis[:, None]
+
 
 _ROUNDS = 4  # of weights; the scale of the errors is found anew before each
 _STEPS = 40
@@ -217,3 +284,99 @@ def _possible(lens: Array, camera: CameraModel) -> bool:
     if not (np.isfinite(lens).all() and (lens[:2] > 1.0).all() and (lens[:2] < largest).all()):
         return False
     return camera.distortion_model != "fov" or 0.0 <= lens[4] < np.pi - 0.01
+
+
+_FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
+_TRIED = 12  # pictures that focal lengths are tried on
+_LEAST_SIGHTS = 4
+_ANGLES = 60
+_LARGEST = 100.0  # coefficient of a lens to start from
+_STEEPEST_DEG = 80.0  # beyond it a perspective image says nothing
+
+
+def first_fit(sights: Sequence[BoardSight], width: int, height: int) -> LensFit:
+    """An equidistant lens with the pictures' poses: with its four coefficients it resembles any lens.
+
+    Raises:
+        LensError: no lens explains the pictures.
+    """
+    most_points = sorted(sights, key=lambda sight: -len(sight.pixels))
+    tried = most_points[: 3 * _TRIED : 3] if len(sights) >= 3 * _TRIED else most_points[:_TRIED]
+    costs = [_start_cost(_plain(focal * max(width, height), width, height), tried) for focal in _FOCAL_OF_WIDTH]
+    camera = _plain(float(_FOCAL_OF_WIDTH[int(np.argmin(costs))]) * max(width, height), width, height)
+    return placed_fit(camera, sights)
+
+
+def placed_fit(camera: CameraModel, sights: Sequence[BoardSight], rounds: int = 4) -> LensFit:
+    """Fit a lens that is roughly known to pictures whose poses are not.
+
+    Raises:
+        LensError: fewer than four of them can be placed by it.
+    """
+    placed = [(sight, found[0]) for sight in sights if (found := board_pose(camera, sight)) is not None]
+    if len(placed) < _LEAST_SIGHTS:
+        raise LensError(f"{len(placed)} of {len(sights)} pictures of the board can be explained by a lens; film more")
+    return fit_lens(camera, [sight for sight, _ in placed], np.array([pose for _, pose in placed]), rounds=rounds)
+
+
+def as_model(model: str, fit: LensFit) -> CameraModel:
+    """A camera of another model that resembles a fitted one out to where that saw the board."""
+    camera = fit.camera
+    if model == camera.distortion_model:
+        return camera
+    rays, valid = camera.unproject(fit.pixels)
+    widest = float(np.arccos(np.clip(rays[valid][:, 2].min(), -1.0, 1.0)))
+    angles = np.linspace(0.0, widest, _ANGLES)[1:]
+    points = np.column_stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)])
+    seen, _ = camera.project(points)
+    radii = (seen[:, 0] - camera.cx) / camera.fx
+    if model == "fov":
+        scale, distortion = _fov_of(angles, radii)
+    else:
+        scale, distortion = _perspective_of(model, angles, radii)
+    k = [scale * camera.fx, 0.0, camera.cx, 0.0, scale * camera.fy, camera.cy, 0.0, 0.0, 1.0]
+    return camera_from_info(camera.name, camera.width, camera.height, model, distortion, k)
+
+
+def _fov_of(angles: Array, radii: Array) -> tuple[float, list[float]]:
+    """Scale of the focal length, and omega, the best of a row of them."""
+    best = (np.inf, 1.0, 0.5)
+    for omega in np.linspace(0.02, 2.8, 140).tolist():
+        shape = np.arctan2(2.0 * np.tan(0.5 * omega) * np.sin(angles), np.cos(angles)) / omega
+        scale = float(shape @ radii / (shape @ shape))
+        best = min(best, (float(np.abs(scale * shape - radii).max()), scale, omega))
+    return best[1], [best[2]]
+
+
+def _perspective_of(model: str, angles: Array, radii: Array) -> tuple[float, list[float]]:
+    """Radial coefficients by linear least squares; the focal length is that of the middle."""
+    near = angles < np.radians(_STEEPEST_DEG)
+    x = np.tan(angles[near])
+    x2 = x * x
+    gain = radii[near] / x
+    # Errors of the radius, not of the gain, are what pixels show.
+    if model == "plumb_bob":
+        k = _least_squares(np.column_stack([x2, x2**2, x2**3]), gain - 1.0, x)
+        return 1.0, [k[0], k[1], 0.0, 0.0, k[2]]
+    k = _least_squares(np.column_stack([x2, x2**2, x2**3, -gain * x2, -gain * x2**2, -gain * x2**3]), gain - 1.0, x)
+    return 1.0, [k[0], k[1], 0.0, 0.0, *k[2:]]
+
+
+def _least_squares(columns: Array, wanted: Array, weights: Array) -> list[float]:
+    size = np.linalg.norm(columns, axis=0)
+    solved = np.linalg.lstsq(columns / size * weights[:, None], wanted * weights, rcond=1e-6)[0] / size
+    # Where the board was seen near the axis alone, anything explains the rest.
+    found: list[float] = solved.tolist() if np.abs(solved).max() < _LARGEST else [0.0] * len(size)
+    return found
+
+
+def _plain(focal_px: float, width: int, height: int) -> CameraModel:
+    k = [focal_px, 0.0, 0.5 * (width - 1), 0.0, focal_px, 0.5 * (height - 1), 0.0, 0.0, 1.0]
+    return camera_from_info("camera", width, height, "equidistant", [0.0] * 4, k)
+
+
+def _start_cost(camera: CameraModel, sights: Sequence[BoardSight]) -> float:
+    """Mean of the pictures' median errors [px], those that cannot be placed counted as far off."""
+    far = float(max(camera.width, camera.height))
+    errors = [far if (found := board_pose(camera, sight)) is None else min(far, found[1]) for sight in sights]
+    return float(np.mean(errors))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_sight import turned_to
+from bodycam_ros.lens.board_detector import turned_to
 from bodycam_ros.lens.lens_fit import LensFit
 from bodycam_ros.lens.lens_settings import LensSettings
 from bodycam_ros.lens.lens_validation import Validation

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.video.camera_video import CameraVideo
-from bodycam_ros.video.video_frame import grey_pixels
+from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.video_file import grey_pixels
 
 Grey = NDArray[np.uint8]
 

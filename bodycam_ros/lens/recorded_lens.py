@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.lens.followed_points import followed_pairs
 from bodycam_ros.lens.lens_match import LensMatch, lens_match
+from bodycam_ros.lens.lens_watch import followed_pairs
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 
 _PAIRS, _MOST_IMAGES = 8, 300

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_sight import BoardSight
+from bodycam_ros.lens.board_detector import BoardSight
 
 CELLS = (6, 8)
 """Rows and columns that a picture is divided into."""

@@ -4,7 +4,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -210,3 +210,64 @@ class Skipped:
         """How many since the last call of this."""
         before, self._reported = self._reported, self.counts.total()
         return self._reported - before
+
+
+_LEAST_SHARE = 0.6
+"""Of the time between two stamps: so long after the first the second goes on, however early it comes."""
+
+_MOST_WAITING = 3
+"""More wait where a recording is played faster than it was recorded, and then nothing is to wait."""
+
+_LONGEST_S = 0.1
+
+
+class Paced(Generic[T]):
+    """Hands on stamped items, not at once where the one before has only just been handed on.
+
+    Args:
+        hand_on: called with each item, in order.
+    """
+
+    def __init__(self, hand_on: Callable[[T], None]) -> None:
+        self._hand_on = hand_on
+        self._waiting: deque[tuple[int, T]] = deque()
+        self._handed_on_ns, self._due_s = 0, 0.0
+
+    def add(self, stamp_ns: int, item: T) -> None:
+        """Take an item, and hand on what is due."""
+        self._waiting.append((stamp_ns, item))
+        self.look()
+
+    def look(self) -> None:
+        """Hand on what is due; call it every few milliseconds."""
+        while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
+            self._next()
+
+    def flush(self) -> None:
+        """Hand on all."""
+        while self._waiting:
+            self._next()
+
+    def _next(self) -> None:
+        stamp_ns, item = self._waiting.popleft()
+        passed_s = min(1e-9 * max(stamp_ns - self._handed_on_ns, 0), _LONGEST_S)
+        self._handed_on_ns, self._due_s = stamp_ns, time.monotonic() + _LEAST_SHARE * passed_s
+        self._hand_on(item)
+
+
+class Work(Protocol):
+    """What is under way, or done.
+
+    Attributes:
+        step, share: what it is doing and how much of that is done, 0 to 1.
+    """
+
+    step: str
+    share: float
+
+    @property
+    def result(self) -> tuple[bool, str] | None:
+        """Whether it succeeded, and a summary or the error; None while it is under way."""
+
+    def cancel(self) -> bool:
+        """End it without a trace; False where it is too late for that."""

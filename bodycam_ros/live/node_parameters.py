@@ -10,7 +10,7 @@ REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose"
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("readout", "clock", "assembler", "smoother", "motion", "contact", "evidence"),
-    *("coupling", "region", "verdict", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
+    *("coupling", "region", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
     *("rest_pose", "refinement", "joint_limits", "assessment", "anthropometry"),
 )
 """The groups of settings that each node uses."""
@@ -300,7 +300,7 @@ ALL = tuple(OF_NODES.values())
 GROUPS: Final = frozenset(
     """
     tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
-    readout clock assembler smoother motion contact evidence coupling region verdict
+    readout clock assembler smoother motion contact evidence coupling region
     motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
     frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
     sound_peaks claps whole_sound clocks shape stations doctor lens retarget

@@ -4,10 +4,9 @@ from pathlib import Path
 
 from bodycam_ros.errors import StationError
 from bodycam_ros.live.node_parameters import SolverParameters
-from bodycam_ros.outside.station import Station
-from bodycam_ros.outside.stations_file import read_stations
-from bodycam_ros.registration.loaded_map import load_map
-from bodycam_ros.registration.reference_map import check_metric
+from bodycam_ros.registration.reference_map import check_metric, load_map
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import read_stations
 
 
 def read_world(file: Path, map_path: str) -> dict[str, Station]:

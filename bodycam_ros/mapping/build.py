@@ -7,20 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.alignment import align_to_board
+from bodycam_ros.mapping.alignment import Floor, FloorSettings, align_to_board, find_floor
 from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
 from bodycam_ros.mapping.built_map import BuiltMap, map_summary, registration_table
 from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
-from bodycam_ros.mapping.floor import Floor, FloorSettings, find_floor
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
-from bodycam_ros.mapping.landmark_descriptors import choose_descriptors
 from bodycam_ros.mapping.map_settings import MapSettings
-from bodycam_ros.mapping.photographs import Photographs, in_parallel
-from bodycam_ros.mapping.progress import Progress, TimedProgress
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.progress import Progress, TimedProgress, in_parallel
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
-from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.mapping.structure import Structure, choose_descriptors
 from bodycam_ros.mapping.worn_keyframes import WornPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 

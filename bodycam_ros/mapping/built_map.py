@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from bodycam_ros import __version__
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.alignment import BoardResidual
+from bodycam_ros.mapping.alignment import BoardResidual, Floor
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.floor import Floor
 from bodycam_ros.mapping.known_distance import KnownScale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs

@@ -1,6 +1,6 @@
 """Everything that we ask of pycolmap, whose interface moves between versions.
 
-All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_camera.py``.
+All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_model.py``.
 """
 
 import subprocess
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.colmap_camera import PIXEL_SHIFT, colmap_camera, pycolmap
+from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
@@ -258,3 +258,113 @@ def write_model(folder: Path, structure: Structure) -> None:
         reconstruction.add_point3D_with_id(row, pycolmap.Point3D(xyz=xyz, color=colour, track=track))
     folder.mkdir(parents=True)
     reconstruction.write_binary(folder)
+
+
+Names = Sequence[tuple[str, str]]
+"""Pairs of photographs."""
+
+
+def write_verified_by_colmap(database: Path, pairs: Names, matches: Sequence[NDArray[np.uint32]]) -> None:
+    """Write matches (M, 2) of each pair, and those of them that share an epipolar geometry."""
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        ids = _ids(opened)
+        for (first, second), rows in zip(pairs, matches, strict=True):
+            opened.write_matches(ids[first], ids[second], rows)
+    options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.random_seed = _RANDOM_SEED
+    pycolmap.verify_matches(database, list_pairs(database, pairs), options)
+
+
+def write_verified(database: Path, pairs: Names, matches: Sequence[NDArray[np.uint32]]) -> None:
+    """Write matches (M, 2) of each pair that are known to fit its epipolar geometry."""
+    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
+        ids = _ids(opened)
+        for (first, second), rows in zip(pairs, matches, strict=True):
+            if len(rows) == 0:
+                continue
+            geometry = pycolmap.TwoViewGeometry()
+            geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
+            geometry.inlier_matches = rows
+            opened.write_two_view_geometry(ids[first], ids[second], geometry)
+
+
+def match_in_full(database: Path, pairs: Names, workers: int) -> None:
+    """Let COLMAP match pairs of photographs in full, and verify them by their epipolar geometry."""
+    pycolmap.match_image_pairs(
+        database,
+        matching_options=pycolmap.FeatureMatchingOptions(num_threads=workers, use_gpu=False),
+        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_pairs(database, pairs)),
+    )
+
+
+def list_pairs(database: Path, pairs: Names) -> Path:
+    """Write pairs of photographs as COLMAP reads them, beside the database."""
+    path = database.with_name("pairs.txt")
+    path.write_text("".join(f"{first} {second}\n" for first, second in pairs))
+    return path
+
+
+def _ids(database: pycolmap.Database) -> dict[str, int]:
+    return {image.name: image.image_id for image in database.read_all_images()}
+
+
+_JOINING_OUTLIER_PX = 1.0  # of the kernel; features agree to a third of a pixel
+_FINAL_OUTLIER_PX = 0.5
+_WRONG_PX = 2.0  # what errs by more once nothing pulls is no observation
+_JOINING_TOLERANCE, _FINAL_TOLERANCE = 1e-3, 1e-4  # relative decrease at which it stops; more moves nothing by 0.01 mm
+
+
+def complete(
+    database: Path, coarse: pycolmap.Reconstruction, min_angle_deg: float, workers: int, advance: Callable[[], None]
+) -> pycolmap.Reconstruction:
+    """Triangulate all that photographs match, register those that the coarse model lacks, and adjust everything.
+
+    Args:
+        database: with all features, and verified matches.
+        coarse: has the poses of most of its photographs, by their names.
+        min_angle_deg: least angle between two rays of a point.
+        workers: threads.
+        advance: called twice.
+    """
+    with pycolmap.Database.open(database) as opened:
+        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
+    model = pycolmap.Reconstruction()
+    model.load(cache)
+    poses = {image.name: image.cam_from_world() for image in coarse.images.values() if image.has_pose}
+    for image in list(model.images.values()):
+        if image.name in poses:
+            model.frames[image.frame_id].rig_from_world = poses[image.name]
+            model.register_frame(image.frame_id)
+    mapper = pycolmap.IncrementalMapper(cache)
+    mapper.begin_reconstruction(model)
+    triangulation = pycolmap.IncrementalTriangulatorOptions(random_seed=_RANDOM_SEED)
+    for image_id in sorted(model.reg_image_ids()):
+        mapper.triangulate_image(triangulation, image_id)
+    if model.num_reg_images() < model.num_images():
+        _register_others(mapper, triangulation)
+    mapper.complete_and_merge_tracks(triangulation)
+    mapper.end_reconstruction(False)
+    advance()
+    # Some of what was matched along one line is wrong, so outliers must not pull before they are known.
+    adjust(model, workers, _JOINING_OUTLIER_PX, _JOINING_TOLERANCE)
+    keep_good_points(model, _WRONG_PX, min_angle_deg)
+    adjust(model, workers, _FINAL_OUTLIER_PX, _FINAL_TOLERANCE)
+    advance()
+    return model
+
+
+def _register_others(
+    mapper: pycolmap.IncrementalMapper, triangulation: pycolmap.IncrementalTriangulatorOptions
+) -> None:
+    """Register the photographs that have no pose, those that see most first, as long as one succeeds."""
+    options = pycolmap.IncrementalMapperOptions(
+        random_seed=_RANDOM_SEED, abs_pose_refine_focal_length=False, abs_pose_refine_extra_params=False
+    )
+    joined = True
+    while joined:
+        joined = False
+        for image_id in mapper.find_next_images(options, False):
+            if mapper.register_next_image(options, image_id):
+                mapper.triangulate_image(triangulation, image_id)
+                joined = True
+                break

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

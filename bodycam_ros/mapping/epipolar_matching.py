@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.mapping.epipolar_kernels import match_along_epipolars
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.photographs import in_parallel
-from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.mapping.progress import Advance, in_parallel
 from bodycam_ros.settings import setting
 
 

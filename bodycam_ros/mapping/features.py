@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.photographs import in_parallel
+from bodycam_ros.mapping.progress import in_parallel
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
-from bodycam_ros.tracking.view_mask import view_mask
 
 _KEYPOINTS_TO_CHOOSE_FROM = 20000  # more than a photograph has
 
@@ -126,3 +126,101 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
     if image is None:
         raise MapError(f"{path}: not a readable image; expected a whole JPEG or PNG file")
     return np.asarray(image, dtype=np.uint8)
+
+
+_TAKEN = -1.0  # less than any product of positive numbers
+
+
+def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32], max_ratio: float) -> NDArray[np.uint32]:
+    """Pairs (M, 2) of rows of RootSIFT descriptors (N, 128) and (K, 128) that are mutual nearest neighbours.
+
+    Args:
+        first, second: the descriptors, as floats.
+        max_ratio: of the distance to that to the second nearest.
+    """
+    if len(first) == 0 or len(second) < 2:
+        return np.zeros((0, 2), np.uint32)
+    # All have about the same length, so the nearest is the one with the largest product.
+    products = first @ second.T
+    nearest = products.argmax(axis=1)
+    rows = np.arange(len(first))
+    mutual = products.argmax(axis=0)[nearest] == rows
+    best = products[rows, nearest]
+    products[rows, nearest] = _TAKEN
+    length_squared = float(np.median(np.einsum("ij,ij->i", first, first)))
+    squared = 2.0 * (length_squared - best)
+    second_squared = 2.0 * (length_squared - products.max(axis=1))
+    good = mutual & (squared < max_ratio**2 * second_squared)
+    return np.column_stack([rows[good], nearest[good]]).astype(np.uint32)
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """How pairs of photographs are chosen, and matched before their poses are known."""
+
+    probe_features: int = setting(
+        500,
+        unit="per photograph",
+        limits=(50, 3000),
+        reason="largest features that decide whether two photographs overlap",
+    )
+    probe_ratio: float = setting(
+        0.8, limits=(0.5, 0.95), reason="a probe matches if its nearest descriptor is this much nearer than the second"
+    )
+    min_probe_matches: int = setting(
+        8, limits=(1, 100), reason="fewer mutual probe matches are chance; of pairs with a dozen four in five overlap"
+    )
+    max_partners: int = setting(
+        16, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
+    )
+    spanning_trees: int = setting(
+        3, limits=(0, 10), reason="independent ties between groups of photographs, so that one weak tie does no harm"
+    )
+    registering_features: int = setting(
+        1000,
+        unit="per photograph",
+        limits=(200, 20000),
+        reason="largest features that find the poses, to some pixels; with all of them it takes five times as long",
+    )
+
+
+def probe_overlap(
+    features: Sequence[ImageFeatures], settings: PairSettings, workers: int = 1
+) -> Iterator[NDArray[np.int64]]:
+    """Count mutual matches among the largest features of all pairs (preemptive matching, Wu 2013, section 3).
+
+    Yields:
+        for each photograph i the (K,) counts with the photographs before it, zero from itself on.
+    """
+    probes = [f.descriptors[: settings.probe_features].astype(np.float32) for f in features]
+
+    def counts_with_those_before(i: int) -> NDArray[np.int64]:
+        counts = np.zeros(len(probes), dtype=np.int64)
+        counts[:i] = [len(mutual_matches(probes[i], probe, settings.probe_ratio)) for probe in probes[:i]]
+        return counts
+
+    return in_parallel(counts_with_those_before, range(len(probes)), workers)
+
+
+def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[tuple[int, int]]:
+    """Pairs (i, j) of rows, i < j, from counts (K, K): the best partners of either, and what holds groups together.
+
+    Photographs of one corner may all be each other's best partners. Spanning trees of the largest counts tie such
+    a group to the others.
+    """
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
+    counts = counts + counts.T
+    # Ties go to the lower row, on every machine.
+    best = np.argsort(-counts, axis=1, kind="stable")[:, : settings.max_partners]
+    chosen = np.zeros(counts.shape, dtype=bool)
+    np.put_along_axis(chosen, best, True, axis=1)
+    candidates = np.where(counts >= settings.min_probe_matches, counts, 0)
+    chosen &= candidates > 0
+    for _ in range(settings.spanning_trees):
+        tree = minimum_spanning_tree(-candidates.astype(np.float64)).toarray() != 0.0
+        tree |= tree.T
+        chosen |= tree
+        candidates[tree] = 0
+    rows, columns = np.nonzero(np.triu(chosen | chosen.T, k=1))
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))

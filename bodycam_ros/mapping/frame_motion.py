@@ -1,7 +1,12 @@
-"""How sharp the frames of a moving camera are, and how far it has turned and gone from one to the next."""
+"""How sharp the frames of a moving camera are, and how far it has turned and gone from one to the next.
 
-from collections.abc import Callable
+The rows of a camera that lay on its side are columns of the upright picture.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -9,9 +14,47 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
-from bodycam_ros.geometry import log_so3
-from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
+
+
+class Frame(Protocol):
+    """One picture of the camera; its pixels are made only for who asks."""
+
+    @property
+    def seconds(self) -> float:
+        """When it was taken, by the camera's own clock [s]."""
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Grey pixels (H, W).
+
+        Raises:
+            RecordingError: it cannot be decoded.
+        """
+
+    def file(self) -> tuple[str, bytes]:
+        """Suffix (".jpg", ".png") and content of an image file with it; raises as ``grey`` does."""
+
+
+class MovingCamera(Protocol):
+    """Frames that can be gone through more than once, the same each time.
+
+    Attributes:
+        name: of the video or topic, for people.
+        camera: its lens.
+        count: about how many frames there are.
+        readout_s: by how much later the right border is exposed than the left, and the lower than the upper [s]; zero
+            if all rows are exposed together, or nobody knows.
+    """
+
+    name: str
+    camera: CameraModel
+    count: int
+    readout_s: tuple[float, float]
+
+    def frames(self) -> AbstractContextManager[Iterator[Frame]]:
+        """The frames in order of time, from the first on."""
+
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -191,3 +234,45 @@ def _check_size(source: MovingCamera, grey: Grey) -> None:
             f"{source.name}: its images have {grey.shape[1]} x {grey.shape[0]} pixels, but its intrinsics are for "
             f"{camera.width} x {camera.height}; give the calibration of this mode with --camera"
         )
+
+
+_ROWS_AT_ONCE = 200  # bounds the memory that a large picture takes
+_REFINEMENTS = 2
+
+
+def steady_picture(
+    picture: NDArray[np.uint8], camera: CameraModel, angular_velocity: Array, readout_s: tuple[float, float]
+) -> NDArray[np.uint8]:
+    """Undo what the camera's turning did to a picture while it was read out.
+
+    What it did by moving on is left: of things that are metres away it is a tenth of that.
+
+    Args:
+        picture: (H, W) or (H, W, 3) pixels.
+        camera: its lens.
+        angular_velocity: (3,) in camera axes [rad/s].
+        readout_s: by how much later the right border was exposed than the left, and the lower than the upper [s].
+    """
+    source = np.empty((camera.height, camera.width, 2), np.float32)
+    for top in range(0, camera.height, _ROWS_AT_ONCE):
+        rows = np.arange(top, min(top + _ROWS_AT_ONCE, camera.height))
+        columns, lines = np.meshgrid(np.arange(camera.width), rows)
+        steady = np.column_stack([columns.ravel(), lines.ravel()]).astype(np.float64)
+        shown = steady
+        # Where a pixel was shown depends on the row that it was shown in.
+        for _ in range(_REFINEMENTS):
+            shown = shown + (steady - _steady_pixels(camera, shown, angular_velocity, readout_s))
+        source[rows] = shown.reshape(len(rows), camera.width, 2)
+    straight = cv2.remap(picture, source, np.empty(0), cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(straight, np.uint8)
+
+
+def _steady_pixels(
+    camera: CameraModel, pixels: Array, angular_velocity: Array, readout_s: tuple[float, float]
+) -> Array:
+    """Where pixels (M, 2) would be if all were exposed with the middle of the picture."""
+    bearings, in_view = camera.unproject(pixels)
+    later_s = (pixels / [camera.width - 1, camera.height - 1] - 0.5) @ np.array(readout_s)
+    turns = exp_so3(later_s[:, None] * angular_velocity)
+    steady, valid = camera.project((turns @ bearings[:, :, None])[:, :, 0])
+    return np.where((in_view & valid)[:, None], steady, pixels)

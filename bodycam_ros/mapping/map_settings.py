@@ -2,17 +2,15 @@
 
 from dataclasses import dataclass
 
-from bodycam_ros.mapping.alignment import AlignmentSettings
+from bodycam_ros.mapping.alignment import AlignmentSettings, FloorSettings
 from bodycam_ros.mapping.apriltag import TagSettings
 from bodycam_ros.mapping.coverage import CoverageSettings
 from bodycam_ros.mapping.epipolar_matching import EpipolarSettings
-from bodycam_ros.mapping.features import FeatureSettings
-from bodycam_ros.mapping.floor import FloorSettings
+from bodycam_ros.mapping.features import FeatureSettings, PairSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.known_distance import KnownDistanceSettings
-from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings
-from bodycam_ros.mapping.pairs import PairSettings
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.mapping.structure import DescriptorSettings
 from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings
 from bodycam_ros.settings import SettingsGroups, setting
 

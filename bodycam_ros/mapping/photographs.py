@@ -1,20 +1,56 @@
 """The photographs of a reference folder, the camera that took them, and work on many of them at once."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+
+import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
-from bodycam_ros.errors import MapError
+from bodycam_ros.camera.colmap_model import camera_from_colmap
+from bodycam_ros.errors import LensError, MapError
+from bodycam_ros.mapping import colmap
+
+_SAME = 1e-6
+"""Relative difference of parameters up to which two cameras of a model are one."""
+
+
+def camera_of_model(folder: Path) -> CameraModel:
+    """The one camera that took all photographs of a model.
+
+    Raises:
+        MapError: the model cannot be read, has none or several cameras, or one of a lens model that is not known.
+    """
+    model = colmap.read_model(folder)
+    used = {image.camera_id for image in model.images.values() if image.has_pose}
+    cameras = [model.cameras[camera_id] for camera_id in sorted(used)]
+    if not cameras:
+        raise MapError(f"{folder}: the model registers no photograph; give the folder of one that does")
+    first = cameras[0]
+    apart = [
+        camera
+        for camera in cameras
+        if (camera.model_name, camera.width, camera.height) != (first.model_name, first.width, first.height)
+        or not np.allclose(camera.params, first.params, rtol=_SAME, atol=_SAME)
+    ]
+    if apart:
+        raise MapError(
+            f"{folder}: the model has {len(cameras)} cameras; a map is made of photographs of one. Let COLMAP share "
+            "one camera among all (ImageReader.single_camera), or put the camera_info YAML of the one that took the "
+            "photographs into their folder as camera.yaml"
+        )
+    try:
+        return camera_from_colmap("photograph", first)
+    except LensError as error:
+        raise MapError(
+            f"{folder}: {error}; make the model with one of these lens models, or put the camera_info YAML of the "
+            "camera into the photographs' folder as camera.yaml"
+        ) from error
+
 
 CAMERA_FILE = "camera.yaml"
 BOARD_FILE = "board.yaml"
 _SUFFIXES = {".jpg", ".jpeg", ".png"}
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -99,19 +135,5 @@ def _camera(folder: Path, camera_path: Path | None, model_folder: Path | None) -
             "with --camera where it is"
         )
     # COLMAP takes a second to load.
-    from bodycam_ros.mapping.model_camera import camera_of_model
 
     return camera_of_model(model_folder)
-
-
-def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:
-    """Results in the order of the items, as they get ready.
-
-    Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
-    for items that have not begun.
-    """
-    pool = ThreadPoolExecutor(max_workers=workers)
-    try:
-        yield from pool.map(function, items)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)

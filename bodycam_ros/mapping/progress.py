@@ -1,9 +1,13 @@
 """How a long computation tells what it is doing."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from typing import Protocol
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 class Advance(Protocol):
@@ -34,3 +38,16 @@ class TimedProgress:
         with self._progress.step(name, total) as advance:
             yield advance
         self.seconds[name] = time.monotonic() - start
+
+
+def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:
+    """Results in the order of the items, as they get ready.
+
+    Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
+    for items that have not begun.
+    """
+    pool = ThreadPoolExecutor(max_workers=workers)
+    try:
+        yield from pool.map(function, items)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

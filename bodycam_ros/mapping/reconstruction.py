@@ -12,18 +12,15 @@ from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.colmap_camera import pycolmap
+from bodycam_ros.camera.colmap_model import pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.colmap_completion import complete
-from bodycam_ros.mapping.colmap_matches import match_in_full, write_verified, write_verified_by_colmap
+from bodycam_ros.mapping.colmap import complete, match_in_full, write_verified, write_verified_by_colmap
 from bodycam_ros.mapping.epipolar_matching import EpipolarSettings, match_known_poses
-from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.mapping.features import ImageFeatures, PairSettings, mutual_matches, probe_overlap, promising_pairs
 from bodycam_ros.mapping.map_settings import LandmarkSettings
-from bodycam_ros.mapping.mutual_matches import mutual_matches
-from bodycam_ros.mapping.pairs import PairSettings, probe_overlap, promising_pairs
-from bodycam_ros.mapping.photographs import in_parallel, wrong_camera
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.photographs import wrong_camera
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
 from bodycam_ros.whole_file import scratch_folder
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.features import read_photograph
-from bodycam_ros.mapping.photographs import in_parallel
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.settings import setting

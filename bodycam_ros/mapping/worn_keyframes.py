@@ -13,12 +13,12 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError, RecordingError
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings, choose_frames
 from bodycam_ros.mapping.frame_motion import FrameMotion, frame_motion
-from bodycam_ros.mapping.photographs import Photographs, in_parallel
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.settings import setting
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.bag_camera import BagCamera
+    from bodycam_ros.mapping.carried_camera import BagCamera
 
 _LOG = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ def keep_worn_keyframes(
         LensError: a camera's intrinsics are malformed.
     """
     # Nodes load all settings, these among them, and no reader of bags.
-    from bodycam_ros.mapping.bag_camera import BagCamera
+    from bodycam_ros.mapping.carried_camera import BagCamera
     from bodycam_ros.recording.bag_reader import open_recording
 
     with open_recording(bag) as recording:

@@ -1,21 +1,78 @@
 """What is said on /diagnostics of a run: how each camera fares lately, and the verdict on what is solved."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 
 import numpy as np
 
+from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.messages.status import Health, HealthLevel, few
-from bodycam_ros.registration.camera_sight import CameraSight, camera_sight
+from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, flat, header_message, numbers
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.readout_log import TypicalSpeed, doubt
-from bodycam_ros.registration.readout_pool import ReadoutSettings
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockState
-from bodycam_ros.verdict.verdict import Level, Verdict
+from bodycam_ros.registration.map_photographs import CameraSight, camera_sight
+from bodycam_ros.registration.readout_time import ReadoutSettings, TypicalSpeed, doubt
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
+from bodycam_ros.verdict import Level, Verdict
+
+_NAMED = 3
+
+
+class HealthLevel(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Health:
+    """The health of one part, such as a camera.
+
+    Attributes:
+        name: the part ("camera head"); a node puts its own name before it.
+        level: how it is.
+        text: why, in one line.
+        values: figures that say it in detail.
+    """
+
+    name: str
+    level: HealthLevel
+    text: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+
+def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Health], computer: str = "") -> Message:
+    """diagnostic_msgs/DiagnosticArray; ``computer`` is where the parts are, if that is worth telling."""
+    statuses = [
+        make(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=make.byte(int(part.level)),
+            name=part.name,
+            hardware_id=computer,
+            message=part.text,
+            values=[
+                make("diagnostic_msgs/msg/KeyValue", key=key, value=str(value)) for key, value in part.values.items()
+            ],
+        )
+        for part in parts
+    ]
+    return make("diagnostic_msgs/msg/DiagnosticArray", header=header_message(make, stamp_ns, ""), status=statuses)
+
+
+def few(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are, so that a line stays a line."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def text_message(make: MessageFactory, text: str) -> Message:
+    """std_msgs/String, such as a URDF."""
+    return make("std_msgs/msg/String", data=text)
+
 
 _POOR_SHARE = 0.9
 """A camera registered on a smaller share of its frames gets a warning: the body still holds, but with less."""
@@ -185,3 +242,43 @@ def verdict_health(verdict: Verdict) -> Health:
         told.setdefault(finding.camera, []).append(finding.told)
     values = {camera: "; ".join(lines) for camera, lines in told.items()}
     return Health("verdict", _LEVELS[verdict.level], verdict.text, values)
+
+
+EQUIPMENT, EQUIPMENT_TYPE = "/equipment", "bodycam_msgs/msg/EquipmentState"
+
+
+def equipment_message(make: MessageFactory, stamp_ns: int, report: EquipmentReport) -> Message:
+    """bodycam_msgs/EquipmentState of one instant."""
+    return make(
+        EQUIPMENT_TYPE,
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        name=report.name,
+        placed=report.placed,
+        attachments=list(report.attachments),
+        engaged=make.sequence(flat(report.engaged, np.uint8)),
+        deviations=make.sequence(flat(report.deviations, np.float64)),
+        lengths=list(report.lengths),
+        priors=make.sequence(flat(report.priors, np.float64)),
+        values=make.sequence(flat(report.values, np.float64)),
+        sigmas=make.sequence(flat(report.sigmas, np.float64)),
+    )
+
+
+def equipment_report(message: Message) -> EquipmentReport:
+    """What a bodycam_msgs/EquipmentState says.
+
+    Raises:
+        ValueError: its arrays do not have one value for each name.
+    """
+    attachments, lengths = tuple(message.attachments), tuple(message.lengths)
+    return EquipmentReport(
+        name=message.name,
+        placed=bool(message.placed),
+        attachments=attachments,
+        engaged=numbers(message.engaged, np.uint8, len(attachments)).astype(bool),
+        deviations=numbers(message.deviations, np.float64, len(attachments)),
+        lengths=lengths,
+        priors=numbers(message.priors, np.float64, len(lengths)),
+        values=numbers(message.values, np.float64, len(lengths)),
+        sigmas=numbers(message.sigmas, np.float64, len(lengths)),
+    )

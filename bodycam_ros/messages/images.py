@@ -4,14 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.camera.file_picture import FilePicture
-from bodycam_ros.camera.pixel_encoding import ENCODINGS
-from bodycam_ros.camera.raw_picture import RawPicture
-from bodycam_ros.camera.video_packet import VideoPacket
+from bodycam_ros.camera.camera_image import ENCODINGS, CameraImage, FilePicture, RawPicture, VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.messages.factory import Message, numbers
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, optical_frame, stamp_ns
 from bodycam_ros.shown import shown
 
 _GREY = ("mono8", "8UC1")
@@ -99,3 +94,19 @@ def camera_model(message: Message, camera: str) -> CameraModel:
     d = numbers(message.d, np.float64, len(message.d)).tolist()
     k = numbers(message.k, np.float64, len(message.k)).tolist()
     return camera_from_info(camera, int(message.width), int(message.height), message.distortion_model, d, k)
+
+
+def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int) -> Message:
+    """sensor_msgs/CameraInfo of a lens; what rectified images would need is left as if nothing had to be rectified."""
+    k = np.array(camera.k)
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header=header_message(make, stamp_ns, make.frame(optical_frame(camera.name))),
+        width=camera.width,
+        height=camera.height,
+        distortion_model=camera.distortion_model,
+        d=make.sequence(np.array(camera.distortion)),
+        k=k,
+        r=np.eye(3).reshape(-1),
+        p=np.insert(k, (3, 6, 9), 0.0),
+    )

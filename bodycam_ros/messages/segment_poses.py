@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.camera_evidence import SegmentPose
-from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
-from bodycam_ros.messages.header import MAP_FRAME, header_message, stamp_ns
-from bodycam_ros.messages.pose import pose_message, transform_from_pose
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyNow, SaidSegments, SegmentPose
+from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, flat, header_message, numbers, stamp_ns
+from bodycam_ros.messages.tracks import pose_message, transform_from_pose
 from bodycam_ros.shown import shown
 
 SEGMENT_POSES, SEGMENT_POSES_TYPE = "/segment_poses", "bodycam_msgs/msg/SegmentPoses"
@@ -89,3 +88,42 @@ def _invertible(covariances: NDArray[np.float64]) -> NDArray[np.bool_]:
     asymmetry = np.abs(correlations - np.swapaxes(correlations, 1, 2)).max(axis=(1, 2), initial=0.0)
     invertible: NDArray[np.bool_] = whole & (asymmetry < _ROUNDING) & (np.linalg.eigvalsh(correlations)[:, 0] > 0.0)
     return invertible
+
+
+SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "segments_now", SEGMENT_POSES_TYPE
+"""Topic, in the nodes' namespace, and type. It waits for no later instant, as joint states do; confidence is 1 of what
+cameras see, else 0.
+
+With each instant comes the one before it once more, as it is known by then: what lies between is the body's motion.
+"""
+
+_SOLVER = "solver"  # in place of a station
+
+
+def segments_now_message(make: MessageFactory, now: BodyNow, body: BodyModel) -> Message:
+    """bodycam_msgs/SegmentPoses of a whole body."""
+    poses = [
+        SegmentPose(segment, world_T_segment, covariance)
+        for segment, world_T_segment, covariance in zip(
+            body.segments, now.world_T_segment, now.covariances, strict=True
+        )
+    ]
+    observed = dict(zip(body.segments, now.observed.astype(float).tolist(), strict=True))
+    return segment_poses_message(make, now.stamp_ns, _SOLVER, poses, observed)
+
+
+def segments_now(message: Message, body: BodyModel) -> BodyNow:
+    """What such a message says of a body.
+
+    Raises:
+        ValueError: as of ``segment_poses``, or it is of another body.
+    """
+    said = segment_poses(message)
+    if tuple(each.segment for each in said.evidence) != body.segments:
+        raise ValueError(
+            f"its segments are {', '.join(each.segment for each in said.evidence)}; expected {', '.join(body.segments)}"
+        )
+    observed = body.named(segment for segment, share in said.confidence.items() if share and segment in body.segments)
+    poses = np.array([each.world_T_segment for each in said.evidence])
+    covariances = np.array([each.covariance for each in said.evidence])
+    return BodyNow(said.stamp_ns, poses, covariances, observed)

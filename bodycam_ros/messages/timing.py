@@ -1,11 +1,12 @@
 """How a camera's clock goes and how its rows are read out, as a message."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, readout_of
-from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns
+from bodycam_ros.messages.factory import Message, MessageFactory, header_message, optical_frame, stamp_ns
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 
 @dataclass(frozen=True)
@@ -69,3 +70,34 @@ def camera_timing(message: Message) -> SaidTiming:
         drift=message.drift,
         drift_sigma=message.drift_sigma,
     )
+
+
+TIMING, TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
+"""End and type of the topic."""
+
+
+def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tuple[int, Message]]:
+    """(stamp from which it holds [ns], message) of every clock that a camera had, as its body tells."""
+    readout = readout_of(history.readout_time, history.readout_sigma)
+    for clock in history.clocks:
+        said = SaidTiming(
+            clock.since_ns,
+            "body",
+            readout,
+            1e-9 * clock.offset_ns(clock.since_ns),
+            clock.offset_sigma,
+            clock.drift,
+            clock.drift_sigma,
+        )
+        yield clock.since_ns, timing_message(make, history.camera, said)
+
+
+def says_clock(message: Message) -> bool:
+    """Whether a message speaks of a clock at all, and not of rows alone."""
+    return not math.isnan(message.offset_sigma)
+
+
+def clock_state(message: Message) -> ClockState:
+    """The clock that a message speaks of."""
+    since_ns = stamp_ns(message.header.stamp)
+    return ClockState(since_ns, since_ns, message.offset, message.drift, message.offset_sigma, message.drift_sigma)

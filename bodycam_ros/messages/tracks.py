@@ -1,19 +1,125 @@
-"""What travels between the stages: feature tracks, landmark matches, camera poses."""
+"""What travels between the stages: feature tracks, landmark matches, camera poses.
+
+Ours: rotation [rad] then translation [m], in the axes of the moving frame (gtsam's order), world_T_body @ exp(xi).
+ROS: translation then rotation about the fixed axes of the parent frame (geometry_msgs/PoseWithCovariance).
+"""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bodycam_ros.messages.factory import Message, MessageFactory, flat, numbers
-from bodycam_ros.messages.header import header_message, optical_frame, stamp_ns, time_message
-from bodycam_ros.messages.pose import (
-    pose_and_covariance,
-    pose_with_covariance_message,
-    quaternion_message,
-    rotation_from_message,
-    stamped_pose_message,
+from bodycam_ros import geometry
+from bodycam_ros.messages.factory import (
+    MAP_FRAME,
+    Message,
+    MessageFactory,
+    flat,
+    header_message,
+    numbers,
+    optical_frame,
+    stamp_ns,
+    time_message,
 )
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import TrackFrame
+
+
+def quaternion_message(make: MessageFactory, a_R_b: NDArray[np.float64]) -> Message:
+    """geometry_msgs/Quaternion of a rotation (3, 3)."""
+    x, y, z, w = geometry.quaternion_xyzw(a_R_b).tolist()
+    return make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+
+def rotation_from_message(quaternion: Message) -> NDArray[np.float64]:
+    """Rotation (3, 3) of a geometry_msgs/Quaternion; all zeros, as an unset field has it, is the identity."""
+    q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
+    return geometry.rotation_from_xyzw(q) if q.any() else np.eye(3)
+
+
+def vector_message(make: MessageFactory, vector: NDArray[np.float64]) -> Message:
+    """geometry_msgs/Vector3 of three numbers."""
+    x, y, z = vector.tolist()
+    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def point_message(make: MessageFactory, point: NDArray[np.float64]) -> Message:
+    """geometry_msgs/Point [m]."""
+    x, y, z = point.tolist()
+    return make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+
+
+def pose_message(make: MessageFactory, a_T_b: NDArray[np.float64]) -> Message:
+    """geometry_msgs/Pose of a transform (4, 4)."""
+    return make(
+        "geometry_msgs/msg/Pose",
+        position=point_message(make, a_T_b[:3, 3]),
+        orientation=quaternion_message(make, a_T_b[:3, :3]),
+    )
+
+
+def transform_from_pose(pose: Message) -> NDArray[np.float64]:
+    """Transform (4, 4) of a geometry_msgs/Pose."""
+    position = np.array([pose.position.x, pose.position.y, pose.position.z])
+    return geometry.rigid(rotation_from_message(pose.orientation), position)
+
+
+def transform_messages(make: MessageFactory, a_T_b: NDArray[np.float64]) -> list[Message]:
+    """geometry_msgs/Transform of transforms (N, 4, 4)."""
+    return [
+        make(
+            "geometry_msgs/msg/Transform",
+            translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        )
+        for (x, y, z), (qx, qy, qz, qw) in zip(
+            a_T_b[:, :3, 3].tolist(), geometry.quaternion_xyzw(a_T_b[:, :3, :3]).tolist(), strict=True
+        )
+    ]
+
+
+def pose_with_covariance_message(
+    make: MessageFactory, a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> Message:
+    """geometry_msgs/PoseWithCovariance of a transform (4, 4) and its covariance (6, 6) in our order and axes."""
+    return make(
+        "geometry_msgs/msg/PoseWithCovariance",
+        pose=pose_message(make, a_T_b),
+        covariance=ros_covariance(a_T_b, covariance).reshape(-1),
+    )
+
+
+def stamped_pose_message(
+    make: MessageFactory, stamp_ns: int, world_T_body: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> Message:
+    """geometry_msgs/PoseWithCovarianceStamped in the map, of a transform (4, 4) and its covariance (6, 6)."""
+    return make(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        pose=pose_with_covariance_message(make, world_T_body, covariance),
+    )
+
+
+def pose_and_covariance(message: Message) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Transform (4, 4) and covariance (6, 6) in our order and axes of a geometry_msgs/PoseWithCovariance."""
+    a_T_b = transform_from_pose(message.pose)
+    return a_T_b, body_covariance(a_T_b, numbers(message.covariance, np.float64, 6, 6))
+
+
+def ros_covariance(a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance (6, 6) in ROS's order and axes from ours.
+
+    From a_T_b @ exp(w, v): the position moves by R v, and R exp(w) = exp(R w) R turns about fixed axes by R w.
+    """
+    J = np.zeros((6, 6))
+    J[:3, 3:] = J[3:, :3] = a_T_b[:3, :3]
+    return np.ascontiguousarray(J @ covariance @ J.T)
+
+
+def body_covariance(a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance (6, 6) in our order and axes from ROS's; the inverse of ``ros_covariance``."""
+    J = np.zeros((6, 6))
+    J[:3, 3:] = J[3:, :3] = a_T_b[:3, :3].T
+    return np.ascontiguousarray(J @ covariance @ J.T)
 
 
 def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
@@ -114,3 +220,37 @@ def camera_pose_message(make: MessageFactory, matches: LandmarkMatches) -> Messa
     if matches.world_T_camera is None:
         return None
     return stamped_pose_message(make, matches.stamp_ns, matches.world_T_camera, matches.pose_covariance)
+
+
+_FLOAT32 = 7  # sensor_msgs/PointField
+_FIELDS = ("x", "y", "z", "rgb")
+
+
+def map_points_message(
+    make: MessageFactory, stamp_ns: int, points_world: NDArray[np.floating], colours: NDArray[np.uint8]
+) -> Message:
+    """sensor_msgs/PointCloud2 of coloured points in the map's frame.
+
+    Args:
+        points_world: (N, 3) [m].
+        colours: (N, 3) red, green, blue.
+    """
+    rgb = colours.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
+    # RViz reads a colour from the bits of a float.
+    rows = np.column_stack([points_world.astype(np.float32), rgb.astype(np.uint32).view(np.float32)])
+    step = 4 * len(_FIELDS)
+    return make(
+        "sensor_msgs/msg/PointCloud2",
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        height=1,
+        width=len(rows),
+        fields=[
+            make("sensor_msgs/msg/PointField", name=name, offset=4 * i, datatype=_FLOAT32, count=1)
+            for i, name in enumerate(_FIELDS)
+        ],
+        is_bigendian=False,
+        point_step=step,
+        row_step=step * len(rows),
+        data=make.sequence(flat(rows, np.float32).view(np.uint8)),
+        is_dense=True,
+    )

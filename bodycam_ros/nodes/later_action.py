@@ -9,9 +9,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.work import Work
+from bodycam_ros.live.flow_of_frames import Work
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.nodes.message_classes import action_class
+from bodycam_ros.nodes.parameters import action_class
 
 _LOOK_S = 0.2
 

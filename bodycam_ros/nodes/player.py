@@ -18,17 +18,20 @@ from std_srvs.srv import Trigger
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.flow_of_frames import Skipped
 from bodycam_ros.live.node_parameters import PlayerParameters
-from bodycam_ros.live.playback import Playback
-from bodycam_ros.live.played_time import PlayedTime
-from bodycam_ros.live.played_video import IMAGES, INFO, TIMING, camera_of
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import time_message
-from bodycam_ros.messages.status import few
+from bodycam_ros.live.playback import IMAGES, INFO, TIMING, Playback, PlayedTime, camera_of
+from bodycam_ros.messages.factory import Message, time_message
+from bodycam_ros.messages.health import few
 from bodycam_ros.moments import Moment, Moments
-from bodycam_ros.nodes.message_classes import is_installed, message_class, node_messages
-from bodycam_ros.nodes.parameters import NodeParameters
+from bodycam_ros.nodes.parameters import (
+    STAGE_DEPTH,
+    NodeParameters,
+    is_installed,
+    latched,
+    message_class,
+    node_messages,
+    reliable,
+)
 from bodycam_ros.nodes.process import light_executor
-from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 

@@ -18,8 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.fast_dds import without_discovery_callbacks
-from bodycam_ros.live.graph import USER_ERROR
+from bodycam_ros.live.graph import USER_ERROR, without_discovery_callbacks
 from bodycam_ros.live.signals import Signals
 
 PATIENCE_S = 60.0

@@ -7,30 +7,33 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.equipment.coupled_body import coupled_body, held_equipment
 from bodycam_ros.errors import StationError
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow
 from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
-from bodycam_ros.live.image_health import ImageHealth
-from bodycam_ros.live.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.live.image_queue import ImageHealth, ImageQueue, QueuedImage
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
 from bodycam_ros.live.static_cameras import read_world
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
-from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now
-from bodycam_ros.messages.status import Health
+from bodycam_ros.messages.health import Health
+from bodycam_ros.messages.segment_poses import (
+    SEGMENT_POSES,
+    SEGMENT_POSES_TYPE,
+    SEGMENTS_NOW,
+    SEGMENTS_NOW_TYPE,
+    segment_poses_message,
+    segments_now,
+)
 from bodycam_ros.nodes.camera_topics import ImageSource
-from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.outside.body_surface import BodySurface
-from bodycam_ros.outside.chosen_surface import surfaces_of
-from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.outside.lone_station import LoneStation
-from bodycam_ros.outside.placed_body import placed_body
-from bodycam_ros.outside.region_tracker import RegionTracker
-from bodycam_ros.tracking.every_second_image import EverySecondImage
+from bodycam_ros.static_cameras.body_shape import BodySurface
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import placed_body
+from bodycam_ros.static_cameras.station_watch import LoneStation, with_hands
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
+from bodycam_ros.tracking.optical_flow import EverySecondImage
 
 _LOOK_S = 0.25
 _NOBODY = f"nothing on {SEGMENTS_NOW} says where the body is, and there is no start file"

@@ -7,22 +7,19 @@ from pathlib import Path
 from std_srvs.srv import SetBool
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.live.flow_of_frames import AwaitedReaders
+from bodycam_ros.live.flow_of_frames import AwaitedReaders, Work
 from bodycam_ros.live.live_registration import LiveRegistration
 from bodycam_ros.live.map_extension import MapExtension
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
-from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.map_points import map_points_message
-from bodycam_ros.messages.status import Health, HealthLevel
+from bodycam_ros.messages.health import Health, HealthLevel
 from bodycam_ros.messages.timing import camera_timing
-from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, track_frame
+from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, map_points_message, track_frame
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.registration.loaded_map import load_map
-from bodycam_ros.registration.reference_map import assumed_vertical, check_metric
+from bodycam_ros.registration.reference_map import assumed_vertical, check_metric, load_map
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _LOOK_S, _SAVE_LOOK_S = 0.1, 0.2

@@ -9,14 +9,11 @@ from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.live.node_parameters import RetargetParameters
-from bodycam_ros.live.robot_health import RobotHealth
-from bodycam_ros.messages.body import joint_state_message, transforms_message
-from bodycam_ros.messages.body_instants import ToldBody
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.header import MAP_FRAME
-from bodycam_ros.messages.status import Health, text_message
-from bodycam_ros.nodes.message_classes import TRANSFORMS, is_installed
-from bodycam_ros.nodes.qos import OUTPUT_DEPTH, latched, reliable
+from bodycam_ros.live.solver_health import RobotHealth
+from bodycam_ros.messages.body import ToldBody, joint_state_message, transforms_message
+from bodycam_ros.messages.factory import MAP_FRAME, Message
+from bodycam_ros.messages.health import Health, text_message
+from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState

@@ -8,26 +8,22 @@ from collections.abc import Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
-from bodycam_ros.equipment.equipment_yaml import read_equipment
+from bodycam_ros.body.equipment_yaml import read_equipment
+from bodycam_ros.body_state import BodyOutput, SaidSegments
+from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyOutput
-from bodycam_ros.live.flow_of_frames import MissedFrames
-from bodycam_ros.live.live_body import LiveBody
-from bodycam_ros.live.live_calibration import LiveCalibration
+from bodycam_ros.live.flow_of_frames import MissedFrames, Work
+from bodycam_ros.live.live_calibration import LiveBody, LiveCalibration
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_health import SolverHealth
 from bodycam_ros.live.static_cameras import stations_of_solver
-from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.status import Health
+from bodycam_ros.messages.health import Health
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
-from bodycam_ros.nodes.camera_timings import CameraTimings
-from bodycam_ros.nodes.camera_topics import CameraModels
-from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings

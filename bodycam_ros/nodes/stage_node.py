@@ -18,17 +18,14 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.flow_of_frames import Skipped
+from bodycam_ros.live.flow_of_frames import Skipped, Work
 from bodycam_ros.live.node_parameters import ManagedParameters
-from bodycam_ros.live.work import Work
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.status import Health, HealthLevel, diagnostics_message
+from bodycam_ros.messages.health import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
 from bodycam_ros.nodes.later_action import LaterAction
-from bodycam_ros.nodes.message_classes import message_class, node_messages
-from bodycam_ros.nodes.parameters import NodeParameters
+from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
-from bodycam_ros.nodes.qos import reliable
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.settings import SettingsGroups
 

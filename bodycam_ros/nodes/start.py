@@ -23,12 +23,13 @@ def _run(name: str) -> NoReturn:
     if {"--help", "-h"} & {*sys.argv[1:]} and name != GRAPH:
         print(import_module("bodycam_ros.live.help_text").help_text(name))
         _end(0)
+    import_module("bodycam_ros.own_process").bound_inputs()
     # Every camera has a process, so threads inside one would only get in the others' way.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     wanted = import_module("bodycam_ros.live.graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
-        preparation = import_module("bodycam_ros.kernels.preparation")
+        preparation = import_module("bodycam_ros.kernels")
         preparation.prepare_kernels()
         preparation.load_kernels()
     run: Any = import_module("bodycam_ros.nodes.process").run

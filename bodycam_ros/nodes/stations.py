@@ -4,15 +4,20 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses
-from bodycam_ros.messages.segments_now import SEGMENTS_NOW, SEGMENTS_NOW_TYPE, segments_now_message
-from bodycam_ros.nodes.qos import STAGE_DEPTH, latched, reliable
+from bodycam_ros.messages.segment_poses import (
+    SEGMENT_POSES,
+    SEGMENT_POSES_TYPE,
+    SEGMENTS_NOW,
+    SEGMENTS_NOW_TYPE,
+    segment_poses,
+    segments_now_message,
+)
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.outside.station import Station
+from bodycam_ros.static_cameras.station import Station
 
 
 class Stations:

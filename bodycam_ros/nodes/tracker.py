@@ -5,23 +5,22 @@ from functools import partial
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.camera_tracker import landmark_tracker
+from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.lens.lens_watch import LensWatch
 from bodycam_ros.live.flow_of_frames import AnsweredFrames
-from bodycam_ros.live.image_health import ImageHealth
-from bodycam_ros.live.image_queue import ImageQueue
+from bodycam_ros.live.image_queue import ImageHealth, ImageQueue
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.status import Health
+from bodycam_ros.messages.health import Health
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels, ImageSource
-from bodycam_ros.nodes.qos import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
-from bodycam_ros.registration.loaded_map import load_map
-from bodycam_ros.tracking.every_second_image import EverySecondImage
+from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.tracking.optical_flow import EverySecondImage
 
 _LOOK_S = 0.25
 

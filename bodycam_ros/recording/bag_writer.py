@@ -21,7 +21,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.output_place import check_folder
-from bodycam_ros.recording.bag_fault import METADATA
+from bodycam_ros.recording.bag_file import METADATA
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml

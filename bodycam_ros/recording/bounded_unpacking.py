@@ -1,17 +1,18 @@
 """Lets rosbags unpack what is compressed in a bag as far as the bag says that it goes, and no farther than bags go.
 
 A megabyte can unpack to gigabytes, and rosbags compares its size with the promised one when it has all of it. There are
-three places: chunks of MCAP, single messages, whole files. Take ``Reader``, which is rosbags' own, from here. What
-unpacks (lz4, zstd) comes with rosbags.
+three places: chunks of MCAP, single messages, whole files. What unpacks (lz4, zstd) comes with rosbags. Programs of
+ours do so; a program that imports the package keeps rosbags as it is.
 """
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, BinaryIO, Protocol, cast
 
 from lz4.frame import LZ4FrameDecompressor
-from rosbags.rosbag2 import Reader, ReaderError, reader, storage_mcap
+from rosbags.rosbag2 import ReaderError, reader, storage_mcap
 
 MOST_CHUNK = 1 << 30
 """[bytes] of a chunk or message; recorders make chunks of some megabytes, larger ones of large messages alone."""
@@ -23,8 +24,6 @@ _MOST_FRAMES = 1000
 """Of a chunk or message, where recorders make one: each that is begun copies what is left."""
 
 _SLICE = 1 << 20
-
-__all__ = ["MOST_CHUNK", "Reader"]
 
 _zstd: ModuleType = vars(reader)["zstd"]  # Python's own from 3.14 on, else its backport: rosbags chooses
 
@@ -91,8 +90,11 @@ class _BoundedFile:
         return content
 
 
-storage_mcap.DECOMPRESSORS.update(
-    lz4=lambda data, size: _bounded(LZ4FrameDecompressor, data, size),
-    zstd=lambda data, size: _bounded(_zstd.ZstdDecompressor, data, size),
-)
-vars(reader)["zstd"] = _BoundedZstd
+@cache
+def bound_unpacking() -> None:
+    """Have rosbags unpack so in this process, for all who use it there."""
+    storage_mcap.DECOMPRESSORS.update(
+        lz4=lambda data, size: _bounded(LZ4FrameDecompressor, data, size),
+        zstd=lambda data, size: _bounded(_zstd.ZstdDecompressor, data, size),
+    )
+    vars(reader)["zstd"] = _BoundedZstd

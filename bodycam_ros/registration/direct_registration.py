@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.lens_kernels import lens_parameters
 from bodycam_ros.camera.local_scale import local_scales
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
-from bodycam_ros.registration.landmark_trust import LandmarkTrust
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
 from bodycam_ros.registration.map_photographs import MapPhotographs
+from bodycam_ros.registration.matching import LandmarkTrust
 from bodycam_ros.registration.patch_kernels import align_patches
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.registration.recent_path import ImageMotion
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.rolling_shutter import ImageMotion
 from bodycam_ros.settings import setting
 
 _WHERE_THEY_PROJECT = np.zeros((0, 2))
@@ -115,7 +114,7 @@ class DirectRegistration:
         self._camera, self._photographs = camera, photographs
         self._settings = settings
         self._pose_fit = pose_fit
-        self._lens, self._scales = lens_parameters(camera), local_scales(camera)
+        self._lens, self._scales = camera.parameters, local_scales(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         # The latest image and the one before it.
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.lost_camera import AbsolutePoseSettings
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar
-from bodycam_ros.registration.registrar_settings import RegistrarSettings
+from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import KeypointDetector, Keypoints, KeypointSettings
 from bodycam_ros.tracking.track_frame import TrackFrame

@@ -17,10 +17,9 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.tracking.constant_velocity import camera_velocity, predict_pose
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame, camera_velocity, predict_pose
 
 _LEAST_NAMED = 8
 

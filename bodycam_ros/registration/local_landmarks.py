@@ -7,8 +7,8 @@ sizes, and a camera looks into the cells around it. What it finds there lasts un
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import as_rows
-from bodycam_ros.registration.local_landmark_kernels import CELL_SIZES, cells_of, landmarks_around
+from bodycam_ros.kernels import as_rows
+from bodycam_ros.registration.landmark_choice_kernels import CELL_SIZES, cells_of, landmarks_around
 
 _MARGIN = 0.05  # of how far a landmark of usual size is seen: so far a camera moves before it looks around again
 _WIDER = 1.001  # of that margin, for rounding

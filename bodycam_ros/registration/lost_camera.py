@@ -1,15 +1,64 @@
-"""Where a lost camera may be: where a picture like its own was taken, or anywhere in the map."""
+"""Where a lost camera may be: where a picture like its own was taken, or anywhere in the map.
+
+pycolmap does it on the rays of our calibrated cameras, so a fisheye image needs no pinhole.
+"""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.registration.absolute_pose import find_pose
-from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
+from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_camera, pycolmap
+from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.matching import MatchingSettings, match_by_looks
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.settings import setting
+
+
+@dataclass(frozen=True)
+class AbsolutePoseSettings:
+    """RANSAC of the absolute registration."""
+
+    ransac_px: float = setting(
+        3.0, unit="px", limits=(0.5, 20.0), reason="inlier threshold; the fit that follows tightens it"
+    )
+    ransac_min_inliers: int = setting(12, limits=(4, 500), reason="chance agreement of wrong matches stays below this")
+    ransac_max_trials: int = setting(5000, limits=(100, 1_000_000), reason="finds 4 good matches among 85 % outliers")
+    ransac_seed: int = setting(
+        7, limits=(0, 2**31 - 1), reason="fixed, so that two runs over one recording are identical"
+    )
+
+
+def find_pose(
+    camera: CameraModel,
+    points_world: NDArray[np.floating],
+    pixels: NDArray[np.floating],
+    settings: AbsolutePoseSettings,
+) -> NDArray[np.float64] | None:
+    """PnP within LO-RANSAC on the camera's rays: world_T_camera (4, 4), or None when too few matches agree on one.
+
+    Args:
+        camera: of any model.
+        points_world: (N, 3) [m].
+        pixels: (N, 2) where the image shows them.
+        settings: of the sampling.
+    """
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = settings.ransac_px
+    options.ransac.max_num_trials = settings.ransac_max_trials
+    options.ransac.random_seed = settings.ransac_seed
+    found = pycolmap.estimate_absolute_pose(
+        np.asarray(pixels, np.float64) + PIXEL_SHIFT,
+        np.asarray(points_world, np.float64),
+        colmap_camera(camera),
+        options,
+    )
+    if found is None or np.sum(found["inlier_mask"]) < settings.ransac_min_inliers:
+        return None
+    return inverse(np.vstack([found["cam_from_world"].matrix(), [0.0, 0.0, 0.0, 1.0]]))
+
 
 Matches = tuple[NDArray[np.int64], NDArray[np.int64]]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.lens_kernels import in_image, project_point_with_jacobian
-from bodycam_ros.kernels.kernel import kernel
+from bodycam_ros.kernels import kernel
 from bodycam_ros.registration.landmark_choice_kernels import in_camera, project_moving
 
 Array = NDArray[np.float64]

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.lens_kernels import lens_parameters
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.pose_kernels import fit_kernel
-from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares
+from bodycam_ros.registration.recent_path import ImageMotion, row_shares
 from bodycam_ros.settings import setting
 
 _NOTHING = np.zeros(0)
@@ -89,7 +88,7 @@ def fit_pose(
         world_T_previous = motion.world_T_previous
     return PoseFit(
         *fit_kernel(
-            lens_parameters(camera),
+            camera.parameters,
             as_rows(points_world),
             as_rows(pixels),
             as_rows(world_T_camera),

@@ -1,9 +1,19 @@
-"""The read-out time of one camera, from how its images bend while it moves: a scalar information filter."""
+"""The read-out time of one camera, from how its images bend while it moves: a scalar information filter.
+
+Cameras whose images are of one size, and whose read-out times agree, are most likely of one make in one mode: then one
+that hardly moved is known as well as those that did. One that contradicts them keeps what it found itself.
+"""
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
 
@@ -141,3 +151,168 @@ class ReadoutTime:
     @property
     def _least(self) -> float:
         return 0.0 if math.isinf(self._information) else self._settings.least_readout
+
+
+_EXACT_S = 1e-9
+"""No read-out time is known better [s]."""
+
+_TURNS = 5
+"""Whom the mean of the others takes in and leaves out settles within two or three."""
+
+
+@dataclass(frozen=True)
+class ReadoutSettings:
+    """Which cameras share a read-out time, and when it is known well enough."""
+
+    spread: float = setting(
+        0.0001,
+        unit="s",
+        limits=(0.0, 0.01),
+        reason="by how much units of one make differ: their clocks count the rows to some ppm, the rest is the lens' "
+        "share in the estimate",
+    )
+    agree: float = setting(
+        3.0, unit="sigma", limits=(1.0, 10.0), reason="cameras whose read-out times differ by more are of two makes"
+    )
+    doubtful: float = setting(
+        0.001,
+        unit="s",
+        limits=(0.0, 0.1),
+        reason="a camera whose read-out time is known less well is named: at 2 rad/s it leaves a tenth of a degree",
+    )
+
+
+def pooled(
+    readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]], settings: ReadoutSettings
+) -> dict[str, Readout]:
+    """The read-out time of every camera when all have been heard; those that are given stay as they are.
+
+    Args:
+        readouts: camera -> what it says itself.
+        sizes: camera -> width and height of its images [px].
+        settings: who agrees with whom.
+    """
+    found = dict(readouts)
+    for size in {sizes[camera] for camera in readouts}:
+        alike = [camera for camera in readouts if sizes[camera] == size]
+        while alike:
+            together = _agreeing([readouts[camera] for camera in alike], settings)
+            members = [alike[row] for row in np.flatnonzero(together)]
+            for camera in members:
+                others = [readouts[other] for other in members if other != camera]
+                found[camera] = _with_others(readouts[camera], others, settings)
+            alike = [camera for camera in alike if camera not in members]
+    return found
+
+
+def _agreeing(readouts: list[Readout], settings: ReadoutSettings) -> NDArray[np.bool_]:
+    """Which of them (N,) have one read-out time: the best known that any value finds; at least one."""
+    means = np.array([readout.seconds for readout in readouts])
+    variances = np.array([readout.sigma**2 + settings.spread**2 for readout in readouts])
+    weights = 1.0 / np.maximum(variances, _EXACT_S**2)
+    # A value is tried as it stands: one that is vague agrees with everybody, but few agree with it.
+    agree = np.abs(means[:, None] - means) <= settings.agree * np.sqrt(variances)
+    members: NDArray[np.bool_] = agree[np.argmax(agree @ weights)]
+    for _ in range(_TURNS):
+        mean = np.average(means[members], weights=weights[members])
+        now = np.abs(means - mean) <= settings.agree * np.sqrt(variances + 1.0 / weights[members].sum())
+        if not now.any() or np.array_equal(now, members):
+            break
+        members = now
+    return members
+
+
+def _with_others(own: Readout, others: list[Readout], settings: ReadoutSettings) -> Readout:
+    """What a camera says, and others of its make, together."""
+    if own.is_given or not others:
+        return own
+    means = np.array([readout.seconds for readout in others])
+    weights = 1.0 / np.maximum([readout.sigma**2 + settings.spread**2 for readout in others], _EXACT_S**2)
+    mean = float(np.average(means, weights=weights))
+    # Where they scatter by more than they should, they are known less well than they say (Birge 1932).
+    scatter = float(weights @ (means - mean) ** 2) / max(len(others) - 1, 1)
+    variance = max(1.0, scatter) / float(weights.sum()) + settings.spread**2
+    information = own.sigma**-2 + 1.0 / variance
+    return Readout((own.seconds * own.sigma**-2 + mean / variance) / information, math.sqrt(1.0 / information))
+
+
+@dataclass
+class TypicalSpeed:
+    """How fast a camera moves on average while it is registered.
+
+    Attributes:
+        latest: the last registered image; None before the first.
+        angle_rad, distance_m, seconds: it went so far in so long.
+    """
+
+    latest: LandmarkMatches | None = None
+    angle_rad: float = 0.0
+    distance_m: float = 0.0
+    seconds: float = 0.0
+
+    def add(self, matches: LandmarkMatches) -> None:
+        """The next image."""
+        if matches.world_T_camera is None:
+            return
+        before, self.latest = self.latest, matches
+        if before is None or before.world_T_camera is None or before.stamp_ns != matches.previous_stamp_ns:
+            return
+        # Of every image of every camera: kept to what the two numbers need.
+        cosine = 0.5 * (float(np.vdot(before.world_T_camera[:3, :3], matches.world_T_camera[:3, :3])) - 1.0)
+        self.angle_rad += math.acos(min(1.0, max(-1.0, cosine)))
+        self.distance_m += math.dist(before.world_T_camera[:3, 3], matches.world_T_camera[:3, 3])
+        self.seconds += 1e-9 * (matches.stamp_ns - before.stamp_ns)
+
+    def within(self, seconds: float) -> tuple[float, float]:
+        """How far it turns [rad] and goes [m] in some time [s]; 0 of a camera that was never seen to move."""
+        share = seconds / self.seconds if self.seconds else 0.0
+        return share * self.angle_rad, share * self.distance_m
+
+
+class ReadoutLog:
+    """Collects what the registrations of all cameras say of their read-out times.
+
+    Args:
+        cameras: their models, by name.
+        settings: which cameras share a read-out time, and when it is known well enough.
+        known: cameras whose read-out time was known beforehand. Others have told them already, and to ask them again
+            would count the same images twice.
+    """
+
+    def __init__(
+        self, cameras: Mapping[str, CameraModel], settings: ReadoutSettings, known: Collection[str] = ()
+    ) -> None:
+        self._known = known
+        self._sizes = {camera: (model.width, model.height) for camera, model in cameras.items()}
+        self._settings = settings
+        self._latest: dict[str, Readout] = {}
+        self._speeds = {camera: TypicalSpeed() for camera in cameras}
+
+    def add(self, matches: LandmarkMatches) -> None:
+        """The next registration of a camera; the latest one says all that its camera knows."""
+        if matches.readout is not None:
+            self._latest[matches.camera] = matches.readout
+        self._speeds[matches.camera].add(matches)
+
+    def readouts(self) -> dict[str, Readout]:
+        """Camera -> its read-out time, with the help of those of its make."""
+        alone = {camera: readout for camera, readout in self._latest.items() if camera not in self._known}
+        return self._latest | pooled(alone, self._sizes, self._settings)
+
+    def doubts(self) -> dict[str, str]:
+        """Camera -> what is not known of its read-out time, and what that may cost, of those that are doubtful."""
+        return {
+            camera: f"camera {camera}: {doubt(readout, self._speeds[camera])}"
+            for camera, readout in sorted(self.readouts().items())
+            if readout.sigma > self._settings.doubtful
+        }
+
+
+def doubt(readout: Readout, speed: TypicalSpeed) -> str:
+    """What a read-out time that is hardly known may cost."""
+    angle_rad, distance_m = speed.within(readout.sigma)
+    return (
+        f"it moved too little to tell how long its rows are read out ({readout}); at its usual speed that may leave "
+        f"{1e3 * distance_m:.1f} mm and {np.degrees(angle_rad):.2f} deg. Give readout_time in its lens YAML, or turn "
+        "it more"
+    )

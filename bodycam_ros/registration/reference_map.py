@@ -2,14 +2,18 @@
 
 Whether its lengths are metres and its z is up: a body has no size without the one, no upright without the other. The
 same for everybody who makes or solves a body, from a recording or live.
+
+Nobody changes a map that was loaded; what grows is a copy.
 """
 
 import re
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 import yaml
@@ -124,12 +128,13 @@ class ReferenceMap:
         return rows, self.landmark_ids[rows] == landmark_ids
 
     @classmethod
-    def load(cls, path: Path) -> "ReferenceMap":
+    def load(cls, path: Path | str) -> "ReferenceMap":
         """Read a map folder.
 
         Raises:
             MapError: there is no map, it is of another version, damaged or empty.
         """
+        path = Path(path)
         if not path.is_dir():
             raise MapError(f"{path}: there is no map folder; make one with 'bodycam map REFERENCE_DIR -o {path}'")
         summary = _read_summary(path / _SUMMARY_FILE)
@@ -290,3 +295,22 @@ def assumed_vertical(reference_map: ReferenceMap, path: Path) -> str:
         f"{path}: this map does not know what is up; the body is solved all the same, but z of the output is the "
         "board's z, and up only if the board lay flat"
     )
+
+
+_lock = threading.Lock()
+_loaded: WeakValueDictionary[tuple[Path, int], ReferenceMap] = WeakValueDictionary()
+"""Folder, and when it was last changed -> map, for as long as a node has it."""
+
+
+def load_map(path: Path) -> ReferenceMap:
+    """Read a map folder, unless a node of this process has done so.
+
+    Raises:
+        MapError: as of ``ReferenceMap.load``.
+    """
+    with _lock:
+        place = (path.absolute(), path.stat().st_mtime_ns if path.exists() else 0)
+        reference_map = _loaded.get(place)
+        if reference_map is None:
+            reference_map = _loaded[place] = ReferenceMap.load(path)
+        return reference_map

@@ -4,27 +4,59 @@ A described track is matched to the landmarks that the camera should see, or to 
 From then on the track carries its landmark until it ends.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.absolute_pose_settings import AbsolutePoseSettings
 from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.lost_camera import LostCamera
+from bodycam_ros.registration.lost_camera import AbsolutePoseSettings, LostCamera
 from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
-from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
+from bodycam_ros.registration.recent_path import ImageMotion, RecentPath, RegisteredView, steady_pixels
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar_settings import RegistrarSettings
-from bodycam_ros.registration.rolling_shutter import ImageMotion, steady_pixels
-from bodycam_ros.tracking.constant_velocity import camera_velocity, predict_pose
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.settings import setting
+from bodycam_ros.tracking.track_frame import TrackFrame, camera_velocity, predict_pose
+
+
+@dataclass(frozen=True)
+class RegistrarSettings:
+    """When a camera counts as registered, and when a track loses its landmark."""
+
+    min_inliers: int = setting(
+        12,
+        limits=(4, 500),
+        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
+        live=True,
+    )
+    max_sigma: float = setting(
+        0.1,
+        unit="m",
+        limits=(0.001, 10.0),
+        reason="of a pose's position, by its landmarks: a dozen in a corner of the picture let it drift by metres, and "
+        "it takes their successors along",
+        live=True,
+    )
+    max_strikes: int = setting(
+        2,
+        unit="frames",
+        limits=(1, 30),
+        reason="a track whose landmark disagrees on this many frames in a row loses it",
+        live=True,
+    )
+    max_predicted_frames: int = setting(
+        15,
+        unit="frames",
+        limits=(0, 300),
+        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
+        live=True,
+    )
+
 
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
 

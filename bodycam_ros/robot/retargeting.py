@@ -12,9 +12,8 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
-from bodycam_ros.robot.joint_bounds import JointBounds
 from bodycam_ros.robot.links_apart import LinksApart
-from bodycam_ros.robot.robot_model import FLOATING, Robot
+from bodycam_ros.robot.robot_model import FLOATING, JointBounds, Robot
 from bodycam_ros.robot.scaled_person import LinkTarget, ScaledPerson
 from bodycam_ros.settings import SettingsGroups, setting
 

@@ -169,3 +169,29 @@ def _package_folders(urdf: Path) -> Iterator[str]:
     yield from map(str, urdf.resolve().parents)
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         yield str(Path(prefix) / "share")
+
+
+class JointBounds:
+    """A limit of pink: what joints may reach from where they were at the instant before.
+
+    Args:
+        robot: whose limits are kept.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        count, speeds = len(robot.joint_names), robot.model.nv
+        select = np.eye(speeds)[speeds - count :]
+        self._G = np.vstack([select, -select])
+        self._low, self._high = robot.lowest, robot.highest
+
+    def begin(self, q: Array, dt_s: float) -> None:
+        """The instant before had the configuration (7 + J), so many seconds ago."""
+        joints, way = q[FLOATING:], dt_s * self._robot.fastest
+        self._low = np.maximum(self._robot.lowest, joints - way)
+        self._high = np.minimum(self._robot.highest, joints + way)
+
+    def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
+        """G (2 J, V) and h (2 J,) of G dq <= h, at a configuration of pink."""
+        joints = configuration.q[FLOATING:]
+        return self._G, np.concatenate([np.maximum(self._high - joints, 0.0), np.maximum(joints - self._low, 0.0)])

@@ -11,15 +11,14 @@ import numpy as np
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.body import joint_state_message, transforms_message
-from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.header import MAP_FRAME
-from bodycam_ros.messages.status import text_message
+from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory
+from bodycam_ros.messages.health import text_message
 from bodycam_ros.recording.bag_writer import check_written_by, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
-from bodycam_ros.solved.solved_body import read_solved_body
 
 _COMMAND = "bodycam export --to robot"
 

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from bodycam_ros.errors import BodyError, SettingsError, StudyError
-from bodycam_ros.study.recording_names import recordings_at
+from bodycam_ros.study.corrected_bodies import recordings_at
+from bodycam_ros.study.steps import Source, source_at
 from bodycam_ros.study.study import STAGES, Place, Recording, StageResources, Study, Subject
 from bodycam_ros.study.study_field import PLAIN_NAME, StudyField
-from bodycam_ros.workflow.recording_folder import Source, source_at
 from bodycam_ros.yaml_file import read_yaml
 
 _KEYS = ("places", "subjects", "recordings", "settings", "lenses", "equipment", "exports", "resources")
@@ -116,7 +116,7 @@ def _of_names(field: StudyField, given: StudyField | None, known: Mapping[str, A
 
 def _equipment(field: StudyField | None) -> Path | str | None:
     """A file, or the name of what is supplied."""
-    from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
+    from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
 
     if field is None:
         return None
@@ -151,7 +151,7 @@ def _settings(field: StudyField | None) -> Path | Mapping[str, Any] | None:
 
 
 def _exports(field: StudyField | None) -> tuple[str, ...]:
-    from bodycam_ros.export.formats import FORMATS
+    from bodycam_ros.formats.formats import FORMATS
 
     if field is None:
         return ()

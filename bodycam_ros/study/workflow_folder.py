@@ -1,13 +1,19 @@
 """The folder of a study: the workflow that is written to it, and where the logs of its jobs are.
 
 Paths in what is written lead from the folder, so that a study and its recordings may be moved together.
+
+Snakemake locks its folder by files, which stay when it is killed. The lock here is of the system, and passes on to the
+Snakemake that is started: it is free exactly when neither of the two lives any more.
 """
 
+import fcntl
 import json
 import os
+import platform
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -16,13 +22,13 @@ from typing import Any
 import yaml
 
 from bodycam_ros import __version__
-from bodycam_ros.errors import OutputError
+from bodycam_ros.errors import OutputError, StudyError
 from bodycam_ros.output_place import check_output
+from bodycam_ros.shown import printable
 from bodycam_ros.study.job_resources import JobResources
-from bodycam_ros.study.study import STAGES, Study
-from bodycam_ros.study.study_steps import SETTINGS, StudySteps
-from bodycam_ros.whole_file import write_whole
-from bodycam_ros.workflow.step import Step
+from bodycam_ros.study.steps import Step
+from bodycam_ros.study.study import SETTINGS, STAGES, Study, StudySteps
+from bodycam_ros.whole_file import failure_named, write_whole
 
 SNAKEFILE, STEPS = "Snakefile", "steps.json"
 
@@ -131,3 +137,68 @@ def stages_of(steps: Iterable[Step]) -> dict[str, int]:
     for step in steps:
         counts[step.stage] += 1
     return counts
+
+
+LOCK = ".bodycam-study"
+_SNAKEMAKE_LOCKS = Path(".snakemake", "locks")
+
+
+@dataclass(frozen=True)
+class StudyLock:
+    """The lock of a folder, held.
+
+    Attributes:
+        descriptor: to be passed on to Snakemake.
+        is_left: a run before us was killed on this machine, and Snakemake's own lock, which stayed, may be removed.
+    """
+
+    descriptor: int
+    is_left: bool
+
+
+@contextmanager
+def study_lock(folder: Path) -> Iterator[StudyLock]:
+    """Hold the lock of a study's folder.
+
+    Raises:
+        StudyError: another run holds it, or a Snakemake that somebody else started.
+        OutputError: the folder cannot be written to.
+    """
+    with failure_named(folder / LOCK):
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        said = _said(descriptor)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise StudyError(f"{folder}: another 'bodycam study' is at work in it{_who(said)}; wait for it") from error
+        is_locked = any((folder / _SNAKEMAKE_LOCKS).glob("*"))
+        if is_locked and said.get("host") != platform.node():
+            elsewhere = f"a run{_who(said)} that did not end in order, or by " if said else ""
+            raise StudyError(
+                f"{folder}: is locked by {elsewhere}a snakemake that 'bodycam study' did not start. If none is at work "
+                f"any more: snakemake --unlock --directory {folder}"
+            )
+        _write(descriptor, {"host": platform.node(), "pid": os.getpid()})
+        yield StudyLock(descriptor, is_locked)
+        if not any((folder / _SNAKEMAKE_LOCKS).glob("*")):
+            _write(descriptor, {})
+    finally:
+        os.close(descriptor)
+
+
+def _who(said: dict[str, object]) -> str:
+    return printable(f" (process {said.get('pid')} on {said.get('host')})") if said else ""
+
+
+def _said(descriptor: int) -> dict[str, object]:
+    try:
+        said = json.loads(os.pread(descriptor, 4096, 0) or b"{}")
+    except ValueError:
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def _write(descriptor: int, said: dict[str, object]) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, json.dumps(said).encode(), 0)

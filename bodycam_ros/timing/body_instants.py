@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.timing.instant_sampler import InstantSampler
 

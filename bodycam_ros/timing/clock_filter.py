@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 
 Array = NDArray[np.float64]
 

@@ -2,17 +2,17 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.clock_filter import ClockFilter
-from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.timing.clock_state import ClockState
+from bodycam_ros.timing.clock_state import ClockSettings, ClockState
 from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
+from bodycam_ros.timing.instant_sampler import CameraPath
 
 MARGIN_NS = 300_000_000
 """Images beyond the ends of a window, for the paths at its ends and for clocks that are off."""
@@ -138,3 +138,16 @@ class ClockLearner:
         )
         covariances = np.array([image.pose_covariance for image in near]).reshape(-1, 6, 6)
         return CameraTrack(path, covariances + self._floor)
+
+
+T = TypeVar("T")
+
+
+def at_once(work: Generator[None, None, T]) -> T:
+    """Do all of it; what it returns."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as done:
+            result: T = done.value
+            return result

@@ -6,21 +6,91 @@ Offline it looks some seconds ahead of the body; live it lets everything pass at
 import math
 from collections import deque
 from collections.abc import Collection, Generator, Iterable, Set
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_learner import MARGIN_NS, ClockLearner, Images
-from bodycam_ros.timing.clock_settings import ClockSettings
-from bodycam_ros.timing.clock_state import ClockJump, ClockState, corrected
-from bodycam_ros.timing.common_time import CommonTime
-from bodycam_ros.timing.heard_camera import HeardCamera
-from bodycam_ros.timing.shared_beat import SharedBeat, go_together, shared_beat
-from bodycam_ros.timing.work_in_steps import at_once
+from bodycam_ros.timing.clock_learner import MARGIN_NS, ClockLearner, Images, at_once
+from bodycam_ros.timing.clock_state import ClockHistory, ClockJump, ClockSettings, ClockState, corrected
+from bodycam_ros.timing.clock_window import CommonTime, SharedBeat, go_together, shared_beat
+
+_BREAK_NS, _BREAK_SHARE = 4_000_000, 0.2
+"""So far from a multiple, or by such a share of it where images come faster; ordinary stamps wander by less."""
+
+_STEADY_SHARE = 0.9
+"""Of the intervals that must be multiples, or the camera's rate varies and a gap says nothing."""
+
+_LEAST, _MOST = 20, 150
+
+
+class Intervals:
+    """The latest intervals between a camera's images, and where they broke."""
+
+    def __init__(self) -> None:
+        self._latest_ns = -1
+        self._intervals: deque[int] = deque(maxlen=_MOST)
+        self._breaks: deque[int] = deque(maxlen=_MOST)
+
+    def add(self, stamp_ns: int) -> None:
+        """The next image."""
+        interval = stamp_ns - self._latest_ns
+        first, self._latest_ns = self._latest_ns < 0, stamp_ns
+        if first:
+            return
+        if (
+            self._intervals
+            and abs(interval - self._intervals[-1]) > min(_BREAK_NS, _BREAK_SHARE * self._intervals[-1])
+            and self._is_break(interval)
+        ):
+            self._breaks.append(stamp_ns)
+        else:
+            self._intervals.append(interval)
+
+    def _is_break(self, interval: int) -> bool:
+        if len(self._intervals) < _LEAST:
+            return False
+        usual = np.array(self._intervals, np.float64)
+        period = float(np.median(usual))
+        least_ns = min(_BREAK_NS, _BREAK_SHARE * period)
+        off = np.abs(usual - np.maximum(1.0, np.rint(usual / period)) * period)
+        off_now = abs(interval - max(1.0, round(interval / period)) * period)
+        return bool(off_now > least_ns and np.mean(off < least_ns) > _STEADY_SHARE)
+
+    def first_break(self, after_ns: int, before_ns: int) -> int | None:
+        """The first stamp between two that comes at an odd interval [ns]; those before are forgotten."""
+        while self._breaks and self._breaks[0] <= after_ns:
+            self._breaks.popleft()
+        return self._breaks[0] if self._breaks and self._breaks[0] < before_ns else None
+
+
+@dataclass
+class HeardCamera:
+    """One camera: what is held, what may still be learned from, its clocks since the beginning, its intervals."""
+
+    held: deque[LandmarkMatches] = field(default_factory=deque)
+    images: deque[LandmarkMatches] = field(default_factory=deque)
+    clocks: list[ClockState] = field(default_factory=list)
+    intervals: Intervals = field(default_factory=Intervals)
+    first_ns: int = -1
+    latest_ns: int = -1
+    passed: tuple[int, int] = (-1, -1)
+    readout_time: float = math.nan
+    readout_sigma: float = math.nan
+
+    def begin_anew(self) -> None:
+        """Its time goes back: only what is known of its clock stays."""
+        self.images.clear()
+        self.intervals = Intervals()
+        self.first_ns = self.latest_ns = -1
+        self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
+
+    def stamps_ns(self, from_ns: int = 0) -> NDArray[np.int64]:
+        """Stamps (N) of the latest images [ns]."""
+        return np.array([image.stamp_ns for image in self.images if image.stamp_ns >= from_ns], np.int64)
+
 
 _LISTEN_NS = 1_000_000_000
 """Before anything is said of the beat, most cameras are listened to for so long."""

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, articulated
+from bodycam_ros.body.articulation import ArticulatedMotion, articulated, distance_weights, eliminate_instants
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.instant_elimination import distance_weights, eliminate_instants
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.instant_sampler import CameraPath, nearest_rows
 
 Array = NDArray[np.float64]
 
@@ -165,3 +164,107 @@ def _lasting(motion: ArticulatedMotion, delays: Array) -> Array:
     lasting = np.zeros(motion.lasting_count)
     lasting[motion.delay_columns] = delays
     return lasting
+
+
+_TOGETHER_NS = 500_000
+"""Stamps of one trigger differ by less."""
+
+_TOGETHER_SHARE = 0.015
+"""Of the time between two images; clocks that are started by hand meet so closely once in thirty."""
+
+
+@dataclass(frozen=True)
+class SharedBeat:
+    """What the stamps of the first second or more say.
+
+    Attributes:
+        together: cameras that share their stamps: most of them, or nobody.
+        period_ns: time between two images of a camera; the median of all [ns].
+        reference: the camera whose clock is the body's.
+    """
+
+    together: frozenset[str]
+    period_ns: int
+    reference: str
+
+
+def shared_beat(
+    stamps_ns: Mapping[str, NDArray[np.int64]], preferred: tuple[str, ...] = (), alone: bool = False
+) -> SharedBeat:
+    """Find the cameras that go together.
+
+    Args:
+        stamps_ns: camera -> its stamps, ascending; at least one of one camera [ns].
+        preferred: cameras that should be the reference, the first that goes with the others.
+        alone: whether there is only one camera at all, whose stamps are the instants.
+    """
+    heard = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
+    if not heard:
+        return SharedBeat(frozenset(stamps_ns) if alone else frozenset(), 0, next(iter(stamps_ns)))
+    # Cameras that are triggered mostly have the very same stamps, and are compared with the others once.
+    alike: dict[bytes, list[str]] = {}
+    for camera in sorted(heard):
+        alike.setdefault(heard[camera].tobytes(), []).append(camera)
+    groups = [
+        frozenset(
+            camera for others in alike.values() if go_together(heard[others[0]], heard[own[0]]) for camera in others
+        )
+        for own in alike.values()
+    ]
+    largest = max(groups, key=len)
+    together = largest if alone or 2 * len(largest) > max(2, len(heard)) else frozenset[str]()
+    candidates = [camera for camera in (*preferred, *sorted(heard)) if camera in (together or heard)]
+    periods = [float(np.median(np.diff(stamps))) for stamps in heard.values()]
+    return SharedBeat(together, round(float(np.median(periods))), candidates[0])
+
+
+def go_together(own_ns: NDArray[np.int64], other_ns: NDArray[np.int64]) -> bool:
+    """Whether most stamps (N) of a camera are those (M) of another, where both were heard [ns]."""
+    period_ns = float(np.median(np.diff(own_ns))) if len(own_ns) > 1 else np.inf
+    near_ns = min(_TOGETHER_NS, _TOGETHER_SHARE * period_ns)
+    inside = own_ns[(own_ns >= other_ns[0] - _TOGETHER_NS) & (own_ns <= other_ns[-1] + _TOGETHER_NS)]
+    if not len(inside):
+        return False
+    return bool(np.median(np.abs(other_ns[nearest_rows(other_ns, inside)] - inside)) < near_ns)
+
+
+_NEAR_NS = 5_000_000_000
+"""Cameras that are further apart are not of one time; on a busy machine one may be heard seconds before another."""
+
+_VOTES = 2
+"""Images per camera that must come from elsewhere, more than from here, before time is there."""
+
+
+class CommonTime:
+    """Follows the stamps of all cameras.
+
+    Attributes:
+        latest_ns: the latest stamp of those that go together [ns]; None before the first.
+        moves: how often most cameras went elsewhere.
+        strangers: cameras that are elsewhere.
+    """
+
+    def __init__(self) -> None:
+        self.latest_ns: int | None = None
+        self.moves = 0
+        self.strangers: set[str] = set()
+        self._votes = 0
+
+    def most_votes(self, cameras: int) -> int:
+        """Images from elsewhere after which time is there."""
+        return _VOTES * cameras
+
+    def add(self, camera: str, stamp_ns: int, cameras: int) -> None:
+        """Note an image of one of some cameras."""
+        latest_ns = stamp_ns if self.latest_ns is None else self.latest_ns
+        if abs(stamp_ns - latest_ns) <= _NEAR_NS:
+            self.strangers.discard(camera)
+            self._votes = max(0, self._votes - 1)
+            self.latest_ns = max(stamp_ns, latest_ns)
+            return
+        self.strangers.add(camera)
+        self._votes += 1
+        if self._votes >= self.most_votes(cameras):
+            self.latest_ns, self._votes = stamp_ns, 0
+            self.moves += 1
+            self.strangers.clear()

@@ -3,21 +3,106 @@
 Its pose is read off its path between the image before and the image after; where one of them is missing, the nearest
 image is moved along by its twist, if it is near. The landmarks go with the pose, residuals and all, so that who comes
 after sees an image taken at the instant. docs/architecture.md has the alternatives, and what they were measured to do.
+
+Between two images the pose is ``first @ exp(h(s))``, ``h`` a cubic Hermite curve of tangent vectors whose slopes at
+both ends are the twists there, each from the parabola through three images (Kim et al. 1995 do so with quaternions).
+At 24 images a second, in swings of 1 to 3 Hz that reach 100 rad/s^2, it is off by up to 0.14 deg, a line by 1.2.
 """
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import adjoint, exp_se3, exp_so3, inverse, log_so3, transform_points
+from bodycam_ros.geometry import adjoint, exp_se3, exp_so3, inverse, log_se3, log_so3, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoints:
+    """Points of a path.
+
+    Attributes:
+        poses: (K, 4, 4).
+        twists: (K, 6) rotation [rad/s] then translation [m/s], in the camera's axes; between images those of the images
+            by their shares.
+        before: (K) row of the image before, or of the image itself.
+        shares: (K) how far from that image to the next, 0 to 1.
+    """
+
+    poses: Array
+    twists: Array
+    before: NDArray[np.intp]
+    shares: Array
+
+    @property
+    def nearest(self) -> NDArray[np.intp]:
+        """(K) row of the nearest image."""
+        return self.before + (self.shares >= 0.5)
+
+
+class CameraPath:
+    """A path through registered poses.
+
+    Args:
+        stamps_ns: (N) of the images, ascending [ns].
+        world_T_camera: (N, 4, 4) their poses.
+    """
+
+    def __init__(self, stamps_ns: NDArray[np.int64], world_T_camera: Array) -> None:
+        self.stamps_ns = stamps_ns
+        self.world_T_camera = world_T_camera
+        self._gaps_s = 1e-9 * np.diff(stamps_ns).astype(np.float64)
+        self._steps = log_se3(inverse(world_T_camera[:-1]) @ world_T_camera[1:])
+        self._twists = _twists(self._steps, self._gaps_s)
+
+    def inside(self, stamps_ns: NDArray[np.int64], max_gap_ns: float) -> NDArray[np.bool_]:
+        """Which instants (K) are those of an image, or lie between two that are close together."""
+        after = np.searchsorted(self.stamps_ns, stamps_ns)
+        exact = self.stamps_ns[np.minimum(after, len(self.stamps_ns) - 1)] == stamps_ns
+        between = (after > 0) & (after < len(self.stamps_ns))
+        close = np.zeros(len(stamps_ns), bool)
+        close[between] = 1e9 * self._gaps_s[after[between] - 1] <= max_gap_ns
+        inside: NDArray[np.bool_] = exact | close
+        return inside
+
+    def at(self, stamps_ns: NDArray[np.int64]) -> PathPoints:
+        """The path at instants (K) between its first image and its last [ns]."""
+        before = np.clip(np.searchsorted(self.stamps_ns, stamps_ns, side="right") - 1, 0, len(self.stamps_ns) - 1)
+        if len(self.stamps_ns) == 1:
+            return PathPoints(self.world_T_camera[before], np.zeros((len(before), 6)), before, np.zeros(len(before)))
+        start = np.minimum(before, len(self._gaps_s) - 1)
+        gaps_s = self._gaps_s[start][:, None]
+        s = 1e-9 * (stamps_ns - self.stamps_ns[start]).astype(np.float64)[:, None] / gaps_s
+        step, first, last = self._steps[start], gaps_s * self._twists[start], gaps_s * self._twists[start + 1]
+        curve = s * first + s**2 * (3 * step - 2 * first - last) + s**3 * (first + last - 2 * step)
+        # The curve's own slope shares its errors with the curve: clocks learned with it are off by milliseconds.
+        twists = (1.0 - s) * self._twists[start] + s * self._twists[start + 1]
+        return PathPoints(self.world_T_camera[start] @ exp_se3(curve), twists, start, s[:, 0])
+
+
+def _twists(steps: Array, gaps_s: Array) -> Array:
+    """Twists (N, 6) at the images, from the steps (N-1, 6) between them; at the ends those of the outer steps."""
+    if not len(steps):
+        return np.zeros((1, 6))
+    means = steps / gaps_s[:, None]
+    first, second = gaps_s[:-1, None], gaps_s[1:, None]
+    inner = (second * means[:-1] + first * means[1:]) / (first + second)
+    return np.concatenate([means[:1], inner, means[-1:]])
+
+
+def nearest_rows(stamps_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Row of the stamp (N, ascending) that is nearest to each wanted one (K)."""
+    after = np.clip(np.searchsorted(stamps_ns, wanted_ns), 1, max(1, len(stamps_ns) - 1))
+    before, after = after - 1, np.minimum(after, len(stamps_ns) - 1)
+    rows: NDArray[np.intp] = np.where(wanted_ns - stamps_ns[before] <= stamps_ns[after] - wanted_ns, before, after)
+    return rows
+
 
 _REMEMBERED_NS = 1_000_000_000
 """Images are kept for so long: live, instants may be known only after the camera has gone on."""

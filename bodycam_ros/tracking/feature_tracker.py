@@ -1,19 +1,113 @@
 """One camera's feature tracks: followed from frame to frame, replenished and named on keyframes."""
 
+from dataclasses import dataclass
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.other_size import mode_of_size
+from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
-from bodycam_ros.tracking.constant_velocity import LONGEST_NS
+from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
-from bodycam_ros.tracking.track_frame import TrackFrame
-from bodycam_ros.tracking.tracker_settings import TrackerSettings
-from bodycam_ros.tracking.view_mask import view_mask
+from bodycam_ros.tracking.track_frame import LONGEST_NS, TrackFrame
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """How many tracks, how old they may grow, and when to look for new ones."""
+
+    keyframe_interval: int = setting(
+        30,
+        unit="frames",
+        limits=(1, 300),
+        reason="SIFT costs as much as ten frames of tracking, and a camera that hardly turns keeps its tracks",
+    )
+    keyframe_survival: float = setting(
+        0.55,
+        limits=(0.0, 1.0),
+        reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
+    )
+    keyframe_rotation: float = setting(
+        0.6,
+        unit="rad",
+        limits=(0.01, 6.3),
+        reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
+    )
+    min_keyframe_gap: float = setting(
+        0.09,
+        unit="s",
+        limits=(0.0, 5.0),
+        reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
+        "turns quickly needs just that",
+    )
+    lost_keyframe_gap: float = setting(
+        0.18,
+        unit="s",
+        limits=(0.0, 5.0),
+        reason="a camera that the registration has lost is described again so soon: the next image may show more",
+    )
+    starved_survival: float = setting(
+        0.25,
+        limits=(0.0, 1.0),
+        reason="keyframe at once, however soon after the last, when fewer than this share of its tracks survive",
+    )
+    max_track_age: float = setting(
+        1.5,
+        unit="s",
+        limits=(0.05, 60.0),
+        reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe",
+    )
+    min_distance_px: float = setting(
+        3.0,
+        unit="px",
+        limits=(1.0, 50.0),
+        reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker",
+    )
+    max_view_angle_deg: float = setting(
+        86.0,
+        unit="deg",
+        limits=(20.0, 110.0),
+        reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world",
+    )
+
+
+_RIM_SAMPLES = 1440
+"""Between two of them a rim of 2000 px radius bends by 0.005 px."""
+
+_NEAR_PX = 5  # width of the band along the rim whose pixels are asked
+_FAR = 4.0  # image sizes from the principal point: what is farther is drawn there
+
+
+def view_mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint8]:
+    """(H, W) mask, 255 where a pixel looks at most this far from the optical axis."""
+    max_angle = np.radians(max_view_angle_deg)
+    rim = _rim(camera, min(max_angle, camera.max_angle)).round().astype(np.int32)
+    mask, near = np.zeros((2, camera.height, camera.width), np.uint8)
+    cv2.fillPoly(mask, [rim], 255)
+    cv2.polylines(near, [rim], isClosed=True, color=255, thickness=_NEAR_PX)
+    rows, columns = np.nonzero(near)
+    bearings, valid = camera.unproject(np.column_stack([columns, rows]))
+    mask[rows, columns] = np.where(valid & (bearings[:, 2] > np.cos(max_angle)), 255, 0)
+    return mask
+
+
+def _rim(camera: CameraModel, angle: float) -> NDArray[np.float64]:
+    """Pixels (N, 2) of all that is at an angle to the axis [rad], drawn in to where it is surely out of the image."""
+    turn = np.linspace(0.0, 2.0 * np.pi, _RIM_SAMPLES, endpoint=False)
+    bearings = np.column_stack(
+        [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.full(_RIM_SAMPLES, np.cos(angle))]
+    )
+    centre = np.array([camera.cx, camera.cy])
+    outwards = camera.project(bearings)[0] - centre
+    reach = np.linalg.norm(outwards, axis=1, keepdims=True)
+    farthest = _FAR * (camera.width + camera.height)
+    rim: NDArray[np.float64] = centre + outwards * np.minimum(1.0, farthest / np.maximum(reach, 1.0))
+    return rim
 
 
 class FeatureTracker:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.kernels.kernel import as_rows
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.rotation_kernels import agreed_rotation
 

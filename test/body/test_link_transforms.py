@@ -4,8 +4,7 @@ import numpy as np
 from stock_consumer import StockConsumer
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.link_transforms import LinkTransforms
-from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body.urdf import LinkTransforms, urdf_text
 from bodycam_ros.kinematics.joint_angles import JointAngles
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.calibration.anatomy import SegmentName
-from bodycam_ros.calibration.joint_centre import JointCentreSettings, check_exercised, find_joint_centre
+from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.calibration.joint_search import JointCentreSettings, check_exercised, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.calibration.virtual_camera import VirtualCameraSettings, fuse_cameras
+from bodycam_ros.calibration.strap_slip import VirtualCameraSettings, fuse_cameras
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 
 NAMES = ("front", "left", "right")

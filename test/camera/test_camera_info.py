@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from bodycam_ros.camera import CameraModel, camera_from_info, camera_from_yaml
-from bodycam_ros.camera.camera_info_yaml import camera_info_yaml
+from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.errors import LensError
 
 K = [300.0, 0.0, 320.0, 0.0, 301.0, 240.0, 0.0, 0.0, 1.0]

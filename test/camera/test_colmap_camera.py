@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.camera.colmap_camera import camera_from_colmap, pycolmap
+from bodycam_ros.camera.colmap_model import camera_from_colmap, pycolmap
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import pytest
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import (
-    lens_parameters,
     project_points,
     project_points_with_jacobian,
     unproject_pixels,
@@ -40,7 +39,7 @@ def odd_lens(request: pytest.FixtureRequest, make: Make) -> CameraModel:
 
 
 def compare(camera: CameraModel, cone: Cone) -> None:
-    lens = lens_parameters(camera)
+    lens = camera.parameters
     edge = camera.max_angle + np.array([-1e-6, -1e-9, -1e-12, 0.0, 0.5e-9, 1e-8, 1e-6, 1e-3])
     points = np.concatenate([cone(np.linspace(0.0, 3.1, 400)), cone(edge), [[0, 0, 2], [1e-12, 0, 1]], NOWHERE])
     pixels, jacobian, valid = camera.project_with_jacobian_in_numpy(points)

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from bodycam_ros.body.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 from bodycam_ros.cli.main import main
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
 
 BODY = str(Path(__file__).parents[2] / "bags" / "body.yaml")
 BOARD = """

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from made_once import made_once
-from outside.painted_bag import FRAMES, dressed_body, write_painted
+from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.cli.main import main

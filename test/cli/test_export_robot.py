@@ -14,8 +14,8 @@ from talos import MAPPING, talos_urdf
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
-from bodycam_ros.solved.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE
 
 Array = NDArray[np.float64]
 KEPT = 12  # instants of the sample, so that it takes no longer than it must

@@ -8,8 +8,8 @@ from rendered_board import held_poses, rendered
 
 from bodycam_ros.camera import camera_from_info, camera_from_yaml
 from bodycam_ros.cli.main import main
+from bodycam_ros.lens.board_design import board_yaml
 from bodycam_ros.lens.board_layout import BoardLayout
-from bodycam_ros.lens.board_yaml import board_yaml
 from bodycam_ros.lens.lens_judgement import ray_grid
 from bodycam_ros.lens.lens_validation import ray_difference_px
 

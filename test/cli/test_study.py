@@ -19,10 +19,9 @@ import bodycam_ros
 from bodycam_ros.cli.main import main
 from bodycam_ros.study.corrected_bodies import CorrectedBodies
 from bodycam_ros.study.job_resources import JobResources
+from bodycam_ros.study.study import study_steps
 from bodycam_ros.study.study_file import read_study
-from bodycam_ros.study.study_lock import LOCK
-from bodycam_ros.study.study_steps import study_steps
-from bodycam_ros.study.workflow_folder import WorkflowFolder, folder_of
+from bodycam_ros.study.workflow_folder import LOCK, WorkflowFolder, folder_of
 
 pytestmark = pytest.mark.long
 

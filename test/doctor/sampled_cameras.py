@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.doctor.sampled_recording import Grey, SampledCamera, SampledRecording
+from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
 
 WIDTH, HEIGHT = 320, 240
 INTERVAL_S = 1 / 30

@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
-from bodycam_ros.doctor import registered_samples
-from bodycam_ros.doctor.check_blur import blur_of, check_blur
-from bodycam_ros.doctor.check_cameras import check_cameras
-from bodycam_ros.doctor.check_clocks import check_clocks
-from bodycam_ros.doctor.check_exposure import check_exposure
-from bodycam_ros.doctor.check_features import check_features
-from bodycam_ros.doctor.check_lens import check_lens
-from bodycam_ros.doctor.check_rates import check_rates
-from bodycam_ros.doctor.doctor_settings import DoctorGroups, DoctorSettings
-from bodycam_ros.doctor.finding import Finding, Light, by_limits, worst
-from bodycam_ros.doctor.sampled_recording import SampledCamera, SampledRecording
+from bodycam_ros.quality import sampled_recording
+from bodycam_ros.quality.camera_checks import check_cameras, check_clocks, check_lens, check_rates
+from bodycam_ros.quality.doctor_settings import DoctorGroups, DoctorSettings
+from bodycam_ros.quality.finding import Finding, Light, by_limits, worst
+from bodycam_ros.quality.image_checks import blur_of, check_blur, check_exposure, check_features
+from bodycam_ros.quality.sampled_recording import SampledCamera, SampledRecording
 
 SETTINGS = DoctorSettings()
 STAMPS_S = np.arange(0.0, DURATION_S, INTERVAL_S)
@@ -120,10 +115,10 @@ def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.
         def register(self, *_: object) -> "Found":
             return self
 
-    monkeypatch.setattr(registered_samples, "_registration", lambda *_: Found())
+    monkeypatch.setattr(sampled_recording, "_registration", lambda *_: Found())
     of = recording(sampled("head", images={3: textured()}))
     advanced: list[int] = []
-    registered = registered_samples.register_samples(
+    registered = sampled_recording.register_samples(
         of,
         ["head"],
         [0, 1, 2, 3],

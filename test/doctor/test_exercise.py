@@ -6,13 +6,11 @@ import numpy as np
 
 from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.doctor.check_exercise import check_exercise
-from bodycam_ros.doctor.check_registration import check_registration
-from bodycam_ros.doctor.check_rest import OPENING_S, check_rest
-from bodycam_ros.doctor.doctor_settings import DoctorSettings
-from bodycam_ros.doctor.finding import Finding, Light
-from bodycam_ros.doctor.registered_samples import RegisteredSamples
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.quality.doctor_settings import DoctorSettings
+from bodycam_ros.quality.finding import Finding, Light
+from bodycam_ros.quality.place_checks import OPENING_S, check_exercise, check_registration, check_rest
+from bodycam_ros.quality.sampled_recording import RegisteredSamples
 
 SETTINGS = DoctorSettings()
 RIG = Rig(

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.equipment.attachment_joint import attachment_joint
-from bodycam_ros.equipment.equipment import Attachment
+from bodycam_ros.body.equipment import Attachment, attachment_joint
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.kinematics.joint import LOOSE_RAD
 

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from known_motion import BODY
 
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.fitted_equipment import fitted_equipment
-from bodycam_ros.equipment.supplied_equipment import equipment_path, supplied_equipment
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment, fitted_equipment
+from bodycam_ros.body.equipment_yaml import equipment_path, read_equipment, supplied_equipment
 from bodycam_ros.errors import BodyError
 
 SCOOTER = """

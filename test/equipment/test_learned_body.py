@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from known_ride import bicycle
 
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.equipment.learned_body import SettledLengths
+from bodycam_ros.body.coupled_body import SettledLengths
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_report import EquipmentReport
 
 FRAME_NS = 500_000_000
 

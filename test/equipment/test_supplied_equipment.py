@@ -9,11 +9,11 @@ from known_motion import BODY, START_NS
 from scipy.optimize import least_squares
 from told_pose import told_pose
 
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_yaml import read_equipment
+from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.estimation.body_state import BodyOutput
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings

@@ -13,9 +13,8 @@ from moving_body import (
 )
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.geometry import inverse, log_so3
 

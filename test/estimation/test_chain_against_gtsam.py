@@ -8,13 +8,13 @@ import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.belief import Belief, Coordinates
-from bodycam_ros.estimation.body_frame import BodyFrame
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.instant import Instant, smoothed
 from bodycam_ros.estimation.measurements import KERNEL, SLIDES_M
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent

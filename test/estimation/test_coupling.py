@@ -8,10 +8,10 @@ import pytest
 from athlete_frames import Sight, Solved, solved
 from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
-from bodycam_ros.equipment.equipment import Equipment
+from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachment_watch import CONFIRM_FRAMES
 from bodycam_ros.estimation.coupling_settings import CouplingSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import Array
 
 CADENCE_RPM = 100.0

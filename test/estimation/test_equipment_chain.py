@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from known_motion import BODY
 
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment import Attachment, Equipment, SegmentMotion
-from bodycam_ros.equipment.unknown_lengths import UnknownLengths
-from bodycam_ros.estimation.equipment_chain import EquipmentChain
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion, UnknownLengths
+from bodycam_ros.estimation.equipment_motion import EquipmentChain
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, TIGHT_RAD, Joint
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from athletes import CRANK_M, bicycle, cyclist
 
-from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
+from bodycam_ros.body.equipment import Equipment, SegmentMotion
 from bodycam_ros.estimation.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 

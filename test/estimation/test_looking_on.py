@@ -8,13 +8,11 @@ import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyState
-from bodycam_ros.estimation.camera_evidence import SegmentPose
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.seen_body import SeenBody
-from bodycam_ros.estimation.smoother_settings import OFFLINE, SmootherSettings
+from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.whole_recording import OFFLINE, SmootherSettings
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 FRAMES = 40

@@ -10,16 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, rigid, umeyama
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.replay.front_end import register_recording
 
 pytestmark = pytest.mark.long
 

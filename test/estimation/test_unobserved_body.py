@@ -7,11 +7,10 @@ import pytest
 from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyState
+from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings

@@ -5,11 +5,10 @@ import pytest
 from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation.body_frame import BodyFrame
-from bodycam_ros.estimation.body_state import BodyState
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import log_so3
 
 OFFLINE = SmootherSettings(output_delay="offline")

@@ -11,16 +11,16 @@ from known_walk import FRAME_NS, FRAMES, Walk
 from matplotlib.figure import Figure
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.drawing.picture_style import CENTRE, LEFT
-from bodycam_ros.drawing.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.messages.equipment import EQUIPMENT
+from bodycam_ros.messages.health import EQUIPMENT
+from bodycam_ros.plots.picture_style import CENTRE, LEFT
+from bodycam_ros.plots.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 
 @pytest.fixture(scope="module")

@@ -26,10 +26,9 @@ from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
-from bodycam_ros.messages.clocks import timing_messages
+from bodycam_ros.messages.timing import timing_messages
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockState
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 FRAME_S = 1e-9 * FRAME_NS
 

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 import bodycam_ros
 from bodycam_ros.cli import main as command_line
-from bodycam_ros.drawing.picture_style import LEFT, RIGHT, WARNING
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate import report_folder
 from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.figure_panel import sight_table
 from bodycam_ros.evaluate.report_folder import write_report
-from bodycam_ros.evaluate.sight_panel import sight_table
 from bodycam_ros.evaluate.time_panels import flexion, limb_joints
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.registration.camera_sight import CameraSight
+from bodycam_ros.plots.picture_style import LEFT, RIGHT, WARNING
+from bodycam_ros.registration.map_photographs import CameraSight
 
 SMALL_SHARE = 1e-4  # of the picture's pixels
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from known_walk import FRAME_NS, FRAMES, START_NS, Walk, walking_body, write_solved, write_truth
 
-from bodycam_ros.body.sole import sole_points
+from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.sliding import ALL

@@ -6,24 +6,21 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
 from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.report_folder import write_report
 from bodycam_ros.evaluate.solved_verdict import published_body, solved_verdict
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
-from bodycam_ros.solved.solved_recording import read_solved
-from bodycam_ros.solved.urdf_tree import UrdfTree
-from bodycam_ros.verdict.camera_link import camera_links
-from bodycam_ros.verdict.stored_verdict import parse_verdict, verdict_text
-from bodycam_ros.verdict.verdict import Finding, Level, Verdict, VerdictSettings
+from bodycam_ros.quality.contradiction import camera_links
+from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
 
 
 def assert_same_links(published: BodyModel, body: BodyModel) -> None:
@@ -72,25 +69,10 @@ def test_a_good_walk_is_good(solved: Path) -> None:
     }
 
 
-def test_the_verdict_of_the_replay_is_repeated_and_judged_again_on_request(sample: Path, tmp_path: Path) -> None:
-    bag, out = write_altered_sample(sample, tmp_path / "bag"), str(tmp_path / "out")
-    strict = ["--verdict.doubtful_gap", "0.001", "--verdict.wrong_gap", "0.001", "--verdict.min_stay", "0.1"]
-    inputs = ["--map", str(sample / "map"), "--body", str(sample / "body.yaml")]
-    assert main(["replay", str(bag), *inputs, "-o", out, *strict]) == 3
-    first = solved_verdict(read_solved(tmp_path / "out"), {})
-    assert first.level == Level.WRONG
-    report = ["-o", str(tmp_path / "report")]
-    assert main(["evaluate", out, *report]) == 3
-    assert main(["evaluate", out, *report, "--judge-again"]) == 0
-    assert main(["evaluate", out, *report, *strict]) == 1
-    assert main(["evaluate", out, *report, "--judge-again", *strict]) == 3
-
-
-def test_what_static_cameras_missed_stays_when_cameras_are_judged_again(solved: Path) -> None:
+def test_the_verdict_of_the_replay_is_repeated(solved: Path) -> None:
     missed = Verdict.of([Finding("torso", Level.DOUBTFUL, "was seen too rarely", part="segment")])
-    stored = replace(read_solved(solved), stored_verdict=parse_verdict(verdict_text(missed, VerdictSettings())))
+    stored = replace(read_solved(solved), stored_verdict=parse_verdict(verdict_text(missed)))
     assert solved_verdict(stored, {}) == missed
-    assert solved_verdict(stored, {}, VerdictSettings()) == missed
 
 
 def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk, tmp_path: Path) -> None:

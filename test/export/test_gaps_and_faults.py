@@ -13,12 +13,12 @@ from known_walk import FRAME_NS, START_NS, Walk, write_solved
 
 from bodycam_ros.body.body_file import write_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.cli.main import main
-from bodycam_ros.equipment.equipment_report import EquipmentReport
-from bodycam_ros.export.formats import FORMATS
+from bodycam_ros.formats.formats import FORMATS
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.messages.equipment import equipment_message
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.health import equipment_message
 from bodycam_ros.recording.typestore import recorded_messages
 
 GAP = slice(20, 30)

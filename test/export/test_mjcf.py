@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_yaml import read_equipment, supplied_equipment
+from bodycam_ros.body.loop_closing import closed_configuration, projected
+from bodycam_ros.body.mechanism import Mechanism
 from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.cli.main import main
-from bodycam_ros.equipment.equipment import Equipment
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.equipment.supplied_equipment import supplied_equipment
 from bodycam_ros.errors import BodyError
-from bodycam_ros.export.mjcf import mjcf_text
+from bodycam_ros.formats.mjcf import mjcf_text
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, quaternion_xyzw, rigid
 from bodycam_ros.kinematics.joint import Joint, JointType
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.mobility.closing import closed_configuration, projected
-from bodycam_ros.mobility.mechanism import Mechanism
 
 Poses = NDArray[np.float64]
 

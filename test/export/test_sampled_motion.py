@@ -8,8 +8,8 @@ from known_walk import FRAME_NS, Walk, write_solved
 from scipy.spatial.transform import Rotation, Slerp
 from unshown_progress import Unshown
 
-from bodycam_ros.export.sampled_motion import SampledMotion, sampled
-from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
+from bodycam_ros.formats.sampled_motion import SampledMotion, sampled
+from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 
 RATE = 97.0
 

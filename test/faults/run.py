@@ -23,7 +23,7 @@ from faults.work import Attempt
 
 import bodycam_ros
 
-_NOT_IMPORTED = ("bodycam_ros.nodes", "bodycam_ros.view", "bodycam_ros.cli.view")
+_NOT_IMPORTED = ("bodycam_ros.nodes", "bodycam_ros.viewer", "bodycam_ros.cli.view")
 """They need ROS, or a server."""
 _MEMORY_BYTES = 2 << 30
 """Above what the libraries map: a run on such small input needs a tenth of it."""

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from faults.work import WALK_CAMERAS, WALK_FRAMES, Attempt, Make, Work
 
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages

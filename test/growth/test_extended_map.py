@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
 
-from bodycam_ros.growth.extended_map import KeptImage, extended_map
-from bodycam_ros.growth.growing_map import growing
-from bodycam_ros.growth.grown_point import GrownPoint
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.map_growth import MapGrowth
+from bodycam_ros.mapping.extended_map import KeptImage, extended_map
+from bodycam_ros.mapping.growing_map import GrownPoint, growing
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.map_growth import MapGrowth
 from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -9,11 +9,10 @@ import pytest
 from grown_room import CAMERAS, FRAME_NS, cameras, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
-from bodycam_ros.growth.growing_map import growing
-from bodycam_ros.growth.grown_point import GrownPoint
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.map_growth import MapGrowth
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.growing_map import GrownPoint, growing
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.map_growth import MapGrowth
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 POINTS = 500

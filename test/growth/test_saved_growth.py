@@ -8,11 +8,10 @@ import pytest
 from known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.growth.growing_map import LOOKS, GrowingMap, growing
-from bodycam_ros.growth.growth_settings import GrowthSettings
-from bodycam_ros.growth.map_growth import MapGrowth
-from bodycam_ros.growth.saved_growth import load_growth
-from bodycam_ros.growth.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.growing_map import LOOKS, GrowingMap, growing, load_growth
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.map_growth import MapGrowth
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 

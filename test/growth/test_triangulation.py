@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.growth.triangulation import Rays, triangulate
+from bodycam_ros.mapping.worn_keyframe import Rays, triangulate
 
 FOCAL = 240.0
 Array = NDArray[np.float64]

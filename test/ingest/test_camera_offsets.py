@@ -9,7 +9,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import camera_times
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.video.sound import SoundBlock
+from bodycam_ros.recording.sound import SoundBlock
 
 CLAPS = {3.5: 0.8, 14.2: 0.9}
 RECORDERS = {

@@ -7,7 +7,7 @@ from made_video import make_video
 
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.clock_times import FileClock, creation_clock, sane, satellite_clock
-from bodycam_ros.video.camera_video import CameraVideo
+from bodycam_ros.recording.camera_video import CameraVideo
 
 NOON = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
 

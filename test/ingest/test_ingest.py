@@ -29,7 +29,7 @@ def videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     Their pictures move alike from the first on, by which motion would rightly put them at one time: it is not asked.
     """
-    monkeypatch.setattr("bodycam_ros.ingest.video_clocks._speed", lambda camera, ended: None)
+    monkeypatch.setattr("bodycam_ros.ingest.clock_times._speed", lambda camera, ended: None)
     folder = tmp_path / "videos"
     folder.mkdir()
     add_camera(folder, "head")

@@ -9,7 +9,7 @@ from turning_body import RIG, Clock, camera_speed, turning_body
 from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.camera_time import CameraTime
 from bodycam_ros.ingest.motion_sync import motion_times
-from bodycam_ros.ingest.motion_sync_settings import MotionSyncSettings
+from bodycam_ros.ingest.sound_settings import MotionSyncSettings
 
 CLOCKS = {
     "waist": Clock(1.0),

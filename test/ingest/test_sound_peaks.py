@@ -7,7 +7,7 @@ from clapped_sound import Recorder, sound_of, source
 
 from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, scan_sound
 from bodycam_ros.ingest.sound_settings import PeakSettings
-from bodycam_ros.video.sound import SoundBlock
+from bodycam_ros.recording.sound import SoundBlock
 
 SETTINGS = PeakSettings()
 

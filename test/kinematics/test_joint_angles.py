@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.kinematics.euler_angles import EulerOrder
 from bodycam_ros.kinematics.joint import FULL_TURN
-from bodycam_ros.kinematics.joint_angles import JointAngles, JointAngleTracker
+from bodycam_ros.kinematics.joint_angles import EulerOrder, JointAngles, JointAngleTracker
 
 ORDERS = tuple("".join(order) for order in permutations("xyz"))
 

@@ -3,7 +3,7 @@ import pytest
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.joint import Joint, JointType
-from bodycam_ros.kinematics.joint_gap import gap_jacobians, joint_gap
+from bodycam_ros.kinematics.tangent import gap_jacobians, joint_gap
 
 
 def any_joint(kind: JointType, random: np.random.Generator) -> Joint:

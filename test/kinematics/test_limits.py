@@ -5,8 +5,7 @@ from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.kinematics.limits import JointLimits
+from bodycam_ros.kinematics.joint_angles import JointAngles, JointLimits
 
 
 def with_a_hinge() -> BodyModel:

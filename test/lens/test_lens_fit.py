@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 from known_lenses import LENSES, held
 
-from bodycam_ros.lens.lens_derivatives import by_lens
-from bodycam_ros.lens.lens_fit import fit_lens, lens_of, with_lens
+from bodycam_ros.lens.lens_fit import as_model, by_lens, first_fit, fit_lens, lens_of, with_lens
 from bodycam_ros.lens.lens_judgement import ray_grid
-from bodycam_ros.lens.lens_start import as_model, first_fit
 from bodycam_ros.lens.lens_validation import ray_difference_px
 
 _LIT = np.ones((480, 640), dtype=bool)

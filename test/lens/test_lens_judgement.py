@@ -5,10 +5,9 @@ from known_lenses import CHARUCO, LENSES, held, sights_of
 from rendered_board import held_poses
 
 from bodycam_ros.geometry import exp_so3, rigid
-from bodycam_ros.lens.lens_fit import fit_lens
+from bodycam_ros.lens.lens_fit import as_model, first_fit, fit_lens
 from bodycam_ros.lens.lens_judgement import objections, ray_grid, seen_area
 from bodycam_ros.lens.lens_settings import LensSettings
-from bodycam_ros.lens.lens_start import as_model, first_fit
 from bodycam_ros.lens.lens_validation import validate
 
 _LIT = np.ones((480, 640), dtype=bool)

@@ -7,7 +7,7 @@ from bodycam_ros.cli.evaluate import compare_lenses
 from bodycam_ros.lens.recorded_lens import other_lenses
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.verdict.verdict import Finding, Level, Verdict
+from bodycam_ros.verdict import Finding, Level, Verdict
 
 _FRAMES = 120
 

@@ -9,12 +9,11 @@ from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import OutputError
-from bodycam_ros.mapping.bag_camera import BagCamera
-from bodycam_ros.mapping.chosen_frames import keep_chosen_frames
-from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
+from bodycam_ros.mapping.carried_camera import BagCamera
+from bodycam_ros.mapping.frame_choice import FrameChoiceSettings, keep_chosen_frames
 from bodycam_ros.mapping.photographs import find_photographs
-from bodycam_ros.messages.camera_info import camera_info_message
-from bodycam_ros.messages.header import header_message
+from bodycam_ros.messages.factory import header_message
+from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 

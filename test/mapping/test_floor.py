@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from small_structure import small_structure
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.floor import FloorSettings, find_floor
+from bodycam_ros.mapping.alignment import FloorSettings, find_floor
 from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.mapping.worn_keyframes import Moment
 

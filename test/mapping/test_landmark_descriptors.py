@@ -3,7 +3,7 @@ import pytest
 from small_structure import small_structure
 
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.landmark_descriptors import DescriptorSettings, choose_descriptors
+from bodycam_ros.mapping.structure import DescriptorSettings, choose_descriptors
 
 
 def photographs(structure):

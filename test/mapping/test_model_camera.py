@@ -6,7 +6,7 @@ import pycolmap
 import pytest
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.model_camera import camera_of_model
+from bodycam_ros.mapping.photographs import camera_of_model
 
 
 def model(folder: Path, *cameras: pycolmap.Camera) -> Path:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.camera_image import decode_colour, decode_grey
-from bodycam_ros.camera.pixel_encoding import ENCODINGS
+from bodycam_ros.camera.camera_image import ENCODINGS, decode_colour, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.images import compressed_image, raw_image
 

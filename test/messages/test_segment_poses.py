@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bodycam_ros.estimation.body_frame import SaidSegments
-from bodycam_ros.estimation.camera_evidence import SegmentPose
+from bodycam_ros.body_state import SaidSegments, SegmentPose
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses, segment_poses_message

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from outside.dressed_body import small_motion
+from static_cameras.dressed_body import small_motion
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.body_state import BodyNow
+from bodycam_ros.body_state import BodyNow
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.segments_now import segments_now, segments_now_message
+from bodycam_ros.messages.segment_poses import segments_now, segments_now_message
 from bodycam_ros.recording.typestore import recorded_messages
 
 STAMP_NS = 1_234_567_890

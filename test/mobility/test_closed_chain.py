@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.loop_closing import projected
+from bodycam_ros.body.mechanism import Configuration, Mechanism
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.mobility.closing import projected
-from bodycam_ros.mobility.mechanism import Configuration, Mechanism
 
 Array = NDArray[np.float64]
 

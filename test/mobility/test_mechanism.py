@@ -6,10 +6,10 @@ from athletes import bicycle
 from known_motion import BODY
 from numpy.typing import NDArray
 
-from bodycam_ros.equipment.equipment import Equipment, SegmentMotion
+from bodycam_ros.body.equipment import Equipment, SegmentMotion
+from bodycam_ros.body.mechanism import Configuration, Mechanism
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.mobility.mechanism import Configuration, Mechanism
 
 Array = NDArray[np.float64]
 

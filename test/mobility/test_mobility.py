@@ -6,12 +6,12 @@ from athletes import barbell, bicycle, snowboard
 from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.equipment.equipment import Attachment
+from bodycam_ros.body.equipment import Attachment
+from bodycam_ros.body.loop_closing import closed_configuration, projected
+from bodycam_ros.body.mechanism import Mechanism
+from bodycam_ros.body.mobility import Mobility, mobility
 from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.mobility.closing import closed_configuration, projected
-from bodycam_ros.mobility.mechanism import Mechanism
-from bodycam_ros.mobility.mobility import Mobility, mobility
 
 
 def four_bar() -> BodyModel:

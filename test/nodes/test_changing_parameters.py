@@ -12,7 +12,7 @@ from driven_camera import DrivenCamera
 from two_cameras import write_map
 
 from bodycam_ros.all_settings import all_groups
-from bodycam_ros.calibration.calibration_settings import CalibrationSettings
+from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.live.node_parameters import GROUPS
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -144,7 +144,7 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
 ) -> None:
     import rclpy
 
-    from bodycam_ros.nodes.qos import latched
+    from bodycam_ros.nodes.parameters import latched
 
     node = make("registration", {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]})
     other = str(write_map(tmp_path / "other", landmarks=7))

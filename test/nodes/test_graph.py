@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 import yaml
 from live_graph import live_graph
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
-from bodycam_ros.outside.stations_file import write_stations
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 
 def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ class Tracker:
     """Says what one camera sees, and hears what the registration makes of it."""
 
     def __init__(self, graph: Any, camera: CameraModel = CAMERA) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
+        from bodycam_ros.nodes.parameters import node_messages
 
         self._graph, self._make, self._camera = graph, node_messages(), camera
         graph.listen({f"/{camera.name}/landmarks": "bodycam_msgs/msg/LandmarkMatches"})

@@ -147,7 +147,7 @@ def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) 
 
 def test_what_goes_wrong_is_said_and_mended(graph: Any, tmp_path: Path) -> None:
     """A configuration that fails, and an error while a node is at work, leave it unconfigured."""
-    from bodycam_ros.nodes.message_classes import node_messages
+    from bodycam_ros.nodes.parameters import node_messages
 
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
     manager = Managed(graph)

@@ -15,11 +15,11 @@ from live_graph import live_graph, player
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.outside.person_masses import person_masses
+from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.static_cameras.body_from_outside import person_masses
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")

@@ -21,8 +21,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.factory import numbers
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import numbers, stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 
 MAP = Path(__file__).parents[2] / "bags/map"
@@ -48,7 +47,7 @@ class Studio:
     """A solver that calibrates, and the cameras of the known body that it hears."""
 
     def __init__(self, graph: Any, folder: Path) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
+        from bodycam_ros.nodes.parameters import node_messages
 
         self._graph = graph
         self._make = node_messages()

@@ -13,9 +13,9 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.view.live_session import LiveSession
-from bodycam_ros.view.local_server import LocalServer
-from bodycam_ros.view.scene_nodes import LOST, REGISTERED, rgb, segment_name
+from bodycam_ros.viewer.live_session import LiveSession
+from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, rgb, segment_name
+from bodycam_ros.viewer.sources import LocalServer
 
 SECOND = 1_000_000_000
 
@@ -28,12 +28,11 @@ def server() -> Iterator[LocalServer]:
 
 
 def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalServer, sample: Path) -> None:
-    from bodycam_ros.messages.header import header_message
-    from bodycam_ros.messages.pose import pose_with_covariance_message, stamped_pose_message
-    from bodycam_ros.messages.status import text_message
-    from bodycam_ros.nodes.body_listener import BodyListener
-    from bodycam_ros.nodes.message_classes import message_class, node_messages
-    from bodycam_ros.nodes.qos import latched
+    from bodycam_ros.messages.factory import header_message
+    from bodycam_ros.messages.health import text_message
+    from bodycam_ros.messages.tracks import pose_with_covariance_message, stamped_pose_message
+    from bodycam_ros.nodes.body_topics import BodyListener
+    from bodycam_ros.nodes.parameters import latched, message_class, node_messages
 
     body, make = read_body(sample / "body.yaml"), node_messages()
     names = JointAngles(body).names
@@ -111,7 +110,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
 
 def test_a_namespace_that_is_none_is_refused() -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
-    from bodycam_ros.nodes.body_listener import BodyListener
+    from bodycam_ros.nodes.body_topics import BodyListener
 
     with pytest.raises(ViewError, match="Invalid namespace"):
         BodyListener(lambda text: None, lambda instant: None, "two words")

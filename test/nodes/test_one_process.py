@@ -11,10 +11,10 @@ import pytest
 from altered_sample import write_altered_sample
 
 from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
 CAMERAS = ("waist_front", "torso_front", "thigh_left")

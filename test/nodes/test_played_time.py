@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bodycam_ros.live.played_time import PlayedTime
+from bodycam_ros.live.playback import PlayedTime
 
 START_NS = 1_000_000_000_000
 
@@ -13,7 +13,7 @@ START_NS = 1_000_000_000_000
 def steady(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """What the steady clock says [s], in the hands of the test."""
     now_s = [100.0]
-    monkeypatch.setattr("bodycam_ros.live.played_time.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("bodycam_ros.live.playback.time.monotonic", lambda: now_s[0])
     return now_s
 
 

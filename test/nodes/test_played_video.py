@@ -10,8 +10,8 @@ from made_video import HEIGHT, WIDTH, make_video, write_lens
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.nodes.message_classes import is_installed
+from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.nodes.parameters import is_installed
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recording_typestore
@@ -33,7 +33,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
-    from bodycam_ros.live.played_video import PlayedVideo
+    from bodycam_ros.live.playback import PlayedVideo
 
     with open_recording(bag) as recording:
         expected = {image.stamp_ns: decode_grey(image) for image in recording.images(["left"])}

@@ -8,7 +8,7 @@ from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import stamp_ns
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 _START_S, _SOON_S = 60.0, 60.0

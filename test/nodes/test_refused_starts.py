@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.outside.stations_file import write_stations
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 _START_S = 90.0
 

@@ -8,7 +8,7 @@ import pytest
 from live_graph import live_graph
 
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import stamp_ns
 
 CAMERAS = ("waist_front", "thigh_left")
 _START_S, _SOON_S = 90.0, 60.0

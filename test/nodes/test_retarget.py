@@ -13,12 +13,11 @@ from unshown_progress import Unshown
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.factory import numbers
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import numbers, stamp_ns
+from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
-from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
 
 INSTANTS = slice(0, 30, 5)
 _START_S, _SOON_S = 60.0, 60.0

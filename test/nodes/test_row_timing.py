@@ -17,8 +17,7 @@ KNOWN_S = {"left": (0.012, 0.0002), "right": (0.020, 0.0)}
 
 
 def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> None:
-    from bodycam_ros.nodes.message_classes import node_messages
-    from bodycam_ros.nodes.qos import latched
+    from bodycam_ros.nodes.parameters import latched, node_messages
 
     make = node_messages()
     body = tmp_path / "body.yaml"

@@ -14,13 +14,12 @@ from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.equipment.coupled_body import coupled_body
-from bodycam_ros.equipment.equipment_yaml import read_equipment
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment_yaml import read_equipment
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import exp_se3, rigid
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.factory import numbers
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import numbers, stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -73,7 +72,7 @@ class Cameras:
     def __init__(
         self, graph: Any, path: Path, body: BodyModel | None = None, namespace: str = "", **given: object
     ) -> None:
-        from bodycam_ros.nodes.message_classes import node_messages
+        from bodycam_ros.nodes.parameters import node_messages
 
         self._make = node_messages()
         self._graph = graph

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from live_graph import live_graph, player
 from numpy.typing import NDArray
-from outside.dressed_body import DressedBody, small_motion, stations_around
-from outside.painted_bag import FRAME_NS, START_NS, write_bag
+from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.painted_bag import FRAME_NS, START_NS, write_bag
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
-from bodycam_ros.messages.header import stamp_ns
-from bodycam_ros.outside.capsules import capsule_surfaces
-from bodycam_ros.outside.hands import with_hands
-from bodycam_ros.outside.outside_files import OutsideInput
-from bodycam_ros.outside.stations_file import write_stations
+from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.replay.replay import replay
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.station_watch import with_hands
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]
 

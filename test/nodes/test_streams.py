@@ -8,7 +8,7 @@ from driven_camera import DrivenCamera, stamps
 from two_cameras import write_map
 
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.header import stamp_ns
+from bodycam_ros.messages.factory import stamp_ns
 
 HOUR_NS = 3_600_000_000_000
 _START_S, _SOON_S = 60.0, 60.0
@@ -18,7 +18,7 @@ _DIAGNOSTICS = {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
 
 def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(graph: Any) -> None:
-    from bodycam_ros.nodes.qos import reliable
+    from bodycam_ros.nodes.parameters import reliable
 
     camera = DrivenCamera(graph, "left", reliable(500), reliable(10))
     graph.listen(_TRACKS | _DIAGNOSTICS)
@@ -67,7 +67,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
 
 
 def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
-    from bodycam_ros.nodes.qos import best_effort, latched, reliable
+    from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 
     best, early, late = (
         DrivenCamera(graph, name, quality, info_quality)
@@ -118,7 +118,7 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
 
 
 def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: Any, tmp_path: Path) -> None:
-    from bodycam_ros.nodes.qos import latched, reliable
+    from bodycam_ros.nodes.parameters import latched, reliable
 
     camera = DrivenCamera(graph, "left", reliable(100), latched())
     graph.listen(_TRACKS | {"/left/landmarks": "bodycam_msgs/msg/LandmarkMatches"})

@@ -11,7 +11,7 @@ from two_cameras import write_body, write_map
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.messages.header import header_message, stamp_ns
+from bodycam_ros.messages.factory import header_message, stamp_ns
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 

@@ -11,8 +11,8 @@ from known_walk import FRAME_NS, Walk
 from limited_memory import limited_memory
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.other_systems.captured_motion import CapturedMotion
-from bodycam_ros.other_systems.read_captured import is_captured, read_captured
+from bodycam_ros.formats.captured_motion import CapturedMotion
+from bodycam_ros.formats.read_captured import is_captured, read_captured
 
 FRAME_S = 1e-9 * FRAME_NS
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.other_systems.captured_motion import CapturedMotion
-from bodycam_ros.other_systems.names_file import places_of
+from bodycam_ros.formats.captured_motion import CapturedMotion
+from bodycam_ros.formats.names_file import places_of
 
 SIDED = ("thigh", "shin", "foot", "upper_arm", "forearm")
 LINKS = ("pelvis", "torso", "head", *(f"{kind}_{side}" for side in ("left", "right") for kind in SIDED))

@@ -13,8 +13,8 @@ from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write
 from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.messages.header import header_message
-from bodycam_ros.messages.status import text_message
+from bodycam_ros.messages.factory import header_message
+from bodycam_ros.messages.health import text_message
 from bodycam_ros.messages.timing import SaidTiming, timing_message
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording

@@ -10,10 +10,9 @@ from tiny_bag import CAMERAS, FRAME_NS, START_NS, write_jpeg, write_tiny_bag
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.recording import images_backwards as module
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording import bag_reader as module
+from bodycam_ros.recording.bag_reader import Recording, images_backwards, open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter
-from bodycam_ros.recording.images_backwards import images_backwards
 
 STRETCHES_S = (0.07, 0.4, 1.0)
 

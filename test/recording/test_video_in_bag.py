@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from made_video import make_video, number_in, write_lens
 
-from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera.video_packet import VideoPacket
+from bodycam_ros.camera.camera_image import VideoPacket, decode_grey
 from bodycam_ros.cli.main import main
-from bodycam_ros.messages.header import time_message
+from bodycam_ros.messages.factory import time_message
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages
-from bodycam_ros.view import footage as footage_module
-from bodycam_ros.view.footage import read_footage
+from bodycam_ros.viewer import footage as footage_module
+from bodycam_ros.viewer.footage import read_footage
 
 VIDEO = "/left/image_raw/compressed_video"
 

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from numpy_patches import best_views_in_numpy, choose_in_numpy, exact_pixels
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.lens_kernels import lens_parameters
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import exp_se3, transform_points
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
@@ -44,7 +43,7 @@ def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float
     some = np.flatnonzero(np.arange(len(points)) % 7)
     for cells, per_cell in [(8, 2), (3, 5), (2, 1)]:
         arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, 0.7, cells, per_cell, 0.8, 0.15)
-        rows, pixels = choose_landmarks(lens_parameters(camera), *arguments)
+        rows, pixels = choose_landmarks(camera.parameters, *arguments)
         numpy_rows, numpy_pixels = choose_in_numpy(camera, *arguments)
         np.testing.assert_array_equal(rows, numpy_rows)
         np.testing.assert_allclose(pixels, numpy_pixels, atol=1e-9)

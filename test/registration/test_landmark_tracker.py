@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera_registrar import registrar
-from bodycam_ros.camera_tracker import landmark_tracker
+from bodycam_ros.camera_pipeline import landmark_tracker, registrar
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording

@@ -10,7 +10,7 @@ from numpy_patches import align_in_numpy, exact_pixels
 from textured_plane import Wall, exposed, texture_of
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.lens_kernels import PROJECTION, lens_parameters
+from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid
 from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
@@ -59,8 +59,8 @@ class Scene:
     def find(self, image, near, levels=(1, 0), twist=STILL, readout_time=0.0, shown=AS_POSED, likeness=0.7):
         """Pixels (N, 2) and likeness (N,) of the compiled alignment."""
         return align_patches(
-            *(lens_parameters(self.camera), near, twist, readout_time, pyramid(image), pyramid_levels(*image.shape)),
-            np.stack([lens_parameters(camera)[:PROJECTION] for camera in self.photographers]),
+            *(self.camera.parameters, near, twist, readout_time, pyramid(image), pyramid_levels(*image.shape)),
+            np.stack([camera.parameters[:PROJECTION] for camera in self.photographers]),
             np.arange(len(self.photographers), dtype=np.uint16),
             self.world_T_reference,
             padded([pyramid(reference) for reference in self.references]),

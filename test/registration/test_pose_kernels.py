@@ -7,7 +7,7 @@ from numpy_pose_fit import fit_pose_in_numpy
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.rolling_shutter import ImageMotion, row_shares, seen_later
+from bodycam_ros.registration.recent_path import ImageMotion, row_shares, seen_later
 
 LENSES = {
     "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],

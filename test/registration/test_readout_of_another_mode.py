@@ -3,8 +3,7 @@
 import pytest
 
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
-from bodycam_ros.camera.readout import Readout
-from bodycam_ros.camera.video_mode import VideoMode
+from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
 
 GLOBAL, ROLLING = Readout(0.0, 0.00013), Readout(0.0122, 0.00015)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.readout_pool import ReadoutSettings, pooled
-from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
+from bodycam_ros.registration.readout_time import ReadoutSettings, ReadoutTime, ShutterSettings, pooled
 
 SETTINGS = ShutterSettings(images_alike=1.0)
 SIZE = (640, 480)

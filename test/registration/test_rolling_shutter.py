@@ -9,7 +9,7 @@ from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.rolling_shutter import ImageMotion, seen_later
+from bodycam_ros.registration.recent_path import ImageMotion, seen_later
 
 READOUT_S = 0.012
 TWIST = np.array([1.5, -2.0, 1.0, 0.6, -0.4, 0.8])

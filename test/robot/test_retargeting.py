@@ -13,11 +13,11 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
+from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
 from bodycam_ros.robot.scaled_person import ScaledPerson
-from bodycam_ros.solved.solved_body import SolvedBody, read_solved_body
 
 FEET = ("leg_left_6_link", "leg_right_6_link")
 HANDS = ("arm_left_7_link", "arm_right_7_link")

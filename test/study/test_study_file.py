@@ -8,7 +8,7 @@ import pytest
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.study import Study
 from bodycam_ros.study.study_file import read_study
-from bodycam_ros.study.study_lock import LOCK
+from bodycam_ros.study.workflow_folder import LOCK
 
 DOCS = Path(__file__).parents[2] / "docs" / "study.md"
 

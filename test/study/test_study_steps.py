@@ -11,12 +11,10 @@ import pytest
 from bodycam_ros.cli.main import _parser
 from bodycam_ros.errors import OutputError
 from bodycam_ros.study.job_resources import JobResources
-from bodycam_ros.study.study import STAGES, StageResources
+from bodycam_ros.study.steps import RecordingFolder, steps_of
+from bodycam_ros.study.study import STAGES, StageResources, StudySteps, study_steps
 from bodycam_ros.study.study_file import read_study
-from bodycam_ros.study.study_steps import StudySteps, study_steps
 from bodycam_ros.study.workflow_folder import SNAKEFILE, STEPS, WorkflowFolder, stages_of
-from bodycam_ros.workflow.folder_steps import steps_of
-from bodycam_ros.workflow.recording_folder import RecordingFolder
 
 ALL = (
     "reference/a.jpg", "rig.yaml", "rom/head.mp4", "takes/walk/head.mp4", "takes/run/metadata.yaml", "settings.yaml",

@@ -7,7 +7,7 @@ from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_run
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.body_instants import BodyInstants
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 
 DURATION_S = 8.0
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from bodycam_ros.messages.clocks import clock_state, timing_messages
+from bodycam_ros.messages.timing import clock_state, timing_messages
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.timing.clock_history import ClockHistory
-from bodycam_ros.timing.clock_state import ClockState
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 START_NS = 1_700_000_000_000_000_000
 SET_NS = START_NS + 10_000_000_000

@@ -16,7 +16,7 @@ from started_by_hand import (
     watched,
 )
 
-from bodycam_ros.timing.clock_settings import ClockSettings
+from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.clock_watch import ClockWatch
 
 ONE_FRAME_S = 1.0 / 30.0

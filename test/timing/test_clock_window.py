@@ -7,9 +7,9 @@ from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recordin
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing import clock_window
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.clock_learner import at_once
 from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
-from bodycam_ros.timing.work_in_steps import at_once
+from bodycam_ros.timing.instant_sampler import CameraPath
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.tracking.view_mask import view_mask
+from bodycam_ros.tracking.feature_tracker import view_mask
 
 LENSES = {
     "pinhole": ("plumb_bob", [], 525.0),

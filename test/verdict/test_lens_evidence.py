@@ -7,9 +7,9 @@ import pytest
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import Array, exp_se3
+from bodycam_ros.quality.lens_evidence import LensDeviation, LensEvidence
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
-from bodycam_ros.verdict.lens_evidence import LensDeviation, LensEvidence
 
 WIDTH, HEIGHT, FOCAL = 640, 480, 240.0
 IMAGES, LANDMARKS, PIXEL_SIGMA = 8, 60, 0.4

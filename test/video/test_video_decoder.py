@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from made_video import make_video, number_in
 
-from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.camera.video_packet import VideoPacket
+from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.video_decoder import VideoDecoder
-from bodycam_ros.video.video_file import packets
+from bodycam_ros.recording.video_decoder import VideoDecoder
+from bodycam_ros.recording.video_file import packets
 
 
 @pytest.fixture(scope="module", params=["libx264", "libx265"])

@@ -7,11 +7,9 @@ from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, t
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.video.camera_video import CameraVideo
-from bodycam_ros.video.upright_frames import h264_packets, jpegs
-from bodycam_ros.video.video_decoder import VideoDecoder
-from bodycam_ros.video.video_file import TimedPacket, frames, packets, read_facts
-from bodycam_ros.video.video_frame import grey_pixels
+from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.video_decoder import VideoDecoder, h264_packets, jpegs
+from bodycam_ros.recording.video_file import TimedPacket, frames, grey_pixels, packets, read_facts
 
 
 def decoded(source: list[TimedPacket]) -> list[tuple[float, np.ndarray]]:

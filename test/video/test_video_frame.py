@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey
-from bodycam_ros.video.video_frame import DecodedFrame
+from bodycam_ros.recording.video_file import DecodedFrame
 
 
 def halves() -> NDArray[np.uint8]:

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodycam_ros.video.video_file import frames, read_facts
-from bodycam_ros.video.video_frame import bgr_pixels
-from bodycam_ros.video.video_writer import video_writer
+from bodycam_ros.recording.camera_video import video_writer
+from bodycam_ros.recording.video_file import bgr_pixels, frames, read_facts
 
 
 def test_pictures_come_at_their_times(tmp_path: Path) -> None:

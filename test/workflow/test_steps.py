@@ -7,10 +7,7 @@ import pytest
 
 from bodycam_ros.cli.main import _parser
 from bodycam_ros.errors import OutputError, RecordingError
-from bodycam_ros.workflow.done_steps import DoneSteps, fingerprint, state_of
-from bodycam_ros.workflow.folder_steps import steps_of
-from bodycam_ros.workflow.recording_folder import LAYOUT, RecordingFolder
-from bodycam_ros.workflow.step import Step
+from bodycam_ros.study.steps import LAYOUT, DoneSteps, RecordingFolder, Step, fingerprint, state_of, steps_of
 
 
 def laid_out(folder: Path, *files: str) -> RecordingFolder:

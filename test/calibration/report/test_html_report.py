@@ -8,8 +8,8 @@ from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosi
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report.body_picture import body_png
-from bodycam_ros.calibration.report.html_report import html_report
+from bodycam_ros.plots.body_picture import body_png
+from bodycam_ros.plots.body_report import html_report
 
 VOID = {"meta", "img"}
 

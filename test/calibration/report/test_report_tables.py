@@ -13,8 +13,8 @@ from known_calibration import (
 from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.report.report_tables import ReportTable, report_tables
-from bodycam_ros.calibration.report.terminal_report import print_report
+from bodycam_ros.cli.lines import print_report
+from bodycam_ros.plots.report_tables import ReportTable, report_tables
 
 
 @pytest.fixture(scope="module")

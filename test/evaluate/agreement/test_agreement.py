@@ -10,15 +10,14 @@ from known_walk import FRAME_NS, START_NS, Walk, write_solved
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.agreement.agree import AgreementOptions, agree
-from bodycam_ros.evaluate.agreement.agreement import Agreement
-from bodycam_ros.evaluate.agreement.agreement_figures import agreement_figures
-from bodycam_ros.evaluate.agreement.truth_as_captured import compare_with_truth
+from bodycam_ros.evaluate.agree import AgreementOptions, agree, agreement_figures
+from bodycam_ros.evaluate.agreement import Agreement
+from bodycam_ros.evaluate.clock_search import Clock, Signals, found_clock
 from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.evaluate.truth_as_captured import compare_with_truth
+from bodycam_ros.formats.read_captured import read_captured
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
-from bodycam_ros.other_systems.clock_search import Clock, Signals, found_clock
-from bodycam_ros.other_systems.read_captured import read_captured
-from bodycam_ros.solved.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 FRAME_S = 1e-9 * FRAME_NS
 ELSEWHERE = rigid(exp_so3(np.array([0.0, 0.0, 2.0])), np.array([5.0, -3.0, 0.2]))

@@ -10,9 +10,9 @@ from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.drawing.picture_style import LEFT, TRUTH
-from bodycam_ros.evaluate.page.page import Heading, Page, Picture, Table, Text, number
-from bodycam_ros.evaluate.page.write_page import html, markdown
+from bodycam_ros.evaluate.page import Heading, Page, Picture, Table, Text, number
+from bodycam_ros.evaluate.report_folder import html, markdown
+from bodycam_ros.plots.picture_style import LEFT, TRUTH
 
 WRITTEN = [
     "bland_altman.png", "joints.png", "report.html", "report.md", "summary.json", "summary.png", "ways.png",
@@ -78,7 +78,7 @@ def test_the_truth_of_a_recording_may_have_a_clock_of_its_own(
     for file in (truth / "truth" / "segments").glob("*.tum"):
         lines = [re.sub(r"^17000000", "18000000", line) for line in file.read_text().splitlines()]
         (late / "truth" / "segments" / file.name).write_text("\n".join(lines))
-    from bodycam_ros.evaluate.agreement.agree import AgreementOptions
+    from bodycam_ros.evaluate.agree import AgreementOptions
     from bodycam_ros.evaluate.evaluation import evaluate
 
     found = evaluate(solved, late, options=AgreementOptions("rigid"))

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from held_ride import UNPLACED, write_held
 from known_walk import FRAMES, Walk, walking_body, write_solved
-from outside.dressed_body import stations_around
+from static_cameras.dressed_body import stations_around
 
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.cli.main import main
-from bodycam_ros.drawing.picture_style import EQUIPMENT
-from bodycam_ros.evaluate.constraint.close_ups import close_ups
-from bodycam_ros.evaluate.constraint.held_points import WithAndWithout, with_and_without
-from bodycam_ros.evaluate.outside_scene import OutsideFiles
-from bodycam_ros.messages.header import header_message
-from bodycam_ros.outside.contour_painting import bgr
-from bodycam_ros.outside.stations_file import write_stations
+from bodycam_ros.evaluate.close_ups import close_ups
+from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
+from bodycam_ros.evaluate.outside_picture import OutsideFiles
+from bodycam_ros.messages.factory import header_message
+from bodycam_ros.plots.picture_style import EQUIPMENT
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.solved.solved_recording import read_solved
+from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.static_cameras.contour_painting import bgr
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 TURNED_DEG = 10.0 * np.sin(np.linspace(0.0, np.pi, FRAMES))
 PEDAL_M = float(np.hypot(0.12, 0.08))

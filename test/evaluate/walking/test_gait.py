@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 from known_gait import KnownGait
 
-from bodycam_ros.body.sole import sole_points
+from bodycam_ros.body.body_model import sole_points
+from bodycam_ros.evaluate import gait as gait_module
+from bodycam_ros.evaluate.gait import FootEvents, Gait, foot_events, gait
+from bodycam_ros.evaluate.gait_section import draw_gait, gait_figures, gait_section
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.walking import gait as gait_module
-from bodycam_ros.evaluate.walking.foot_events import FootEvents, foot_events
-from bodycam_ros.evaluate.walking.gait import Gait, gait
-from bodycam_ros.evaluate.walking.gait_figures import gait_figures
-from bodycam_ros.evaluate.walking.gait_picture import draw_gait
-from bodycam_ros.evaluate.walking.gait_section import gait_section
 from bodycam_ros.geometry import transform_points
 
 STEP_S = 0.04

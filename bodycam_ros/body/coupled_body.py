@@ -1,0 +1,102 @@
+"""A body and its equipment as one body: more segments, more rows in the joint table, loops where it is held (B 3)."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment import Equipment, UnknownLengths, attachment_joint, fitted_equipment
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body.equipment_yaml import equipment_path, read_equipment
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint import Joint
+
+
+def held_equipment(name_or_path: str | Path, body: BodyModel) -> Equipment:
+    """The equipment of a name or file, as far as a body can hold it (``equipment``).
+
+    Raises:
+        BodyError: it cannot be read, or does not fit the body; the message names the file.
+    """
+    equipment = read_equipment(name_or_path)
+    try:
+        held = fitted_equipment(equipment, body)
+        coupled_body(body, held)
+    except BodyError as error:
+        raise BodyError(f"{equipment_path(name_or_path)}: {error}") from error
+    return held
+
+
+def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
+    """The body with the equipment beside it; the body itself without.
+
+    The equipment's root hangs on the body's by a free joint of the equipment's name, which holds nothing; its own
+    segments hang on each other as its joints say, and every attachment is a joint that closes a loop; optional
+    ones that the body cannot hold are left out.
+
+    Raises:
+        BodyError: names clash, or an attachment is to a segment that the body does not have; the message names both.
+    """
+    if equipment is None:
+        return body
+    equipment = fitted_equipment(equipment, body)
+    if twice := sorted(set(equipment.mounts) & set(body.mounts)):
+        raise BodyError(f"equipment {equipment.name}: camera {', '.join(twice)} is on body {body.name} as well")
+    beside = Joint(equipment.name, body.root, equipment.root, "free", np.eye(4))
+    try:
+        return replace(
+            body,
+            segments=(*body.segments, *equipment.segments),
+            joints=(*body.joints, beside, *equipment.joints, *map(attachment_joint, equipment.attachments)),
+            mounts={**body.mounts, **equipment.mounts},
+            standing=(*body.standing, *(name for name, motion in equipment.segments.items() if motion.stands)),
+        )
+    except BodyError as error:
+        raise BodyError(f"equipment {equipment.name} with body {body.name}: {error}") from error
+
+
+_SETTLED_M = 1e-3
+_SETTLED_NS = 5_000_000_000
+"""Lengths that change by less for so long, ten fits, are settled."""
+
+
+def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyModel:
+    """The body with joints of its equipment, and the loops that its attachments close, moved to where they were found.
+
+    Args:
+        body: coupled.
+        equipment: that it is coupled to, as far as it can hold it.
+        values: (L) lengths of the equipment that its file leaves open, in the order of ``UnknownLengths`` [m].
+    """
+    lengths = UnknownLengths(equipment, equipment.joints)
+    shifts = values - lengths.said
+    return replace(body, joints=tuple(lengths.joint(joint, shifts) for joint in body.joints)) if len(lengths) else body
+
+
+class SettledLengths:
+    """Finds when the lengths that are learned of a piece of equipment have settled.
+
+    Args:
+        equipment: that the body is coupled to, as far as it can hold it.
+    """
+
+    def __init__(self, equipment: Equipment) -> None:
+        self._described = UnknownLengths(equipment, equipment.joints).said
+        self._values = self._described
+        self._since_ns: int | None = None
+        self._is_done = not len(self._described)
+
+    def add(self, stamp_ns: int, report: EquipmentReport) -> Array | None:
+        """Lengths (L) [m], once: when they have settled at values other than those of the equipment's file."""
+        if self._is_done or not report.placed:
+            return None
+        is_near = bool(np.abs(report.values - self._values).max() < _SETTLED_M)
+        if self._since_ns is None or not is_near or stamp_ns < self._since_ns:
+            self._values, self._since_ns = report.values, stamp_ns
+            return None
+        if stamp_ns - self._since_ns < _SETTLED_NS:
+            return None
+        self._is_done = bool(np.abs(report.values - self._described).max() >= _SETTLED_M)
+        return report.values if self._is_done else None

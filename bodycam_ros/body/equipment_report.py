@@ -1,0 +1,116 @@
+"""How a body is coupled to its equipment at one instant, as the solver says it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import Array
+
+
+@dataclass(frozen=True, eq=False)
+class EquipmentReport:
+    """K attachments, and L lengths that the file leaves open.
+
+    Attributes:
+        name: of the equipment.
+        placed: whether it is known where the equipment is; until then nothing is coupled to it.
+        attachments: (K) names.
+        engaged: (K,) whether each held at this instant.
+        deviations: (K,) distance between its points on the body and on the equipment, the mean over them [m]; NaN while
+            the equipment is not placed.
+        lengths: (L) what was unknown, ``<attachment or joint>_<x, y or z>``.
+        priors: (L,) how far the file says they may be off [m].
+        values: (L,) as far as it is known [m].
+        sigmas: (L,) [m].
+    """
+
+    name: str
+    placed: bool
+    attachments: tuple[str, ...]
+    engaged: NDArray[np.bool_]
+    deviations: Array
+    lengths: tuple[str, ...]
+    priors: Array
+    values: Array
+    sigmas: Array
+
+
+@dataclass(frozen=True, eq=False)
+class EquipmentRecord:
+    """T instants, K attachments, L lengths; the fields as of ``EquipmentReport``.
+
+    Attributes:
+        name: of the equipment.
+        stamps_ns: (T,) increasing [ns].
+        placed: (T,)
+        attachments: (K) names.
+        engaged: (T, K)
+        deviations: (T, K) [m]
+        lengths: (L) names.
+        priors: (L,) how far the file says they may be off [m].
+        values: (L,) at last [m].
+        sigmas: (L,) at last [m].
+    """
+
+    name: str
+    stamps_ns: NDArray[np.int64]
+    placed: NDArray[np.bool_]
+    attachments: tuple[str, ...]
+    engaged: NDArray[np.bool_]
+    deviations: Array
+    lengths: tuple[str, ...]
+    priors: Array
+    values: Array
+    sigmas: Array
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(T, K) whether an attachment held, and it was known to what."""
+        held: NDArray[np.bool_] = self.engaged & self.placed[:, None]
+        return held
+
+    def let_go(self, attachment: int) -> list[tuple[int, int]]:
+        """First and last stamp [ns] of each stretch in which an attachment did not hold what was placed."""
+        off = np.concatenate([[False], self.placed & ~self.held[:, attachment], [False]])
+        starts, ends = np.flatnonzero(off[1:] & ~off[:-1]), np.flatnonzero(off[:-1] & ~off[1:]) - 1
+        return [(int(self.stamps_ns[a]), int(self.stamps_ns[b])) for a, b in zip(starts, ends, strict=True)]
+
+
+class EquipmentLog:
+    """Takes reports in any order; ``record`` is what they tell together."""
+
+    def __init__(self) -> None:
+        self._reports: dict[int, EquipmentReport] = {}
+
+    def add(self, stamp_ns: int, report: EquipmentReport) -> None:
+        """Add the report of one instant; of two of one instant the later counts.
+
+        Raises:
+            ValueError: it is of other equipment than the ones before.
+        """
+        if self._reports:
+            known = next(iter(self._reports.values()))
+            if (report.name, report.attachments, report.lengths) != (known.name, known.attachments, known.lengths):
+                raise ValueError(f"it is of {report.name}, and those before of another {known.name}")
+        self._reports[stamp_ns] = report
+
+    def record(self) -> EquipmentRecord | None:
+        """All of it in the order of time; None if there was no report."""
+        if not self._reports:
+            return None
+        stamps = sorted(self._reports)
+        reports = [self._reports[stamp] for stamp in stamps]
+        last = reports[-1]
+        return EquipmentRecord(
+            name=last.name,
+            stamps_ns=np.array(stamps, dtype=np.int64),
+            placed=np.array([report.placed for report in reports]),
+            attachments=last.attachments,
+            engaged=np.array([report.engaged for report in reports], dtype=bool).reshape(len(stamps), -1),
+            deviations=np.array([report.deviations for report in reports], dtype=np.float64).reshape(len(stamps), -1),
+            lengths=last.lengths,
+            priors=last.priors,
+            values=last.values,
+            sigmas=last.sigmas,
+        )

@@ -1,0 +1,169 @@
+"""The body at one instant, as it passes from the estimator to messages, files and pictures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SegmentPose:
+    """An absolute measurement of a segment: world_T_segment (4, 4) and its covariance (6, 6) in segment axes."""
+
+    segment: str
+    world_T_segment: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SaidSegments:
+    """What a station says of one instant whose image was looked at elsewhere: live, in a process of its own.
+
+    Attributes:
+        station: a static camera.
+        stamp_ns: mid-exposure of its image's middle row [ns].
+        evidence: condensed poses of the segments that it sees well enough, each once.
+        confidence: segment -> share of its contour that tells where it is, of all that the station looked for.
+    """
+
+    station: str
+    stamp_ns: int
+    evidence: tuple[SegmentPose, ...]
+    confidence: Mapping[str, float]
+
+    @property
+    def camera(self) -> str:
+        """The station: it is a camera among others."""
+        return self.station
+
+
+@dataclass(frozen=True)
+class BodyUncertainty:
+    """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
+
+    Attributes:
+        root: (6, 6) of the root segment's pose.
+        root_twist: (6, 6) of its velocity [rad/s, m/s].
+        joints: (J, 3, 3) of the joint rotations, in the child segment's axes [rad^2].
+        segments: (S, 6, 6) of the segments' poses.
+    """
+
+    root: Array
+    root_twist: Array
+    joints: Array
+    segments: Array
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """The pose of every segment at one instant.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        segments: (S) names, in the order of ``BodyModel.segments``.
+        world_T_segment: (S, 4, 4) poses [m].
+        uncertainty: covariances of root, velocity, joints and segments.
+        observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
+            from smoothness and from the poses that the body has been seen in.
+        cameras_used: how many cameras spoke and were believed.
+        equipment: how the body is coupled to what it rides, holds or stands on; None without such.
+    """
+
+    stamp_ns: int
+    segments: tuple[str, ...]
+    world_T_segment: NDArray[np.float64]
+    uncertainty: BodyUncertainty
+    observed: NDArray[np.bool_]
+    cameras_used: int
+    equipment: EquipmentReport | None = None
+
+    @property
+    def predicted(self) -> bool:
+        """Whether no camera spoke, so that the state follows from what came before and after."""
+        return self.cameras_used == 0
+
+
+@dataclass(frozen=True, eq=False)
+class BodyNow:
+    """Where a body is at the latest instant, before any later one has improved it: for those who must know at once.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        world_T_segment: (S, 4, 4).
+        covariances: (S, 6, 6) of the poses, rotation [rad] then translation [m], in the segments' axes.
+        observed: (S,) segments that cameras see.
+    """
+
+    stamp_ns: int
+    world_T_segment: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    observed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class BodyOutput:
+    """What is published about one instant.
+
+    Attributes:
+        state: poses of all segments.
+        joint_names: A names, in constant order.
+        positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
+        velocities: (A,) [rad/s].
+        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
+    """
+
+    state: BodyState
+    joint_names: tuple[str, ...]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    root_velocity: NDArray[np.float64]
+
+
+def moving(
+    state: BodyState,
+    joint_names: tuple[str, ...],
+    positions: NDArray[np.float64],
+    change: NDArray[np.float64],
+    root: int,
+    before: BodyOutput | None,
+) -> BodyOutput:
+    """A state with what its joints and its root have done since the state before; at rest where there is none.
+
+    Args:
+        state: the body.
+        joint_names: A names.
+        positions: (A,) joint angles [rad].
+        change: (A,) of them since the state before [rad].
+        root: row of the root segment.
+        before: what was published before.
+    """
+    if before is None:
+        return BodyOutput(state, joint_names, positions, np.zeros(len(positions)), np.zeros(6))
+    passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
+    step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
+    return BodyOutput(state, joint_names, positions, change / passed_s, step / passed_s)
+
+
+@dataclass(frozen=True)
+class BodyFrame:
+    """The registrations of one instant, and what static cameras saw or said of it.
+
+    Attributes:
+        stamp_ns: the instant [ns].
+        matches: camera -> its registration; a camera that has nothing to say is absent.
+        images: static camera -> its image.
+        said: static camera -> what its image said, where it was looked at elsewhere.
+    """
+
+    stamp_ns: int
+    matches: Mapping[str, LandmarkMatches]
+    images: Mapping[str, CameraImage] = field(default_factory=dict)
+    said: Mapping[str, SaidSegments] = field(default_factory=dict)

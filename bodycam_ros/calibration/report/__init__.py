@@ -1,1 +1,0 @@
-"""A calibration's diagnosis for people: on the terminal, as a page with a picture, and in the body file."""

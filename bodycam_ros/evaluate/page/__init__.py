@@ -1,1 +1,0 @@
-"""A report for people: one page, as Markdown and as HTML."""

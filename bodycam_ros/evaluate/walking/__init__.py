@@ -1,1 +1,0 @@
-"""How somebody walks, without any truth: strides, stances, ranges of joints, symmetry."""

@@ -1,1 +1,0 @@
-"""What was solved, and the body that it was solved with, in the formats of other programs."""

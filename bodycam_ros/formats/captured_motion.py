@@ -1,0 +1,118 @@
+"""What another system captured of the same motion: points with names, and the rotations of bones if it has them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.results.body_motion import interpolated
+
+Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
+"""Brings a world with y up to one with z up; x stays."""
+
+_WHOLE = 0.999
+"""Share of a bell that is to be known."""
+
+_LONGEST_GAP_FRAMES, _LONGEST_GAP_S = 2.5, 0.1
+"""A point is known between two frames that are no further apart than the greater of both."""
+
+
+@dataclass(frozen=True, eq=False)
+class CapturedMotion:
+    """A motion over K frames, in the world and by the clock of the system that captured it.
+
+    Attributes:
+        path: of the file or folder.
+        kind: what it is: "TRC".
+        stamps_ns: (K,) increasing [ns]; where the file counts frames alone, from 0 on.
+        points: name -> (K, 3) [m], z up; NaN where it was not seen.
+        rotations: name -> (K, 3, 3) of a bone's axes in the world; of some points, or of none.
+        parents: name -> the bone that it hangs on, if the file says.
+        knows_unit: whether lengths are metres indeed; else they are in whatever unit the file was written in.
+    """
+
+    path: Path
+    kind: str
+    stamps_ns: NDArray[np.int64]
+    points: Mapping[str, Array]
+    rotations: Mapping[str, Array] = field(default_factory=dict)
+    parents: Mapping[str, str] = field(default_factory=dict)
+    knows_unit: bool = True
+
+    @property
+    def frame_ns(self) -> float:
+        """Median time between two frames [ns]."""
+        return float(np.median(np.diff(self.stamps_ns)))
+
+    @property
+    def duration_s(self) -> float:
+        """From the first frame to the last one [s]."""
+        return 1e-9 * float(self.stamps_ns[-1] - self.stamps_ns[0])
+
+    def seconds(self, stamps_ns: NDArray[np.int64]) -> Array:
+        """Stamps (N,) of its clock [ns] as times since its first frame [s]."""
+        return np.asarray((stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
+
+    def scaled(self, metres: float) -> "CapturedMotion":
+        """The same, whose unit is so many metres."""
+        return replace(self, points={name: metres * points for name, points in self.points.items()}, knows_unit=True)
+
+    def smoothed(self, sigma_s: float) -> "CapturedMotion":
+        """The same with points averaged by a bell of so many seconds; NaN where not all of the bell is known.
+
+        Between frames, a curve through noisy points is less noisy than at them: whoever fits a clock to it is drawn
+        there. Of points that are averaged first this is not so.
+        """
+        size = sigma_s / (1e-9 * self.frame_ns)
+        runs = np.split(
+            np.arange(len(self.stamps_ns)), np.flatnonzero(np.diff(self.stamps_ns) > 1.5 * self.frame_ns) + 1
+        )
+        points = {name: np.full_like(of, np.nan) for name, of in self.points.items()}
+        for name, of in self.points.items():
+            known: NDArray[np.bool_] = np.all(np.isfinite(of), axis=1)
+            for run in runs:
+                weight, *axes = (
+                    gaussian_filter1d(np.where(known[run], values, 0.0), size, mode="constant")
+                    for values in (np.ones(len(run)), *of[run].T)
+                )
+                whole = weight > _WHOLE
+                points[name][run[whole]] = np.stack(axes, axis=1)[whole] / weight[whole, None]
+        return replace(self, points=points)
+
+    def points_at(self, name: str, seconds: Array) -> Array:
+        """A point (N, 3) [m] at times (N,) since the first frame [s], on a cubic spline; NaN where it is not known."""
+        times, spline = self._curves[name]
+        found = np.full((len(seconds), 3), np.nan)
+        if spline is None:
+            return found
+        longest = max(_LONGEST_GAP_S, _LONGEST_GAP_FRAMES * 1e-9 * self.frame_ns)
+        after = np.clip(np.searchsorted(times, seconds), 1, len(times) - 1)
+        known = (seconds >= times[0]) & (seconds <= times[-1]) & (times[after] - times[after - 1] <= longest)
+        found[known] = spline(seconds[known])
+        return found
+
+    def rotations_at(self, name: str, seconds: Array) -> Array:
+        """A bone's rotation (N, 3, 3) at times (N,) since the first frame [s]; NaN before it and after the last one."""
+        stamps_ns = np.rint(1e9 * seconds).astype(np.int64) + self.stamps_ns[0]
+        inside = (stamps_ns >= self.stamps_ns[0]) & (stamps_ns <= self.stamps_ns[-1])
+        found = np.full((len(seconds), 3, 3), np.nan)
+        if inside.any():
+            poses = rigid(self.rotations[name], np.zeros(3))
+            found[inside] = interpolated(self.stamps_ns, poses, stamps_ns[inside])[:, :3, :3]
+        return found
+
+    @cached_property
+    def _curves(self) -> dict[str, tuple[Array, CubicSpline | None]]:
+        seconds = self.seconds(self.stamps_ns)
+        curves: dict[str, tuple[Array, CubicSpline | None]] = {}
+        for name, points in self.points.items():
+            seen = np.isfinite(points).all(axis=1)
+            times = seconds[seen]
+            curves[name] = times, CubicSpline(times, points[seen]) if len(times) >= 2 else None
+        return curves

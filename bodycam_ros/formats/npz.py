@@ -1,0 +1,39 @@
+"""NPZ: everything as NumPy arrays, for whoever goes on in Python.
+
+``stamps_ns`` (T), ``seconds`` (T), ``segments`` (S), ``parents`` (S; -1 of the root), ``world_T_segment`` (T, S, 4, 4)
+[m], ``joints`` (J), ``joint_R`` (T, J, 3, 3), ``angle_names`` (A), ``angles`` (T, A) [rad], [m] of what slides,
+``known`` (T, S) whether a segment's place is: in a gap of a motion with ``--rate`` it is interpolated.
+REP-103's axes; z is up.
+"""
+
+import io
+
+import numpy as np
+
+from bodycam_ros.formats.options import MotionOptions
+from bodycam_ros.formats.sampled_motion import SampledMotion
+
+MARK = b"bodycam_motion.npy"
+
+
+def npz(motion: SampledMotion, options: MotionOptions) -> bytes:
+    """The motion as an archive of arrays; nothing in it is pickled."""
+    body = motion.body
+    row = body.segment_index
+    file = io.BytesIO()
+    np.savez_compressed(
+        file,
+        bodycam_motion=np.array(1),
+        name=np.array(motion.name),
+        stamps_ns=motion.stamps_ns,
+        seconds=motion.seconds,
+        segments=np.array(body.segments),
+        parents=np.array([row[motion.parents[s]] if s in motion.parents else -1 for s in body.segments]),
+        world_T_segment=motion.world_T_segment,
+        known=np.stack([motion.knows(segment) for segment in body.segments], axis=1),
+        joints=np.array([joint.name for joint in body.tree_joints]),
+        joint_R=motion.joint_poses[:, :, :3, :3],
+        angle_names=np.array(motion.angle_names),
+        angles=motion.angles,
+    )
+    return file.getvalue()

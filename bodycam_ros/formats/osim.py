@@ -1,0 +1,179 @@
+"""A model of the body for OpenSim: its segments, joints, angles and virtual markers, as long as the body's bones are.
+
+Coordinates are named as the joint angles and turn about the same axes in the same order, so a coordinate is a joint
+angle. Six more, ``<root>_tx`` to ``_tz`` [m] and ``<root>_rotation``, ``_list`` and ``_tilt``, say where the root is:
+turned about the vertical first. Frames are OpenSim's: x forward, y up, z to the right. No muscles; segments weigh what
+water does.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
+from bodycam_ros.body.urdf import xml_numbers
+from bodycam_ros.errors import BodyError
+from bodycam_ros.formats.axes import OPENSIM_R_OURS, turned
+from bodycam_ros.formats.markers import Marker, masses
+from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint import Joint
+
+MARK = "<OpenSimDocument"
+ROOT_TURNS = ("rotation", "list", "tilt")
+"""Coordinates of the root's rotation, in their order: about y, x and z."""
+
+ROOT_ORDER = "yxz"
+ROOT_PLACES = ("tx", "ty", "tz")
+
+_VERSION = "40000"
+_WIDE_RAD, _WIDE_M = 100.0, 1000.0  # ranges of what has no limit; OpenSim wants some
+_X, _Y, _Z = np.eye(3)
+_Axis = tuple[str, Array]
+"""Coordinate that moves along or about an axis, and the axis; without a coordinate nothing does."""
+
+
+def osim(body: BodyModel, people: tuple[str, ...], markers: list[Marker]) -> str:
+    """The segments ``people`` of a body, each after the one that it hangs on, as an OpenSim model.
+
+    Raises:
+        BodyError: a name that OpenSim would not find again.
+    """
+    _check_names([*people, *(joint.name for joint in body.tree_joints if joint.child in people)])
+    document = ET.Element("OpenSimDocument", Version=_VERSION)
+    model = ET.SubElement(document, "Model", name=body.name)
+    _add(model, "gravity", "0 -9.80665 0")
+    _add(model, "length_units", "meters")
+    _add(model, "force_units", "N")
+    bodies, joints = _objects(model, "BodySet"), _objects(model, "JointSet")
+    weights = masses(body)
+    for segment in people:
+        _add_body(bodies, body, segment, weights[segment])
+    _add_root(joints, body.root)
+    for joint in body.tree_joints:
+        if joint.child in people:
+            _add_joint(joints, joint)
+    held = _objects(model, "MarkerSet")
+    for marker in markers:
+        element = ET.SubElement(held, "Marker", name=marker.name)
+        _add(element, "socket_parent_frame", f"/bodyset/{marker.segment}")
+        _add(element, "location", _place(marker.at))
+        _add(element, "fixed", "true")
+    ET.indent(document)
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, encoding="unicode") + "\n"
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Paths go by slashes, columns and lists by spaces."""
+    if wrong := [name for name in names if "/" in name or name.split() != [name]]:
+        raise BodyError(f"names in OpenSim have no spaces or slashes, but {', '.join(wrong)} has; rename it")
+
+
+def _add_body(bodies: ET.Element, body: BodyModel, segment: str, mass: Mass) -> None:
+    element = ET.SubElement(bodies, "Body", name=segment)
+    bones = ET.SubElement(element, "components")
+    for number, end in enumerate(bone_ends(body, segment)):
+        frame = ET.SubElement(bones, "PhysicalOffsetFrame", name=f"{segment}_bone_{number}")
+        length = float(np.linalg.norm(end))
+        cylinder = ET.SubElement(ET.SubElement(frame, "attached_geometry"), "Cylinder", name="bone")
+        _add(cylinder, "socket_frame", "..")
+        _add(cylinder, "radius", str(BONE_RADIUS_M))
+        _add(cylinder, "half_height", xml_numbers(np.array([length / 2.0])))
+        _add(frame, "socket_parent", f"/bodyset/{segment}")
+        _add(frame, "translation", _place(end / 2.0))
+        along_y = Rotation.align_vectors((OPENSIM_R_OURS @ end / length)[None], _Y[None])[0]
+        _add(frame, "orientation", _body_fixed(np.asarray(along_y.as_matrix())))
+    sphere = ET.SubElement(ET.SubElement(element, "attached_geometry"), "Sphere", name="joint")
+    _add(sphere, "socket_frame", "..")
+    _add(sphere, "radius", str(JOINT_RADIUS_M))
+    _add(element, "mass", xml_numbers(np.array([mass.kilograms])))
+    _add(element, "mass_center", _place(mass.centre))
+    inertia = turned(OPENSIM_R_OURS, mass.inertia)
+    _add(element, "inertia", xml_numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+
+
+def _add_root(joints: ET.Element, root: str) -> None:
+    """Moves freely on the ground."""
+    element = ET.SubElement(joints, "CustomJoint", name=f"ground_{root}")
+    turns = [(f"{root}_{name}", axis) for name, axis in zip(ROOT_TURNS, (_Y, _X, _Z), strict=True)]
+    places = [(f"{root}_{name}", axis) for name, axis in zip(ROOT_PLACES, (_X, _Y, _Z), strict=True)]
+    _add_frames(element, ("ground", "/ground", np.eye(4)), (root, f"/bodyset/{root}", np.eye(4)))
+    coordinates = ET.SubElement(element, "coordinates")
+    for name, _ in turns:
+        _add_coordinate(coordinates, name, (-_WIDE_RAD, _WIDE_RAD))
+    for name, _ in places:
+        _add_coordinate(coordinates, name, (-_WIDE_M, _WIDE_M))
+    _add_transform(element, turns, places)
+
+
+def _add_joint(joints: ET.Element, joint: Joint) -> None:
+    element = ET.SubElement(joints, "WeldJoint" if joint.type == "weld" else "CustomJoint", name=joint.name)
+    _add_frames(
+        element,
+        (joint.parent, f"/bodyset/{joint.parent}", joint.parent_T_joint),
+        (joint.child, f"/bodyset/{joint.child}", joint.child_T_joint),
+    )
+    if joint.type == "weld":
+        return
+    coordinates = ET.SubElement(element, "coordinates")
+    unknown = ((-_WIDE_RAD, _WIDE_RAD),) * len(joint.angle_names)
+    for name, limits in zip(joint.angle_names, joint.limits or unknown, strict=True):
+        _add_coordinate(coordinates, name, limits)
+    axes = joint.axes_of_rotation if joint.type == "hinge" else np.eye(3)[["xyz".index(a) for a in joint.angle_axes]]
+    named = (*joint.angle_names, "", "")[:3]
+    about = [(name, OPENSIM_R_OURS @ axis) for name, axis in zip(named, axes, strict=True)]
+    _add_transform(element, about, [("", _X), ("", _Y), ("", _Z)])
+
+
+_End = tuple[str, str, Array]
+"""Name of a frame's body, its path, and the frame on it in our axes (4, 4) [m]."""
+
+
+def _add_frames(element: ET.Element, parent: _End, child: _End) -> None:
+    _add(element, "socket_parent_frame", f"{parent[0]}_offset")
+    _add(element, "socket_child_frame", f"{child[0]}_offset")
+    frames = ET.SubElement(element, "frames")
+    for name, path, place in (parent, child):
+        frame = ET.SubElement(frames, "PhysicalOffsetFrame", name=f"{name}_offset")
+        _add(frame, "socket_parent", path)
+        _add(frame, "translation", _place(place[:3, 3]))
+        _add(frame, "orientation", _body_fixed(turned(OPENSIM_R_OURS, place[:3, :3])))
+
+
+def _add_coordinate(coordinates: ET.Element, name: str, limits: tuple[float, float]) -> None:
+    """Limits are shown, not kept: a range of motion is what a person did on one day."""
+    element = ET.SubElement(coordinates, "Coordinate", name=name)
+    _add(element, "default_value", "0")
+    _add(element, "range", xml_numbers(np.array(limits)))
+    _add(element, "clamped", "false")
+
+
+def _add_transform(element: ET.Element, turns: list[_Axis], places: list[_Axis]) -> None:
+    transform = ET.SubElement(element, "SpatialTransform")
+    for kind, moving in (("rotation", turns), ("translation", places)):
+        for number, (coordinate, axis) in enumerate(moving, start=1):
+            along = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number}")
+            _add(along, "coordinates", coordinate)
+            _add(along, "axis", xml_numbers(axis))
+            if coordinate:
+                _add(ET.SubElement(along, "LinearFunction", name="function"), "coefficients", "1 0")
+            else:
+                _add(ET.SubElement(along, "Constant", name="function"), "value", "0")
+
+
+def _objects(model: ET.Element, kind: str) -> ET.Element:
+    return ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
+
+
+def _add(element: ET.Element, tag: str, text: str) -> None:
+    ET.SubElement(element, tag).text = text
+
+
+def _place(ours: Array) -> str:
+    return xml_numbers(OPENSIM_R_OURS @ ours)
+
+
+def _body_fixed(R: Array) -> str:
+    """A frame's orientation as OpenSim has it: angles about x, then y, then z of the frame [rad]."""
+    return xml_numbers(np.asarray(Rotation.from_matrix(R).as_euler("XYZ"), dtype=np.float64))

@@ -1,0 +1,163 @@
+"""USD: a skinned skeleton that moves (UsdSkel), for Omniverse, Houdini, Maya, Unreal and Apple's viewers.
+
+It is a text, which every reader of ``.usd`` and ``.usda`` takes. Metres, z up; a frame is a time code. Where nobody
+solved, in a gap, there are no samples, and readers turn the bones straight across.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import BodyError
+from bodycam_ros.formats.figure import Figure
+from bodycam_ros.formats.glb import Skin, skin_of
+from bodycam_ros.formats.options import MotionOptions
+from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
+
+MARK = "#usda 1.0"
+
+_UP = "z"
+_SKIN_COLOUR = "(0.85, 0.68, 0.56)"
+
+
+def usd(motion: SampledMotion, options: MotionOptions) -> str:
+    """The motion as a USD document.
+
+    Raises:
+        BodyError: two bones would have the same name.
+    """
+    figure = Figure.of(motion, options, _UP)
+    if len(set(_paths(figure))) < len(figure.names):
+        raise BodyError(f"{motion.name}: two bones would have the same name, which in USD has letters and digits alone")
+    skin = skin_of(figure, motion.body)
+    assert motion.rate is not None  # of a format that is even
+    last = len(motion.stamps_ns) - 1
+    parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
+    if skin is not None:
+        parts.append(_mesh(skin))
+    name = _identifier(motion.body.name)
+    return f"""{MARK}
+(
+    defaultPrim = "{name}"
+    doc = "written by bodycam_ros"
+    endTimeCode = {last}
+    framesPerSecond = {motion.rate:.9g}
+    metersPerUnit = 1
+    startTimeCode = 0
+    timeCodesPerSecond = {motion.rate:.9g}
+    upAxis = "Z"
+)
+
+def SkelRoot "{name}"
+{{
+{"".join(parts)}}}
+"""
+
+
+def _skeleton(figure: Figure) -> str:
+    bind = rigid(np.eye(3), figure.rest[:, :3, 3])
+    rest = rigid(np.eye(3), figure.offsets)
+    return f"""    def Skeleton "skeleton" (
+        prepend apiSchemas = ["SkelBindingAPI"]
+    )
+    {{
+        uniform matrix4d[] bindTransforms = [{_matrices(bind)}]
+        uniform token[] jointNames = [{_tokens(figure.names)}]
+        uniform token[] joints = [{_tokens(_paths(figure))}]
+        uniform matrix4d[] restTransforms = [{_matrices(rest)}]
+        rel skel:animationSource = <../motion>
+    }}
+
+"""
+
+
+def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
+    quaternions = quaternion_xyzw(figure.local_turns[frames])[..., [3, 0, 1, 2]]
+    places = np.tile(figure.offsets, (len(frames), 1, 1))
+    places[:, 0] = figure.places[frames, 0]
+    ones = ", ".join(["(1, 1, 1)"] * len(figure.names))
+    return f"""    def SkelAnimation "motion"
+    {{
+        uniform token[] joints = [{_tokens(_paths(figure))}]
+        quatf[] rotations.timeSamples = {{
+{_samples(frames, quaternions)}        }}
+        half3[] scales = [{ones}]
+        float3[] translations.timeSamples = {{
+{_samples(frames, places)}        }}
+    }}
+
+"""
+
+
+def _mesh(skin: Skin) -> str:
+    counts = ", ".join(["3"] * len(skin.faces))
+    corners = ", ".join(map(str, skin.faces.ravel().tolist()))
+    bones = ", ".join(map(str, skin.bones.tolist()))
+    weights = ", ".join(["1"] * len(skin.bones))
+    low, high = (_tuple(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
+    return f"""    def Mesh "skin" (
+        prepend apiSchemas = ["SkelBindingAPI"]
+    )
+    {{
+        float3[] extent = [{low}, {high}]
+        int[] faceVertexCounts = [{counts}]
+        int[] faceVertexIndices = [{corners}]
+        normal3f[] normals = [{_tuples(skin.normals)}] (
+            interpolation = "vertex"
+        )
+        point3f[] points = [{_tuples(skin.vertices)}]
+        color3f[] primvars:displayColor = [{_SKIN_COLOUR}]
+        matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
+        int[] primvars:skel:jointIndices = [{bones}] (
+            elementSize = 1
+            interpolation = "vertex"
+        )
+        float[] primvars:skel:jointWeights = [{weights}] (
+            elementSize = 1
+            interpolation = "vertex"
+        )
+        rel skel:skeleton = <../skeleton>
+        uniform token subdivisionScheme = "none"
+    }}
+"""
+
+
+def _paths(figure: Figure) -> list[str]:
+    """Each bone after those that it hangs on, as USD names joints."""
+    paths: list[str] = []
+    for name, parent in zip(figure.names, figure.parents, strict=True):
+        own = _identifier(name)
+        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+    return paths
+
+
+def _identifier(name: str) -> str:
+    """A name as USD allows it."""
+    kept = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
+    return kept if kept and not kept[0].isdigit() else f"_{kept}"
+
+
+def _tokens(names: Iterable[str]) -> str:
+    return ", ".join(map(json.dumps, names))
+
+
+def _samples(frames: NDArray[np.intp], values: Array) -> str:
+    return "".join(
+        f"            {frame}: [{_tuples(row)}],\n" for frame, row in zip(frames.tolist(), values, strict=True)
+    )
+
+
+def _tuples(rows: Array) -> str:
+    return ", ".join(map(_tuple, rows.tolist()))
+
+
+def _tuple(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.8g}' for value in values)})"
+
+
+def _matrices(poses: Array) -> str:
+    """USD multiplies rows by matrices."""
+    return ", ".join(f"( {_tuples(pose.T)} )" for pose in poses)

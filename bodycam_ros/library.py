@@ -1,0 +1,125 @@
+"""The package as a library: a loop over images, and states as they are solved.
+
+from bodycam_ros import Body, Map, replay
+
+for output in replay("walk.mcap", Map.load("map"), Body.load("body.yaml")):
+print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
+"""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body_state import BodyOutput
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.readout import Readout, best_known
+from bodycam_ros.camera_pipeline import CameraPipeline
+from bodycam_ros.errors import BodyError
+from bodycam_ros.kernels import prepare_kernels
+from bodycam_ros.offline.camera_worker import known_readouts
+from bodycam_ros.offline.growth_epochs import Growth, GrowthOfAll, GrowthOfOne
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap
+
+__all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]
+
+
+class Body(BodyModel):
+    """Segments, joints and camera mounts: ``Body.load("body.yaml")``."""
+
+    @classmethod
+    def load(cls, path: Path | str) -> "Body":
+        """Read a body file: URDF if it is named so, else YAML.
+
+        Raises:
+            BodyError: the file is missing, or describes no body.
+        """
+        body = read_body(path)
+        return cls(**{field.name: getattr(body, field.name) for field in fields(body) if field.init})
+
+
+Map = ReferenceMap
+
+
+def replay(
+    images: Path | str | Iterable[CameraImage],
+    reference_map: Map,
+    body: BodyModel,
+    cameras: Mapping[str, CameraModel] | None = None,
+    equipment: Equipment | None = None,
+    settings: PipelineSettings | None = None,
+    live: bool = False,
+) -> Iterator[BodyOutput]:
+    """Solve a recording in this process, and yield states as they are solved, in order of time.
+
+    They follow their images by some seconds, in which later images tell of clocks (``clock.window``,
+    ``clock.lookahead``) and of limbs that were blind (``smoother.blind_hold``).
+
+    Args:
+        images: a ros2 bag folder or .mcap file, or images in order of their stamps.
+        reference_map: metric.
+        body: which has been calibrated.
+        cameras: models by name; of a bag its own.
+        equipment: what the body rides, holds or stands on.
+        settings: of all stages.
+        live: states follow by ``smoother.output_delay`` instants alone, and may be as much less accurate.
+
+    Raises:
+        RecordingError: there is no recording, or an image cannot be decoded.
+        BodyError: the body carries none of the cameras that have models.
+    """
+    if isinstance(images, Path | str):
+        with open_recording(Path(images)) as recording:
+            worn = [camera for camera in recording.cameras if camera in body.mounts]
+            models = cameras or {camera: recording.camera_model(camera) for camera in worn}
+            known = known_readouts(recording, body, worn)
+            readouts = {camera: best_known(recording.readout(camera), known.get(camera)) for camera in worn}
+            yield from _solved(recording.images(worn), reference_map, body, models, readouts, equipment, settings, live)
+        return
+    readouts = {camera: mount.readout for camera, mount in body.mounts.items()}
+    yield from _solved(images, reference_map, body, cameras or {}, readouts, equipment, settings, live)
+
+
+def _solved(
+    images: Iterable[CameraImage],
+    reference_map: Map,
+    body: BodyModel,
+    cameras: Mapping[str, CameraModel],
+    readouts: Mapping[str, Readout | None],
+    equipment: Equipment | None,
+    settings: PipelineSettings | None,
+    live: bool,
+) -> Iterator[BodyOutput]:
+    if not set(cameras) & set(body.mounts):
+        raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
+    prepare_kernels()
+    settings = settings or PipelineSettings()
+    skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment)
+    told: deque[Growth] = deque()
+    growth = GrowthOfAll(reference_map, cameras, settings.growth, told.append) if settings.growth.enabled else None
+    grown = GrowthOfOne(reference_map, settings.growth, told.popleft) if growth else None
+    pipelines = {
+        camera: CameraPipeline(
+            model, reference_map, settings, readouts.get(camera), None if grown is None else grown.map
+        )
+        for camera, model in cameras.items()
+        if camera in body.mounts
+    }
+    for image in images:
+        if image.camera not in pipelines:
+            continue
+        if growth is not None and grown is not None:
+            growth.reach(image.stamp_ns)
+            grown.catch_up(image.stamp_ns)
+        _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
+        if growth is not None:
+            growth.hear(matches, keyframe)
+        yield from skeleton.add(matches)
+    yield from skeleton.flush()

@@ -1,1 +1,0 @@
-"""The mobility of a body with equipment: degrees of freedom, rank, redundant and conflicting constraints (B 3)."""

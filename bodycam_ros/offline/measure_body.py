@@ -1,0 +1,237 @@
+"""A recording of static cameras in, a body with its lengths and girths out, offline."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from heapq import merge
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody, CalibrationSettings
+from bodycam_ros.calibration.camera_motion import MotionLogSettings
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.camera.camera_image import CameraImage, decode_colour
+from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
+from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
+from bodycam_ros.offline.front_end import register_recording, warm_up
+from bodycam_ros.offline.outside_input import stations_of
+from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
+from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.static_cameras.body_shape import ShapeSettings
+from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.station_watch import with_hands
+
+logger = logging.getLogger(__name__)
+
+_AT_ONCE_NS = 5_000_000
+"""Stamps of different stations that differ by less are one instant."""
+
+
+def measure_body(
+    recording_path: Path,
+    map_path: Path | None,
+    body: BodyModel,
+    given: OutsideInput,
+    pipeline: PipelineSettings,
+    settings: ShapeSettings,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> MeasuredBody:
+    """Measure the person of a recording.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map; None where the stations' own frame is the world.
+        body: that is begun with; it gets hands, and loses its scan, which has lengths of its own.
+        given: where the stations stand, and where the body is in the first images.
+        pipeline: settings of following it.
+        settings: what is expected of it.
+        on_progress: told the step, and the share of it that is done.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, or a recording that does not tell enough.
+    """
+    warm_up()
+    start = given.start
+    if start is None:
+        raise StationError(
+            "nobody knows where the body is at first; place it by hand in a file of segments, and give that as --start"
+        )
+    body = replace(with_hands(body), surface=None)
+    reference_map = None if map_path is None else ReferenceMap.load(map_path)
+    if reference_map is not None and map_path is not None:
+        check_metric(reference_map, map_path)
+    with open_recording(recording_path) as recording:
+        stations = stations_of(given, reference_map, recording, body)
+        refused: set[str] = set()
+        measurement = OutsideMeasurement(
+            body,
+            stations,
+            lambda: station_instants(recording_path, stations, refused),
+            lambda begun: placed_body(start, given.stations, stations, begun, pipeline.region),
+            settings,
+            pipeline.region,
+            pipeline.motion,
+            on_progress,
+        )
+        # The matrices are many and small: threads of the linear algebra would only wait for each other.
+        with threadpool_limits(limits=1):
+            try:
+                return measurement.measure()
+            except RangeOfMotionError as error:
+                raise RangeOfMotionError(f"{recording_path}: {error}") from error
+
+
+def station_instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
+    """Images that are of one time, in order of time, and the share of the recording before them.
+
+    Args:
+        path: of the recording.
+        stations: by name.
+        refused: cameras of which an image could not be used, which was warned of; others are added.
+    """
+    with ExitStack() as opened:
+        # A recording each: a bag has images in the order in which they came, which need not be that of their stamps.
+        recordings = {name: opened.enter_context(open_recording(path)) for name in stations}
+        any_of = next(iter(recordings.values()))
+        start_ns, length_ns = any_of.start_ns, max(1e9 * any_of.duration_s, 1.0)
+        together: list[CameraImage] = []
+        streams = (recording.images([name]) for name, recording in recordings.items())
+        for image in merge(*streams, key=lambda image: image.stamp_ns):
+            is_later = together and image.stamp_ns - together[0].stamp_ns > _AT_ONCE_NS
+            if is_later or any(image.camera == each.camera for each in together):
+                yield from _decoded(together, (together[0].stamp_ns - start_ns) / length_ns, stations, refused)
+                together = []
+            together.append(image)
+        yield from _decoded(together, 1.0, stations, refused)
+
+
+def _decoded(
+    images: list[CameraImage], share: float, stations: Mapping[str, Station], refused: set[str]
+) -> Iterator[tuple[float, Instant]]:
+    """The instant of some images, without those that cannot be used, if any can."""
+    pictures = {}
+    for image in images:
+        try:
+            picture = decode_colour(image)
+            stations[image.camera].check_size(picture)
+        except RecordingError as error:
+            if image.camera not in refused:
+                logger.warning("%s; it is left out, and so will be others like it", error)
+            refused.add(image.camera)
+        else:
+            pictures[image.camera] = picture
+    if pictures:
+        yield share, Instant(images[0].stamp_ns, pictures)
+
+
+_KEYFRAMES_PER_TRACK = 0.8
+"""Of a track's life until the next keyframe, whose keypoints find their landmarks around the pose of older tracks."""
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a step and the share of it that is done, 0 to 1."""
+
+
+def calibrate(
+    recording_path: Path,
+    map_path: Path,
+    rig: Rig,
+    name: str,
+    pipeline: PipelineSettings,
+    settings: CalibrationSettings,
+    jobs: int,
+    facing_rad: float | None = None,
+    on_progress: Progress = lambda step, share: None,
+) -> CalibratedBody:
+    """Estimate the body of a recorded range of motion.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map.
+        rig: which camera is on which segment.
+        name: of the body.
+        pipeline: settings of tracking and registration, and the noise that the solver knows.
+        settings: of the calibration.
+        jobs: processes for the cameras.
+        facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
+        on_progress: told how far it is.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
+    """
+    warm_up()
+    check_upright(ReferenceMap.load(map_path), map_path)
+    with open_recording(recording_path) as recording:
+        if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
+            raise RangeOfMotionError(
+                f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
+            )
+        models = {camera: recording.camera_model(camera) for camera in rig.cameras}
+        modes = {camera: recording.video_mode(camera) for camera in rig.cameras}
+        duration_s = recording.duration_s
+    calibrator = BodyCalibrator(
+        rig,
+        models,
+        settings,
+        pipeline.pose_fit,
+        pipeline.evidence,
+        facing_rad,
+        pipeline.clock,
+        pipeline.readout,
+        modes,
+    )
+    task = RegistrationTask(
+        recording_path,
+        map_path,
+        _with_fresh_tracks(pipeline, settings.motion_log),
+        max_rate=settings.motion_log.max_rate,
+        with_messages=False,
+    )
+    start_ns = None
+    unusable: Counter[str] = Counter()
+    for item in register_recording(task, models, jobs):
+        if isinstance(item, RegisteredImage):
+            start_ns = item.stamp_ns if start_ns is None else start_ns
+            calibrator.add(item.matches)
+            on_progress("registration", 1e-9 * (item.stamp_ns - start_ns) / max(duration_s, 1e-9))
+        elif isinstance(item, LostImages):
+            logger.warning("%s", item)
+        else:
+            unusable[item.camera] += item.count if isinstance(item, DroppedImages) else 1
+    for camera, count in sorted(unusable.items()):
+        logger.warning("camera %s: %d images could not be used", camera, count)
+    # The matrices are many and small: threads of the linear algebra would only wait for each other.
+    with threadpool_limits(limits=1):
+        return calibrator.solve(name, on_progress)
+
+
+def _with_fresh_tracks(pipeline: PipelineSettings, log: MotionLogSettings) -> PipelineSettings:
+    """The tracker's settings for a calibration: short tracks, and keyframes so often that each track sees another."""
+    interval = max(1, round(_KEYFRAMES_PER_TRACK * log.track_age * log.max_rate))
+    tracker = replace(
+        pipeline.tracker,
+        keyframe_interval=min(interval, pipeline.tracker.keyframe_interval),
+        max_track_age=min(log.track_age, pipeline.tracker.max_track_age),
+    )
+    return replace(pipeline, tracker=tracker)
+
+
+_WELL_REGISTERED = 0.6
+"""Share of its images that a camera with the right lens is registered on, unless it is covered."""
+
+
+def doubted_cameras(summary: ReplaySummary) -> tuple[str, ...]:
+    """Cameras that were registered so seldom, or contradict so much, that their lens may be another's."""
+    accused = {finding.camera for finding in summary.verdict.findings if finding.part == "camera"}
+    return tuple(
+        camera
+        for camera, images in sorted(summary.images.items())
+        if camera in accused or summary.registered[camera] < _WELL_REGISTERED * images
+    )

@@ -1,0 +1,166 @@
+"""What a user says of static cameras, and the watch that is made of it."""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.model import mode_of_size
+from bodycam_ros.errors import LensError, RecordingError, StationError
+from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import Recording
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.static_cameras.body_shape import BodySurface
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration
+from bodycam_ros.static_cameras.station_watch import StationWatch
+from bodycam_ros.static_cameras.stations_file import StationsSettings, read_stations, refuse_worn
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
+
+logger = logging.getLogger(__name__)
+
+_OTHER_LENS = 0.02  # share by which focal lengths differ
+
+
+def stations_of(
+    given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
+) -> dict[str, Station]:
+    """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
+
+    Raises:
+        StationError: the file cannot be used, the recording has none of its cameras, or the body wears one of them.
+    """
+    stations, cameras = read_stations(given.stations, reference_map), recording.cameras
+    there = {name: station for name, station in stations.items() if name in cameras}
+    if not there:
+        raise StationError(
+            f"{given.stations}: the recording has none of its cameras ({', '.join(stations)}); it has "
+            f"{', '.join(cameras)}. A camera is named as its topics: /NAME/image_raw/compressed"
+        )
+    if silent := sorted(set(stations) - set(there)):
+        logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
+    refuse_worn(given.stations, there, body)
+    for station in there.values():
+        _compare_lenses(given.stations, station, recording)
+    return there
+
+
+def station_watch(
+    given: OutsideInput,
+    stations: dict[str, Station],
+    body: BodyModel,
+    body_path: Path,
+    settings: PipelineSettings,
+    on_seen: Callable[[Mapping[str, int], SeenBody], None],
+) -> StationWatch:
+    """What asks the stations where a body is.
+
+    Args:
+        given: what the user says.
+        stations: that are asked.
+        body: with its equipment, if any.
+        body_path: its file.
+        settings: of all stages.
+        on_seen: told what they say, and the stamp of each station's image [ns].
+
+    Raises:
+        BodyError: the body's surface, or the start, cannot be used.
+    """
+    surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
+    tracker = RegionTracker(body, surface, stations, settings.region)
+    placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings.region)
+    return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
+
+
+def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
+    try:
+        said = recording.camera_model(station.name)
+    except LensError:
+        return  # Nobody says otherwise.
+    ours = station.camera
+    scale = said.width / ours.width
+    off = abs(said.fx / (scale * ours.fx) - 1.0)
+    if off > _OTHER_LENS or (said.width, said.height) != (ours.width, ours.height):
+        logger.warning(
+            "camera %s: %s has a lens of %g px for %dx%d, camera_info in %s one of %g px for %dx%d; the former is used",
+            station.name,
+            file,
+            ours.fx,
+            ours.width,
+            ours.height,
+            recording.path,
+            said.fx,
+            said.width,
+            said.height,
+        )
+
+
+@dataclass(frozen=True)
+class UnplacedCamera:
+    """A camera whose place was not found.
+
+    Attributes:
+        name: of the camera.
+        reason: why, and what to do.
+    """
+
+    name: str
+    reason: str
+
+
+def place_stations(
+    recording: Recording, cameras: Sequence[str], reference_map: ReferenceMap, settings: StationsSettings
+) -> Iterator[RegisteredStation | UnplacedCamera]:
+    """Yield what became of each camera, in their order.
+
+    Args:
+        recording: that holds them.
+        cameras: names of those that stand.
+        reference_map: the map.
+        settings: of all steps.
+    """
+    for name in cameras:
+        try:
+            camera = recording.camera_model(name)
+            images = _spread_images(recording, camera, settings.stations.images)
+            yield StationRegistration(camera, reference_map, settings).register(images)
+        except (LensError, RecordingError, StationError) as error:
+            yield UnplacedCamera(name, str(error))
+
+
+def _spread_images(recording: Recording, camera: CameraModel, count: int) -> list[NDArray[np.uint8]]:
+    """Some images (H, W) of a camera, grey, from its first to its last.
+
+    Raises:
+        RecordingError: none can be used.
+    """
+    last = recording.image_count(camera.name) - 1
+    wanted = set(np.linspace(0, max(0, last), count).round().astype(int).tolist())
+    images, refused = [], ""
+    for number, image in enumerate(recording.images([camera.name])):
+        if number not in wanted:
+            continue
+        try:
+            grey = decode_grey(image)
+        except RecordingError as error:
+            refused = str(error)
+            continue
+        if grey.shape == (camera.height, camera.width):
+            images.append(grey)
+            continue
+        refused = (
+            f"camera {camera.name}: its images have {grey.shape[1]} x {grey.shape[0]} px, but its camera_info says "
+            f"{camera.width} x {camera.height}, {mode_of_size((camera.width, camera.height), grey.shape[::-1])}"
+        )
+    if not images:
+        raise RecordingError(refused or f"camera {camera.name}: {recording.path} holds no image of it")
+    return images

@@ -1,0 +1,246 @@
+"""A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import partial
+from heapq import merge
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
+from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.messages.health import RegistrationHealth
+from bodycam_ros.offline.camera_worker import (
+    DroppedImages,
+    LostImages,
+    RegisteredImage,
+    RegistrationTask,
+    Result,
+    SkippedImage,
+    known_readouts,
+)
+from bodycam_ros.offline.front_end import register_recording, warm_up
+from bodycam_ros.offline.outside_input import station_watch, stations_of
+from bodycam_ros.offline.replay_output import CameraClocks, ReplayOutput
+from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.other_findings import equipment_findings
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.registration.readout_time import ReadoutLog
+from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
+from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.station_watch import with_hands
+from bodycam_ros.verdict import Verdict
+
+logger = logging.getLogger(__name__)
+
+_TOGETHER = "all instants together"
+
+
+def replay(
+    recording_path: Path,
+    map_path: Path | None,
+    body_path: Path,
+    output_path: Path,
+    settings: PipelineSettings,
+    jobs: int,
+    force: bool = False,
+    on_progress: Callable[[float], None] = lambda seconds: None,
+    equipment: str | Path | Equipment | None = None,
+    on_step: Callable[[str, float], None] = lambda step, share: None,
+    outside: OutsideInput | None = None,
+    slim: bool = False,
+) -> ReplaySummary:
+    """Run the pipeline over a bag and write everything that it publishes.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map; None where static cameras alone tell, in the frame of their file.
+        body_path: YAML of the body.
+        output_path: the ros2 bag folder to be; it appears whole or not at all.
+        settings: of all stages.
+        jobs: processes for the cameras.
+        force: replace an output that is there already.
+        on_progress: called with the seconds of the recording that are done.
+        equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
+        on_step: called with each step beside it, and the share of it that is done.
+        outside: what is known of static cameras, if there are any.
+        slim: write no tracks, and of landmarks the poses by them alone.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, see the stages.
+    """
+    warm_up()
+    own = read_body(body_path)
+    person = with_hands(own) if outside else own
+    coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
+    body = coupled_body(person, coupling)
+    reference_map = None if map_path is None else _metric_map(map_path)
+    started = time.monotonic()
+    with open_recording(recording_path) as recording:
+        stations = stations_of(outside, reference_map, recording, body) if outside else {}
+        cameras = _mounted_cameras(recording, body, stations) if map_path else {}
+        known = known_readouts(recording, body, cameras)
+        summary = ReplaySummary(recording.duration_s)
+    log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
+    seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
+    onlookers = None
+    if outside is not None:
+        onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
+        if not cameras and outside is not None and outside.start is None:
+            raise _nothing_solved(recording_path, map_path, outside)
+    skeleton = SkeletonPipeline(
+        person,
+        cameras,
+        settings,
+        on_corrected=log.add_registration,
+        equipment=coupling,
+        on_together=partial(on_step, _TOGETHER),
+        onlookers=onlookers,
+        stations=stations,
+    )
+    # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
+    with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
+        watch = skeleton.instants.watch
+        out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
+        in_its_mode = [camera for camera, readout in known.items() if readout == body.mounts[camera].readout]
+        rows = ReadoutLog(cameras, settings.readout, in_its_mode)
+        task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=known, slim=slim)
+        clocks = CameraClocks([*cameras, *stations])
+        start_ns = None
+        for item in _read(task, cameras, jobs, stations):
+            if not isinstance(item, RegisteredImage | CameraImage):
+                _count_skipped(summary, item)
+                continue
+            if start_ns is None:
+                start_ns = item.stamp_ns
+                out.write_latched(start_ns, reference_map)
+            summary.images[item.camera] += 1
+            clocks.add(item.camera, item.stamp_ns)
+            if isinstance(item, CameraImage):
+                out.write_states(skeleton.add_static(item))
+            else:
+                rows.add(item.matches)
+                out.write_registration(item)
+                out.write_states(skeleton.add(item.matches))
+            while seen:
+                out.write_seen(*seen.popleft())
+            on_progress(1e-9 * (item.stamp_ns - start_ns))
+        out.write_states(skeleton.flush())
+        while seen:
+            out.write_seen(*seen.popleft())
+        if not summary.solved:
+            raise _nothing_solved(recording_path, map_path, outside)
+        out.write_robot()
+        summary.readouts = rows.readouts()
+        summary.timings = {
+            camera: history.with_readout(summary.readouts.get(camera)) for camera, history in watch.timings.items()
+        }
+        summary.jumps = tuple(watch.jumps)
+        out.write_timings(summary.timings)
+        agreement = log.agreement()
+        summary.speeds = agreement.speeds()
+        summary.start_ns = start_ns or 0
+        summary.equipment = out.coupled.record()
+        judged = judge(agreement, body)
+        # Hands that its file does not have are more than was asked for: nobody need see them.
+        bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
+        found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
+        summary.verdict = Verdict.of(found)
+        out.write_verdict(item.stamp_ns, summary.verdict)
+        summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
+        summary.instants = skeleton.assembler.assembled + summary.bridged
+        summary.late = skeleton.assembler.late
+        if summary.late:
+            logger.warning(
+                "%d registrations came after their instant had been solved without them; does a camera pause for "
+                "longer than assembler.max_wait?",
+                summary.late,
+            )
+    summary.remarks = (*clocks.remarks(), *rows.doubts().values())
+    summary.elapsed_s = time.monotonic() - started
+    return summary
+
+
+def _metric_map(path: Path) -> ReferenceMap:
+    """The map, if its unit is the metre; a vertical that is only assumed is warned about."""
+    reference_map = ReferenceMap.load(path)
+    check_metric(reference_map, path)
+    if assumed := assumed_vertical(reference_map, path):
+        logger.warning(assumed)
+    return reference_map
+
+
+def _read(
+    task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int, stations: Collection[str]
+) -> Iterator[Result | CameraImage]:
+    """What worn cameras say, and images of static ones, in order of their stamps."""
+    said = register_recording(task, cameras, jobs) if cameras else iter(())
+    if not stations:
+        yield from said
+        return
+    with open_recording(task.recording_path) as recording:
+        yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
+
+
+def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideInput | None) -> BodycamError:
+    """Why there is no motion to write."""
+    if outside is not None and outside.start is None:
+        return StationError(
+            f"{recording_path}: no worn camera was registered, so nobody knows where the body is at first; place it "
+            "by hand in a file of segments, and give that as --start"
+        )
+    if outside is not None:
+        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
+    return MapError(
+        f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
+        "is it the map of another place, or are the images too dark or blurred?"
+    )
+
+
+def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> dict[str, CameraModel]:
+    """Models of the cameras that the recording has and the body carries; others that are no stations are warned about.
+
+    Raises:
+        BodyError: there are none, and no stations either.
+    """
+    for camera in sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
+        logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
+    mounted = [camera for camera in recording.cameras if camera in body.mounts]
+    if mounted and (silent := sorted(set(body.mounts) - set(recording.cameras))):
+        logger.warning(
+            "body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent)
+        )
+    if not mounted and not stations:
+        raise BodyError(
+            f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
+            f"({', '.join(body.mounts)}); is this the body of this recording?"
+        )
+    return {camera: recording.camera_model(camera) for camera in mounted}
+
+
+def _count_skipped(summary: ReplaySummary, item: SkippedImage | DroppedImages | LostImages) -> None:
+    if isinstance(item, LostImages):
+        logger.warning("%s", item)
+        summary.lost[item.camera] += item.count
+        return
+    count = item.count if isinstance(item, DroppedImages) else 1
+    if isinstance(item, DroppedImages):
+        logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, count)
+    elif not summary.skipped[item.camera]:
+        logger.warning("%s; it is left out, and so will be others like it", item.reason)
+    summary.images[item.camera] += count
+    summary.skipped[item.camera] += count

@@ -1,0 +1,64 @@
+"""What came of a replay, in figures and remarks."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bodycam_ros.body.equipment_report import EquipmentRecord
+from bodycam_ros.camera.readout import Readout
+from bodycam_ros.timing.clock_state import ClockHistory, ClockJump
+from bodycam_ros.verdict import Verdict
+
+
+@dataclass
+class ReplaySummary:
+    """What came of a replay.
+
+    Attributes:
+        recorded_s: duration of the recording.
+        start_ns: of the first image [ns].
+        elapsed_s: time that the replay took.
+        instants: instants with at least one image, and those bridged.
+        solved: instants with a body state.
+        predicted: of these, instants that no camera contributed to.
+        bridged: instants at which all cameras were silent, filled in from both sides.
+        refused: camera -> instants at which it contradicted the others and was not believed.
+        late: registrations that came too late for their instant, because a camera had been silent for long.
+        images: camera -> images read.
+        registered: camera -> images registered in the map.
+        skipped: camera -> images that could not be used.
+        lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
+        readouts: camera -> how long its rows are read out, as far as is known in the end.
+        remarks: what a person should know of a camera's stamps, rows and images, a line each.
+        timings: camera -> how its clock went, as its stamps were corrected.
+        jumps: clocks that were set while they recorded.
+        speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
+        verdict: whether the result may be used.
+        equipment: how the body was coupled to it; None without.
+    """
+
+    recorded_s: float
+    start_ns: int = 0
+    elapsed_s: float = 0.0
+    instants: int = 0
+    solved: int = 0
+    predicted: int = 0
+    bridged: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    images: Counter[str] = field(default_factory=Counter)
+    late: int = 0
+    registered: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
+    readouts: Mapping[str, Readout] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    timings: Mapping[str, ClockHistory] = field(default_factory=dict)
+    jumps: tuple[ClockJump, ...] = ()
+    speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
+    equipment: EquipmentRecord | None = None
+
+    @property
+    def real_time_factor(self) -> float:
+        """Seconds of recording per second of work."""
+        return self.recorded_s / self.elapsed_s if self.elapsed_s else 0.0

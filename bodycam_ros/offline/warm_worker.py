@@ -1,0 +1,15 @@
+"""What every camera worker needs, loaded once: workers are forked from a process that imports this and does no more.
+
+So a worker begins at once, and its libraries and kernels take no memory of their own.
+"""
+
+import gc
+
+import cv2
+
+import bodycam_ros.offline.camera_worker  # noqa: F401
+from bodycam_ros.kernels import load_kernels
+
+cv2.setNumThreads(1)  # threads do not survive a fork
+load_kernels()
+gc.freeze()  # a collection would write to all that is shared

@@ -1,1 +1,0 @@
-"""Motions that other systems captured: their files, their names, their clocks."""

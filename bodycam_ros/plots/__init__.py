@@ -1,0 +1,1 @@
+"""Pictures and pages of maps and bodies, and what all pictures share."""

@@ -1,0 +1,89 @@
+"""Colours and typography of all pictures."""
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+
+LEFT, RIGHT, CENTRE = "#1f6fb4", "#dd7a12", "#33383d"
+"""Sides of the body: blue and orange stay apart for every eye."""
+
+TRUTH = "#a9b0b7"
+WARNING = "#c8102e"
+"""Lost cameras, gaps, instants without any camera, a result that is wrong; nothing else is red."""
+
+CAUTION, GOOD = "#9a6700", "#2c7f78"
+"""A result that is doubtful, and one that is good."""
+
+RELATIVE, ROTATION_ONLY = "#7a6cb4", "#d9b13b"
+"""A camera that grown landmarks hold, and one that knows only how it turns."""
+
+EQUIPMENT = "#8e4a8a"
+"""What stands beside the body, thinner than its limbs."""
+
+INK, QUIET, FAINT = "#22272b", "#6b747c", "#e3e7ea"
+
+LANDMARKS = LinearSegmentedColormap.from_list("landmarks", ["#e4f0ee", "#7fb9b0", "#2c7f78", "#0c4644"])
+
+TYPOGRAPHY: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.labelcolor": QUIET,
+    "axes.edgecolor": QUIET,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+}
+
+
+def side_colour(segment: str) -> str:
+    """Colour of the side that a segment's name ends with."""
+    if segment.endswith("_left"):
+        return LEFT
+    return RIGHT if segment.endswith("_right") else CENTRE
+
+
+def panel_title(axes: Axes, title: str, note: str = "") -> None:
+    """A title above the left end of a panel, and a quiet note after it."""
+    text = axes.annotate(
+        title,
+        (0.0, 1.0),
+        (0.0, 7.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        weight="bold",
+        fontsize=10.0,
+    )
+    if note:
+        axes.annotate(
+            note,
+            (1.0, 0.0),
+            (8.0, 0.0),
+            xycoords=text,
+            textcoords="offset points",
+            color=QUIET,
+            fontsize=8.5,
+            va="bottom",
+        )
+
+
+def light_grid(axes: Axes) -> None:
+    """Lines across at the ticks of the value axis, behind everything."""
+    axes.grid(axis="y", color=FAINT, linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.tick_params(length=2.5, width=0.6)
+
+
+PAGE_POLICY = (
+    '<meta http-equiv="Content-Security-Policy" '
+    "content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'none'\">"
+)
+"""For the head of a page, before anything else: names of cameras and files come from anywhere."""

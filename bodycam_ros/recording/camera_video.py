@@ -1,0 +1,213 @@
+"""What one camera recorded, its chapters joined: cameras begin a new file every few gigabytes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import datetime
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.container import OutputContainer
+from av.error import FFmpegError
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import OutputError, RecordingError
+from bodycam_ros.recording import video_file
+from bodycam_ros.recording.sound import SoundBlock, sound_blocks
+from bodycam_ros.recording.telemetry import satellite_times
+from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
+
+_CLOCK_S = 2.0
+"""Times of creation are whole seconds, taken now before the first frame, now after it."""
+
+_COMPARED = 65_536  # [bytes] of both ends, to know a copy
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """One file of a camera.
+
+    Attributes:
+        path: of the file.
+        facts: what is in it.
+        start_s: media time of the camera at media time 0 of the file [s].
+    """
+
+    path: Path
+    facts: FileFacts
+    start_s: float
+
+
+@dataclass(frozen=True)
+class CameraVideo:
+    """One camera's recording. Its media time begins with the first chapter and goes on through all of them.
+
+    Attributes:
+        camera: its name.
+        chapters: its files, in order.
+    """
+
+    camera: str
+    chapters: tuple[Chapter, ...]
+
+    @classmethod
+    def of_files(cls, camera: str, paths: Sequence[Path]) -> "CameraVideo":
+        """Look at a camera's files, which follow each other.
+
+        Raises:
+            RecordingError: one is no video, they differ in size, codec or rotation, or overlap in time.
+        """
+        chapters: list[Chapter] = []
+        start_s = 0.0
+        for path in paths:
+            facts = read_facts(path)
+            if chapters and _overlap(chapters[-1], path, facts):
+                raise RecordingError(
+                    f"camera {camera}: {chapters[-1].path} and {path} overlap in time; chapters follow each other: "
+                    "give the files of one recording, each once"
+                )
+            chapters.append(Chapter(path, facts, start_s))
+            start_s += facts.duration_s
+            first = chapters[0]
+            if _form(facts) != _form(first.facts):
+                raise RecordingError(
+                    f"camera {camera}: {path} ({_told(facts)}) does not go on from {first.path} "
+                    f"({_told(first.facts)}); give the files of one recording"
+                )
+        return cls(camera, tuple(chapters))
+
+    @property
+    def path(self) -> Path:
+        """The first file."""
+        return self.chapters[0].path
+
+    @property
+    def facts(self) -> FileFacts:
+        """Of all chapters together."""
+        facts = [chapter.facts for chapter in self.chapters]
+        return replace(
+            facts[0],
+            has_b_frames=any(f.has_b_frames for f in facts),
+            duration_s=sum(f.duration_s for f in facts),
+            frames=sum(f.frames for f in facts) if all(f.frames for f in facts) else 0,
+            has_sound=any(f.has_sound for f in facts),
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """From media time 0 to the end of the last frame, as the files say [s]."""
+        return self.facts.duration_s
+
+    @property
+    def created(self) -> datetime | None:
+        """When the recording began by the camera's own clock, if the file says so."""
+        return self.chapters[0].facts.created
+
+    def packets(self) -> Iterator[TimedPacket]:
+        """The frames, compressed, in the order stored; see ``video_file.packets``."""
+        for chapter in self.chapters:
+            for timed in video_file.packets(chapter.path):
+                yield replace(timed, media_s=timed.media_s + chapter.start_s)
+
+    def frames(self, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
+        """The frames, decoded, in the order shown; see ``video_file.frames``."""
+        for chapter in self.chapters:
+            for media_s, frame in video_file.frames(chapter.path, threads):
+                yield media_s + chapter.start_s, frame
+
+    def sound(self) -> Iterator[SoundBlock]:
+        """The sound; none if the camera has none. See ``sound_blocks``."""
+        for chapter in self.chapters:
+            for block in sound_blocks(chapter.path):
+                yield block.later(chapter.start_s)
+
+    def satellite_times(self) -> list[tuple[float, float]]:
+        """Media time [s] and UTC [s since 1970] by the satellites that a GoPro heard; see ``telemetry``."""
+        return [
+            (media_s + chapter.start_s, utc_s)
+            for chapter in self.chapters
+            for media_s, utc_s in satellite_times(chapter.path)
+        ]
+
+
+def _overlap(before: Chapter, path: Path, facts: FileFacts) -> bool:
+    """Whether a file is another's copy, or began by the camera's clock while that was still being recorded."""
+    if path.stat().st_size == before.path.stat().st_size and _ends(path) == _ends(before.path):
+        return True
+    if before.facts.created is None or facts.created is None:
+        return False
+    later_s = (facts.created - before.facts.created).total_seconds()
+    # Some cameras give all chapters the time at which the first began.
+    return _CLOCK_S < later_s < before.facts.duration_s - _CLOCK_S
+
+
+def _ends(path: Path) -> tuple[bytes, bytes]:
+    with path.open("rb") as file:
+        start = file.read(_COMPARED)
+        file.seek(max(0, path.stat().st_size - _COMPARED))
+        return start, file.read()
+
+
+def _form(facts: FileFacts) -> tuple[object, ...]:
+    return facts.codec, facts.width, facts.height, facts.rotation_deg
+
+
+def _told(facts: FileFacts) -> str:
+    turned = f", turned by {facts.rotation_deg} deg" if facts.rotation_deg else ""
+    return f"{facts.width} x {facts.height}, {facts.codec}{turned}"
+
+
+_TICKS_HZ = 90_000
+_ENCODING = {"preset": "veryfast", "crf": "20"}
+"""Lines of a pixel stay sharp."""
+
+Image = NDArray[np.uint8]
+
+
+@contextmanager
+def video_writer(path: Path, rate_hz: float) -> Iterator[Callable[[float, Image], None]]:
+    """Give a function that appends a picture: when it is of, from the first on and increasing [s], and its pixels.
+
+    Args:
+        path: the file to write; a block that fails leaves a part of it.
+        rate_hz: of the pictures, about.
+
+    Raises:
+        OutputError: it cannot be written, in the block or at its end.
+    """
+    try:
+        with av.open(str(path), "w") as container:
+            encoder = _Encoder(container, rate_hz)
+            yield encoder.add
+            encoder.finish()
+    except FFmpegError as error:
+        raise OutputError(f"{path}: the video cannot be written: {error}") from error
+
+
+class _Encoder:
+    def __init__(self, container: OutputContainer, rate_hz: float) -> None:
+        self._container = container
+        self._rate = Fraction(max(1.0, rate_hz)).limit_denominator(1001)
+        self._stream: av.VideoStream | None = None
+
+    def add(self, seconds: float, picture: Image) -> None:
+        """Append a picture (H, W, 3), blue, green, red; a last odd row or column is cut off, as H.264 has none."""
+        height, width = 2 * (picture.shape[0] // 2), 2 * (picture.shape[1] // 2)
+        if self._stream is None:
+            self._stream = self._begun(width, height)
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="bgr24")
+        frame.pts, frame.time_base = round(seconds * _TICKS_HZ), Fraction(1, _TICKS_HZ)
+        self._container.mux(self._stream.encode(frame))
+
+    def finish(self) -> None:
+        """Append what the encoder still holds."""
+        if self._stream is not None:
+            self._container.mux(self._stream.encode(None))
+
+    def _begun(self, width: int, height: int) -> "av.VideoStream":
+        stream = self._container.add_stream("libx264", rate=self._rate, options=dict(_ENCODING))
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, _TICKS_HZ)
+        return stream

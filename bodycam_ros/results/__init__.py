@@ -1,0 +1,1 @@
+"""A solved bag, read once."""

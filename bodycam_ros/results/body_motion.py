@@ -1,0 +1,136 @@
+"""How a body moved: joint states and odometry of a bag, joined by their stamps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.messages.factory import Message, numbers, stamp_ns
+from bodycam_ros.messages.tracks import pose_and_covariance
+from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, contradictions_named
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """The body's movement over T instants, apart from its shape.
+
+    Attributes:
+        stamps_ns: (T,) instants with joint states and odometry, increasing [ns].
+        joint_names: (A) in the order of ``joint_angles``.
+        joint_angles: (T, A) [rad], [m] of what slides.
+        world_T_root: (T, 4, 4) pose of the root link [m].
+        root_covariance: (T, 6, 6) of that pose, rotation [rad^2] first, then translation [m^2], in the root's axes.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    joint_names: tuple[str, ...]
+    joint_angles: Array
+    world_T_root: Array
+    root_covariance: Array
+
+
+class MotionJoiner:
+    """Takes messages in any order; ``joined`` is the motion that they tell.
+
+    Args:
+        path: of the bag, for messages.
+        joint_names: joints whose angles are wanted, in this order.
+        of: what has these joints, for messages.
+
+    Attributes:
+        others: joints in the bag that were not asked for.
+        roots: links that odometry was published of.
+    """
+
+    def __init__(self, path: Path, joint_names: Sequence[str], of: str) -> None:
+        self._path = path
+        self._names = tuple(joint_names)
+        self._of = of
+        self._angles: dict[int, Array] = {}
+        self._root: dict[int, tuple[Array, Array]] = {}
+        self.others: set[str] = set()
+        self.roots: set[str] = set()
+
+    def add(self, topic: str, message: Message) -> None:
+        """Add a message of one of ``MOTION_TOPICS``.
+
+        Raises:
+            RecordingError: it is of another body, or contradicts itself.
+        """
+        with contradictions_named(self._path, topic):
+            self._add(topic, message)
+
+    def joined(self) -> BodyMotion:
+        """The instants of which both were recorded, with finite values.
+
+        Raises:
+            RecordingError: there are none.
+        """
+        stamps = sorted(stamp for stamp in self._angles if stamp in self._root and self._is_finite(stamp))
+        if not stamps:
+            raise RecordingError(
+                f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
+                "finite values; were both recorded, and by one solver?"
+            )
+        return BodyMotion(
+            stamps_ns=np.array(stamps, dtype=np.int64),
+            joint_names=self._names,
+            joint_angles=np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names)),
+            world_T_root=np.array([self._root[stamp][0] for stamp in stamps]),
+            root_covariance=np.array([self._root[stamp][1] for stamp in stamps]),
+        )
+
+    def _add(self, topic: str, message: Message) -> None:
+        stamp = stamp_ns(message.header.stamp)
+        if topic == ODOMETRY:
+            self.roots.add(message.child_frame_id)
+            self._root[stamp] = pose_and_covariance(message.pose)
+            return
+        others = [name for name in message.name if name not in self._names]
+        if missing := [name for name in self._names if name not in message.name]:
+            raise RecordingError(
+                f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {self._of} has"
+                f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
+            )
+        self.others.update(others)
+        column = {name: column for column, name in enumerate(message.name)}
+        angles = numbers(message.position, np.float64, len(message.name))
+        self._angles[stamp] = angles[[column[name] for name in self._names]]
+
+    def _is_finite(self, stamp: int) -> bool:
+        return bool(np.isfinite(self._angles[stamp]).all() and np.isfinite(self._root[stamp][0]).all())
+
+
+def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:
+    """Poses (N, 4, 4) at stamps (N,) within a trajectory (K, 4, 4) known at stamps (K,), two or more, increasing [ns].
+
+    Between two instants the position goes straight and the rotation about one axis, both at constant speed.
+    """
+    before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
+    share = ((at_ns - stamps_ns[before]) / (stamps_ns[before + 1] - stamps_ns[before]))[:, None]
+    start, end = poses[before], poses[before + 1]
+    position = (1.0 - share) * start[:, :3, 3] + share * end[:, :3, 3]
+    start_R_end = np.swapaxes(start[:, :3, :3], 1, 2) @ end[:, :3, :3]
+    return rigid(start[:, :3, :3] @ exp_so3(share * log_so3(start_R_end)), position)
+
+
+def between_neighbours(stamps_ns: NDArray[np.int64], at_ns: NDArray[np.int64], longest_ns: float) -> NDArray[np.bool_]:
+    """(N,) whether a stamp (N,) lies within a trajectory's stamps (K,), in a step no longer than ``longest_ns``."""
+    if len(stamps_ns) < 2:
+        return np.zeros(len(at_ns), dtype=bool)
+    inside = (at_ns >= stamps_ns[0]) & (at_ns <= stamps_ns[-1])
+    before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
+    near: NDArray[np.bool_] = inside & (stamps_ns[before + 1] - stamps_ns[before] <= longest_ns)
+    return near
+
+
+def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | None:
+    """Row of the stamp (K,) nearest to a time, if there is one so near."""
+    if not len(stamps_ns):
+        return None
+    row = int(np.argmin(np.abs(stamps_ns - at_ns)))
+    return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None

@@ -1,0 +1,77 @@
+"""The topics of a solved bag."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, says_clock
+from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_state import ClockHistory
+
+ROBOT, ROBOT_TYPE = "/robot_description", "std_msgs/msg/String"
+JOINT_STATES, ODOMETRY = "/joint_states", "/odometry"
+MOTION_TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", ODOMETRY: "nav_msgs/msg/Odometry"}
+"""Topic -> type of what a body's motion is published on."""
+
+LANDMARKS, LANDMARKS_TYPE = "/landmarks", "bodycam_msgs/msg/LandmarkMatches"
+"""End and type of a camera's topic of registrations."""
+
+
+def published_robot(bag: BagFile) -> str:
+    """The URDF that was published last; empty if none was."""
+    text = ""
+    if bag.topics.get(ROBOT) == ROBOT_TYPE:
+        for _, _, message in bag.messages([ROBOT]):
+            text = str(message.data)
+    return text
+
+
+def camera_topics(bag: BagFile, suffix: str, message_type: str) -> dict[str, str]:
+    """Topic -> camera, of the topics ``/<camera><suffix>`` of a type."""
+    found = {}
+    for topic, kind in bag.topics.items():
+        camera = topic.removeprefix("/").removesuffix(suffix)
+        if topic.endswith(suffix) and kind == message_type and camera:
+            found[topic] = camera
+    return found
+
+
+def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMatches]:
+    """The registrations of some cameras, in the order of the bag.
+
+    Raises:
+        RecordingError: the bag or a message is damaged.
+    """
+    with BagFile(path) as bag:
+        topics = {t: c for t, c in camera_topics(bag, LANDMARKS, LANDMARKS_TYPE).items() if c in cameras}
+        for topic, _, message in bag.messages(topics):
+            with contradictions_named(path, topic):
+                matches = landmark_matches(message, topics[topic])
+            yield matches
+
+
+def read_clock(path: Path, camera: str) -> ClockHistory | None:
+    """How the clock of a camera went; None where the bag does not say.
+
+    Raises:
+        RecordingError: the bag is damaged.
+    """
+    topic = f"/{camera}{TIMING}"
+    with BagFile(path) as bag:
+        if bag.topics.get(topic) != TIMING_TYPE:
+            return None
+        said = [clock_state(message) for _, _, message in bag.messages([topic]) if says_clock(message)]
+    clocks = {clock.since_ns: clock for clock in said}
+    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks))) if clocks else None
+
+
+@contextmanager
+def contradictions_named(path: Path, topic: str) -> Iterator[None]:
+    """Say of a ValueError in the block, as RecordingError, which bag and topic the message is from."""
+    try:
+        yield
+    except ValueError as error:
+        raise RecordingError(f"{path}: a message on {topic} contradicts itself: {error}") from error

@@ -1,0 +1,1 @@
+"""Cameras that stand around the body: regions, surfaces, where they stand (B 2)."""

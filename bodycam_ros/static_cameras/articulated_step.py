@@ -1,0 +1,145 @@
+"""One step of a body under what is said of its segments, all joints closed (B eq. 6-7, on twists).
+
+Unknown are a twist of the root and a turn of each joint, in the axes of the world about the root's origin: what a joint
+turns, turns all that hangs on it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.joint_angles import JointLimits
+from bodycam_ros.kinematics.tangent import segment_tangents
+
+_ROOT = 6
+_STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
+_LIMIT_RAD = 0.1  # of a turn beyond a joint's limits, which were seen on another day
+_NARROW_RAD = 0.5  # of a range that is that of nobody's own will: a knee's, beside its bending
+_NOTHING_RAD = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedBody:
+    """Where a body should be before it is looked at.
+
+    Attributes:
+        world_T_segment: (S, 4, 4), joints closed.
+        root_sigmas: (6,) of the root's rotation [rad] and place [m].
+        joint_sigma: of the rotation of every joint [rad].
+    """
+
+    world_T_segment: Array
+    root_sigmas: Array
+    joint_sigma: float
+
+
+class ArticulatedStep:
+    """Moves the person of a body; equipment beside it stays where it is.
+
+    Args:
+        body: segments and joints.
+        obeys_limits: whether joints are drawn back to their limits, and what hardly turns to its middle.
+    """
+
+    def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
+        self._body = body
+        self._root = body.segment_index[body.root]
+        self._beside = [body.segment_index[segment] for segment in body.equipment_segments]
+        joints = [
+            (row, joint) for row, joint in enumerate(body.tree_joints) if joint.child not in body.equipment_segments
+        ]
+        self._rows = [row for row, _ in joints]
+        in_body = np.ones(len(body.segments))
+        in_body[self._beside] = 0.0
+        self._turns = in_body[:, None] * body.moves[:, self._rows]
+        self._moves = np.concatenate([np.outer(in_body, np.ones(_ROOT)), self._turns.repeat(3, axis=1)], axis=1)
+        unknowns = _ROOT + np.arange(3 * len(joints)).reshape(-1, 3)
+        self._blocks = unknowns[:, :, None], unknowns[:, None]
+        self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
+        limits = JointLimits(body)
+        self._limits = limits if obeys_limits else None
+        self._middle = limits.middle()[self._rows]
+
+    def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
+        """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
+
+        Args:
+            poses: where it begins.
+            information, vector: (S, 6, 6), (S, 6) what is said of a change of world_T_segment, in the segments' axes,
+                rotation first: the normal equations of each segment by itself.
+            expected: what is known beside it.
+        """
+        J = self.jacobians(poses)
+        size = J.shape[2]
+        A = J.reshape(-1, size).T @ (information @ J).reshape(-1, size)
+        b = vector.ravel() @ J.reshape(-1, size)
+        self.expect(A, b, poses, expected)
+        return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
+
+    def closed(self, poses: Array) -> Array:
+        """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
+        closed = self._body.forward_kinematics(poses[self._root], self._body.joint_rotations(poses))
+        closed[self._beside] = poses[self._beside]
+        return closed
+
+    def jacobians(self, poses: Array) -> Array:
+        """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
+        # A turn w about a pivot p moves the point at the world's origin by p x w.
+        pivots = hat(np.concatenate([poses[None, self._root, :3, 3], self._world_T_joint(poses)[:, :3, 3]]))
+        twists = np.concatenate([np.broadcast_to(np.eye(3), pivots.shape), pivots], axis=1)
+        shifts = np.concatenate([np.zeros((3, 3)), np.eye(3)])
+        return segment_tangents(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
+
+    def expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
+        """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
+        before = expected.world_T_segment
+        root, root_before = poses[self._root], before[self._root]
+        deviation = np.concatenate([log_so3(root[:3, :3] @ root_before[:3, :3].T), root[:3, 3] - root_before[:3, 3]])
+        weights = expected.root_sigmas**-2.0
+        A[range(_ROOT), range(_ROOT)] += weights
+        b[:_ROOT] -= weights * deviation
+        rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
+        turned, turned_before = rotations[self._rows], rotations_before[self._rows]
+        world_R_joint = self._world_T_joint(poses)[:, :3, :3]
+        joint_R_world = np.swapaxes(world_R_joint, 1, 2)
+        within = (rotations if self._limits is None else self._limits.clamp(rotations))[self._rows]
+        of = np.swapaxes([within, turned_before, self._middle], 2, 3)
+        beyond, since_before, off_middle = log_so3(turned @ of)
+        far = np.linalg.norm(beyond, axis=1)[:, None]
+        along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
+        information = self._stiffness + expected.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
+        pull = expected.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
+        pull += (self._stiffness @ off_middle[..., None])[..., 0]
+        information = world_R_joint @ information @ joint_R_world
+        pull = (world_R_joint @ pull[..., None])[..., 0]
+        A[self._blocks] += information
+        b[_ROOT:] -= pull.ravel()
+
+    def _world_T_joint(self, poses: Array) -> Array:
+        return self._body.world_T_joint(poses)[self._rows]
+
+    def _applied(self, poses: Array, step: Array) -> Array:
+        """Poses (S, 4, 4) moved by the unknowns, joints closed: turns add up along the chain, places follow."""
+        turns = step[:3] + self._turns @ step[_ROOT:].reshape(-1, 3)
+        turns[self._beside] = 0.0
+        moved = poses.copy()
+        moved[:, :3, :3] = exp_so3(turns) @ poses[:, :3, :3]
+        moved[self._root] = rigid(moved[self._root, :3, :3], poses[self._root, :3, 3] + step[3:_ROOT])
+        return self.closed(moved)
+
+
+def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
+    """Information (3, 3) against turns that a joint's type forbids, or that it hardly ever makes, in its own axes."""
+    axes = joint.axes_of_rotation
+    weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
+    if joint.type == "hinge":
+        weights[0] = 0.0
+    if joint.type == "ball" and joint.limits and obeys_limits:
+        for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
+            if high - low < _NARROW_RAD:
+                weights["xyz".index(axis)] = max(0.25 * (high - low), _STIFF_RAD) ** -2.0
+    information: Array = axes.T @ (weights[:, None] * axes)
+    return information

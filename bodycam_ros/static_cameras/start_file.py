@@ -1,0 +1,162 @@
+"""Where the person stands in the first images, placed by hand: ``start.yaml``.
+
+    pelvis: [0.512, -0.034, 0.981, 0.017, 0.067, -0.030, 0.997]
+    thigh_left: [x, y, z, qx, qy, qz, qw]
+
+A line a segment: world_T_segment, its origin [m] and its rotation as a quaternion of any length, in the frame of the
+file of static cameras. Not every segment must be there.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.checked_fields import numbers_of
+from bodycam_ros.body_state import SegmentPose
+from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.instant import first_poses
+from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_xyzw
+from bodycam_ros.shown import shown
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import read_stations
+from bodycam_ros.yaml_file import read_yaml
+
+logger = logging.getLogger(__name__)
+
+_WHAT = "file of where the person stands"
+_MOST_NAMED = 10
+_SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a shorter one keeps two
+_FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
+_MOST_STEPS = 30
+_CONVERGED = 1e-9  # [rad], [m] a step that moves no segment more
+_DAMPING = 3.0  # [rad], [m] sigma of a step: holds what nothing tells, and pulls nowhere
+
+
+def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
+    """Segment -> world_T_segment (4, 4), in the frame of the file of static cameras.
+
+    Segments that the body does not have are left out, with a warning: a scan may have hands that the body has not.
+
+    Raises:
+        BodyError: the file cannot be read, is no table, places no segment of the person, or has a line that is not
+            seven finite numbers with a quaternion that says a rotation. It is about the body, not about the stations.
+    """
+    document = read_yaml(path, _WHAT, BodyError)
+    if not isinstance(document, Mapping):
+        raise BodyError(
+            f"{path}: expected a table of segments, each with [x, y, z, qx, qy, qz, qw], not {shown(document)}"
+        )
+    person = [segment for segment in body.segments if segment not in body.equipment_segments]
+    if not any(segment in document for segment in person):
+        raise BodyError(
+            f"{path}: places no segment of body {body.name}; expected some of {', '.join(person)}, and found "
+            f"{_named(document)}"
+        )
+    if others := [name for name in document if name not in body.segments]:
+        logger.warning("%s: leaves out %s, which body %s does not have", path, _named(others), body.name)
+    return {
+        segment: _pose(document[segment], f"{path}: segment {segment}")
+        for segment in body.segments
+        if segment in document
+    }
+
+
+def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSettings | None = None) -> Array:
+    """Poses (S, 4, 4) of a whole body, joints closed, as near as can be to segments that were placed by hand.
+
+    Segments that were not placed hang on the others as in the N-pose. Those that were are all a little off, so root and
+    joints are fitted to all of them together. Equipment beside the person stays where it was placed.
+
+    Args:
+        body: segments and joints.
+        placed: segment -> world_T_segment (4, 4), one or more.
+        settings: how far what was placed by hand is off.
+    """
+    of = settings or RegionSettings()
+    world_T_placed = first_poses(body, [SegmentPose(name, pose, np.eye(6)) for name, pose in placed.items()])
+    information = np.zeros((len(body.segments), 6, 6))
+    information[[body.segment_index[name] for name in placed]] = np.diag(of.start_sigmas**-2.0)
+    step = ArticulatedStep(body, obeys_limits=False)
+    poses = step.closed(world_T_placed)
+    for _ in range(_MOST_STEPS):
+        vector = (information @ log_se3(inverse(poses) @ world_T_placed)[..., None])[..., 0]
+        before = poses
+        poses = step.moved(before, information, vector, ExpectedBody(before, np.full(6, _DAMPING), _DAMPING))
+        if np.abs(log_se3(inverse(before) @ poses)).max() < _CONVERGED:
+            break
+    return poses
+
+
+def placed_expectation(poses: Array, settings: RegionSettings) -> ExpectedBody:
+    """A body that somebody placed at poses (S, 4, 4), joints closed, and how far it may be from there."""
+    return ExpectedBody(poses, settings.start_sigmas, settings.start_joint_sigma)
+
+
+def placed_segments(body: BodyModel, poses: Array, settings: RegionSettings) -> list[SegmentPose]:
+    """What it says of the person that somebody placed a body at poses (S, 4, 4)."""
+    return [
+        SegmentPose(segment, poses[row], np.diag(settings.start_sigmas**2))
+        for row, segment in enumerate(body.segments)
+        if segment not in body.equipment_segments
+    ]
+
+
+def _pose(value: Any, where: str) -> Array:
+    numbers = numbers_of(value, 7, where)
+    position, quaternion = numbers[:3], numbers[3:]
+    if np.linalg.norm(quaternion) < _SHORTEST:
+        raise BodyError(f"{where}: its quaternion has no length; expected qx, qy, qz, qw; upright it is 0, 0, 0, 1")
+    if np.abs(position).max() > _FARTHEST_M:
+        raise BodyError(f"{where}: it is {np.linalg.norm(position):.4g} m away; expected metres")
+    return rigid(rotation_from_xyzw(quaternion), position)
+
+
+def _named(names: Mapping[Any, Any] | list[Any]) -> str:
+    """Names as the file has them, not too many."""
+    first = [name if isinstance(name, str) and name.isprintable() else shown(name) for name in list(names)]
+    more = len(first) - _MOST_NAMED
+    return ", ".join(first[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "") or "nothing"
+
+
+def placed_body(
+    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, settings: RegionSettings
+) -> Array:
+    """Poses (S, 4, 4) in the world, joints closed.
+
+    Args:
+        start: file of the segments that a person placed.
+        file: of the stations, whose frame it has.
+        stations: of that file, in the world; one or more.
+        body: segments and joints.
+        settings: how far what was placed by hand is off.
+
+    Raises:
+        BodyError: the start cannot be used.
+        StationError: the stations cannot be read any more.
+    """
+    name, station = next(iter(stations.items()))
+    world_T_file = station.world_T_camera @ inverse(read_stations(file)[name].world_T_camera)
+    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
+    return start_poses(body, placed, settings)
+
+
+@dataclass(frozen=True)
+class OutsideInput:
+    """Where they are.
+
+    Attributes:
+        stations: where they stand, and their lenses.
+        surface: folder of the segments' meshes; None for the body's own, or capsules.
+        start: where the body is in the first image; None where worn cameras tell.
+    """
+
+    stations: Path
+    surface: Path | None = None
+    start: Path | None = None

@@ -1,0 +1,153 @@
+"""Surfaces from a folder of meshes, one a segment: ``thigh_left.obj`` or ``thigh_left.ply``, in metres."""
+
+import io
+import logging
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.surface import Faces, Surface, closed_surface, coarser_mesh
+
+logger = logging.getLogger(__name__)
+
+SUFFIXES = (".obj", ".ply")
+MOST_FACES = 200_000
+KEPT_FACES = 2000
+"""Of a segment: neighbouring contour points are then a centimetre apart."""
+
+_MOST_BYTES = 100_000_000
+_LARGEST_M, _SMALLEST_M = 3.0, 0.01
+_FARTHEST_M = 0.5  # from a segment's origin, which is at its joint, to its nearest vertex
+_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
+
+
+def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
+    """Segment -> its surface, of the segments that the folder has a mesh of.
+
+    A mesh of many faces is made coarser. One that is named after no segment of the body is left out, with a warning;
+    so are the hands of a scan, if the body has none.
+
+    Raises:
+        BodyError: there is no such folder, it has no mesh of any segment, or one that is no mesh of a segment in
+            metres and its frame; the message names the file.
+    """
+    files = _meshes(folder)
+    segments = [segment for segment in body.segments if segment in files]
+    if not segments:
+        wanted = f"{body.segments[0]}.obj or {body.segments[0]}.ply"
+        raise BodyError(
+            f"{folder}: has no mesh of any segment of body {body.name}; expected one a segment, named as it is, "
+            f"such as {wanted}, and found {', '.join(sorted(files)[:5]) or 'no OBJ and no PLY file'}"
+        )
+    if others := sorted(set(files) - set(segments)):
+        logger.warning("%s: leaves out %s, which body %s does not have", folder, ", ".join(others), body.name)
+    return {segment: _read_surface(segment, files[segment]) for segment in segments}
+
+
+def _meshes(folder: Path) -> dict[str, Path]:
+    """Name without suffix -> file."""
+    try:
+        paths = sorted(folder.iterdir())
+    except OSError as error:
+        raise BodyError(f"{folder}: expected a folder with an OBJ or PLY file a segment: {error.strerror}") from error
+    files: dict[str, Path] = {}
+    for path in paths:
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
+            if path.stem in files:
+                raise BodyError(f"{folder}: has {files[path.stem].name} and {path.name}; keep one of them")
+            files[path.stem] = path
+    return files
+
+
+def _read_surface(segment: str, path: Path) -> Surface:
+    try:
+        vertices, faces = _read_mesh(path)
+        _check_size(vertices[np.unique(faces)])
+        surface = closed_surface(segment, vertices, faces)
+        if len(surface.faces) > KEPT_FACES:
+            surface = closed_surface(segment, *coarser_mesh(surface.vertices, surface.faces, KEPT_FACES))
+    except BodyError as error:
+        raise BodyError(f"{path}: {error}") from error
+    return surface
+
+
+def _read_mesh(path: Path) -> tuple[Array, Faces]:
+    import trimesh  # a second to load, needed for scans only
+
+    content = io.BytesIO(_content(path))
+    try:
+        # Without the folder it finds neither materials nor textures, and opens no other file.
+        mesh = trimesh.load(content, file_type=path.suffix[1:].lower(), force="mesh", process=False)
+    except Exception as error:  # trimesh checks the forms of files by nothing but what goes wrong
+        raise BodyError(f"cannot be read as a mesh: {type(error).__name__}: {str(error)[:200]}") from error
+    vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), np.float64)
+    faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))), np.int64)
+    if not faces.size:
+        raise BodyError(f"has {len(vertices)} points and no faces; expected a mesh, not a cloud of points")
+    if len(faces) > MOST_FACES:
+        raise BodyError(
+            f"has {len(faces)} faces, more than {MOST_FACES}; decimate it, a contour needs some {KEPT_FACES}"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise BodyError(f"has faces with vertices that it does not have; there are {len(vertices)}")
+    if not np.isfinite(vertices).all():
+        raise BodyError("has vertices that are not finite numbers")
+    return vertices, faces.astype(np.int32)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        # Without waiting for somebody to write into a pipe.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(descriptor, "rb") as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise BodyError("is a folder, pipe or device, not a file")
+            content = file.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise BodyError(f"cannot be read: {error.strerror}") from error
+    if len(content) > _MOST_BYTES:
+        raise BodyError(f"has more than {_MOST_BYTES // 1_000_000} MB; decimate it to at most {MOST_FACES} faces")
+    return content
+
+
+def _check_size(vertices: Array) -> None:
+    size = float(np.ptp(vertices, axis=0).max())
+    if not _SMALLEST_M <= size <= _LARGEST_M:
+        meant = [f"{unit} ({size * scale:.2f} m)" for unit, scale in _UNITS.items() if 0.1 <= size * scale <= 1.0]
+        looks = f"; looks like {' or '.join(meant)}" if size > _LARGEST_M and meant else ""
+        raise BodyError(f"is {size:.4g} m large, as no segment is; meshes are in metres{looks}: scale it")
+    away = float(np.linalg.norm(np.maximum(np.maximum(vertices.min(axis=0), -vertices.max(axis=0)), 0.0)))
+    if away > _FARTHEST_M:
+        raise BodyError(
+            f"begins {away:.2f} m from its segment's origin; expected it in the segment's frame: origin at the joint "
+            "to the parent, x forward, y left, z up in the N-pose"
+        )
+
+
+def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) -> dict[str, Surface]:
+    """Segment -> its surface: from the folder if there is one, else from the body's own, else capsules.
+
+    Segments that a folder has no mesh of have no surface: static cameras do not see them.
+
+    Args:
+        body: alone, or coupled to its equipment, which has a surface where the folder has meshes of it.
+        body_path: the file that the body is from; the folder that it names lies beside it.
+        folder: of meshes, as the user asks for.
+
+    Raises:
+        BodyError: the folder cannot be used; the message names what is wrong with it.
+    """
+    if folder is None and body.surface is not None:
+        folder = body_path.parent / body.surface
+    if folder is None:
+        return capsule_surfaces(body)
+    surfaces = read_surfaces(folder, body)
+    if lacking := [segment for segment in body.segments if segment not in {*surfaces, *body.equipment_segments}]:
+        logger.warning("%s: has no mesh of %s; static cameras do not see them", folder, ", ".join(lacking))
+    return surfaces

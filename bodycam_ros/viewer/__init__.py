@@ -1,0 +1,1 @@
+"""The body in a browser: looked at, and corrected."""

@@ -1,0 +1,320 @@
+"""What a person changes on a body: every step kept, so that each can be taken back, and written to the body's file."""
+
+from collections.abc import Callable, Iterable, Iterator, Set
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from viser import SceneApi, TransformControlsEvent, TransformControlsHandle
+
+from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
+from bodycam_ros.body.body_file import read_body, write_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid, rotation_from_xyzw
+from bodycam_ros.viewer.scene_nodes import place, segment_name
+from bodycam_ros.whole_file import write_whole
+
+DECIMALS = 3
+"""Of the millimetres and degrees that a person sees."""
+
+_SMALLEST_MM = 1e-6
+_SMALLEST_DEG = 1e-6  # what is less comes from rounding: nobody moved it
+
+CORRECTIONS = "corrections"
+"""Key of the body's report: what was moved by hand, the oldest first."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something of the body that can be moved.
+
+    Attributes:
+        kind: "camera" for a mount, or "joint".
+        name: of the camera or joint.
+    """
+
+    kind: Literal["camera", "joint"]
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """How far a part is from where it was, in the axes of the segment that carries it.
+
+    In the N-pose these are x forward, y left, z up (DESIGN 3).
+
+    Attributes:
+        shift_mm: (3,) of its origin [mm].
+        turn_deg: (3,) rotation vector [deg].
+    """
+
+    shift_mm: Array
+    turn_deg: Array
+
+    def __str__(self) -> str:
+        return f"{np.linalg.norm(self.shift_mm):.1f} mm, {np.linalg.norm(self.turn_deg):.2f} deg"
+
+    @property
+    def is_none(self) -> bool:
+        """Whether it stayed where it was."""
+        return bool(np.linalg.norm(self.shift_mm) < _SMALLEST_MM and np.linalg.norm(self.turn_deg) < _SMALLEST_DEG)
+
+    def rounded(self) -> "Move":
+        """The move as it is shown to a person and noted: to the micrometre and the thousandth of a degree."""
+        # Adding zero turns -0.0 into 0.0.
+        return Move(np.round(self.shift_mm, DECIMALS) + 0.0, np.round(self.turn_deg, DECIMALS) + 0.0)
+
+    def looks_like(self, other: "Move") -> bool:
+        """Whether a person sees no difference."""
+        one, two = self.rounded(), other.rounded()
+        return np.array_equal(one.shift_mm, two.shift_mm) and np.array_equal(one.turn_deg, two.turn_deg)
+
+
+NO_MOVE = Move(np.zeros(3), np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A body as its file has it, and all states that it went through since.
+
+    Attributes:
+        original: the body as it was read.
+        steps: the bodies after each step, the present one last.
+    """
+
+    original: BodyModel
+    steps: tuple[BodyModel, ...] = ()
+
+    @property
+    def body(self) -> BodyModel:
+        """The body as it is now."""
+        return self.steps[-1] if self.steps else self.original
+
+    def parts(self) -> tuple[Part, ...]:
+        """All that can be moved: cameras, then joints, in the order of the file."""
+        cameras = tuple(Part("camera", camera) for camera in self.original.mounts)
+        return cameras + tuple(Part("joint", joint.name) for joint in self.original.joints)
+
+    def moved_to(self, part: Part, segment_T_part: Array, *, going_on: bool = False) -> "Correction":
+        """The correction with a part elsewhere.
+
+        Args:
+            part: to be moved.
+            segment_T_part: (4, 4) its new pose on the segment that carries it [m].
+            going_on: whether this continues the last step, to be taken back together with it.
+
+        Raises:
+            BodyError: the body has no such part, or the pose is not finite.
+        """
+        move = move_mount if part.kind == "camera" else move_joint
+        kept = self.steps[:-1] if going_on else self.steps
+        return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
+
+    def moved_by(self, part: Part, move: Move, *, going_on: bool = False) -> "Correction":
+        """The correction with a part so far from where the file has it; else as ``moved_to``."""
+        root_T_segment, root_T_part = _in_n_pose(self.original, self._original_n_pose, part)
+        segment_R_root = root_T_segment[:3, :3].T
+        segment_R_part = exp_so3(np.radians(move.turn_deg)) @ segment_R_root @ root_T_part[:3, :3]
+        # From the segment's present origin, which moves along with the joint to its parent.
+        present_origin = _in_n_pose(self.body, self._n_pose, part)[0][:3, 3]
+        origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
+        return self.moved_to(part, rigid(segment_R_part, origin), going_on=going_on)
+
+    def undone(self) -> "Correction":
+        """The correction without its last step."""
+        return replace(self, steps=self.steps[:-1])
+
+    def reset(self, part: Part) -> "Correction":
+        """The correction with a part back where the file has it, as one more step."""
+        return self.moved_by(part, NO_MOVE)
+
+    def move_of(self, part: Part) -> Move:
+        """How far a part is from where the file has it in the N-pose.
+
+        A part that another one took along has not moved: in the N-pose it is where it was.
+        """
+        root_T_segment, root_T_was = _in_n_pose(self.original, self._original_n_pose, part)
+        _, root_T_now = _in_n_pose(self.body, self._n_pose, part)
+        segment_R_root = root_T_segment[:3, :3].T
+        turn = segment_R_root @ log_so3(root_T_now[:3, :3] @ root_T_was[:3, :3].T)
+        return Move(segment_R_root @ (root_T_now[:3, 3] - root_T_was[:3, 3]) * 1e3, np.degrees(turn))
+
+    def moves(self) -> Iterator[tuple[Part, Move]]:
+        """Every part that is not where the file has it."""
+        for part in self.parts():
+            move = self.move_of(part)
+            if not move.is_none:
+                yield part, move
+
+    @cached_property
+    def _original_n_pose(self) -> Array:
+        return self.original.n_pose(np.eye(4))
+
+    @cached_property
+    def _n_pose(self) -> Array:
+        return self.body.n_pose(np.eye(4))
+
+
+def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
+    """The segment that carries a part, and its pose (4, 4) on it [m].
+
+    Raises:
+        BodyError: the body has no such part.
+    """
+    if part.kind == "joint":
+        joint = joint_named(body, part.name)
+        return joint.parent, joint.parent_T_joint
+    if part.name not in body.mounts:
+        raise BodyError(f"no camera {part.name} on this body; there are {', '.join(body.mounts) or 'none'}")
+    return body.mounts[part.name].segment, body.mounts[part.name].segment_T_camera
+
+
+def can_turn(body: BodyModel, part: Part | None) -> bool:
+    """Whether it means something to turn a part.
+
+    A ball joint that is turned is the same joint: only its angles would be counted from elsewhere.
+    """
+    return part is not None and (part.kind == "camera" or joint_named(body, part.name).type == "hinge")
+
+
+def _in_n_pose(body: BodyModel, root_T_segments: Array, part: Part) -> tuple[Array, Array]:
+    """root_T_segment of the segment that carries a part, and root_T_part, (4, 4) both, of a body in its N-pose."""
+    segment, segment_T_part = place_of(body, part)
+    root_T_segment: Array = root_T_segments[body.segment_index[segment]]
+    return root_T_segment, root_T_segment @ segment_T_part
+
+
+class BodyFile:
+    """The file of a body that is being corrected.
+
+    Attributes:
+        path: of the file.
+        original_path: where the first write keeps the file as it was.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.original_path = path.with_name(f"{path.name}.orig")
+        self._read = b""
+        self._added: frozenset[str] = frozenset()
+
+    def read(self, extended: Callable[[BodyModel], BodyModel] = lambda body: body) -> BodyModel:
+        """The body, extended by segments that are to be seen, but not written.
+
+        Raises:
+            BodyError: the file is missing, not YAML, or describes no body.
+        """
+        body = read_body(self.path)
+        self._read = self._content()
+        whole = extended(body)
+        self._added = frozenset(whole.segments) - set(body.segments)
+        return whole
+
+    def write(self, correction: Correction) -> BodyModel:
+        """Write the corrected body, whole or not at all; return it with its report, which notes what was moved.
+
+        The first write keeps the file as it was beside it; a file kept before is never replaced.
+
+        Raises:
+            BodyError: somebody else changed the file since.
+            OutputError: it cannot be written.
+        """
+        if self._content() != self._read:
+            raise BodyError(
+                f"{self.path}: changed since it was read, so it is not replaced; keep your corrections by copying the "
+                "file elsewhere first, or start 'bodycam view' again on the new one"
+            )
+        body = _noted(correction.body, correction.moves())
+        kept_before = self.original_path.exists()
+        if not kept_before:
+            write_whole(self.original_path, self._read)
+        try:
+            write_body(_without(body, self._added), self.path)
+        except BaseException:
+            if not kept_before:
+                self.original_path.unlink(missing_ok=True)
+            raise
+        self._read = self._content()
+        return body
+
+    def _content(self) -> bytes:
+        try:
+            return self.path.read_bytes()
+        except OSError as error:
+            raise BodyError(f"{self.path}: cannot read this body file: {error}") from error
+
+
+def _without(body: BodyModel, segments: Set[str]) -> BodyModel:
+    """The body without some of its last segments."""
+    return replace(
+        body,
+        segments=tuple(segment for segment in body.segments if segment not in segments),
+        joints=tuple(joint for joint in body.joints if joint.child not in segments),
+    )
+
+
+def _noted(body: BodyModel, moves: Iterable[tuple[Part, Move]]) -> BodyModel:
+    before = body.report.get(CORRECTIONS, [])
+    before = before if isinstance(before, list) else [before]
+    return replace(body, report={**body.report, CORRECTIONS: [*before, *(_note(*moved) for moved in moves)]})
+
+
+def _note(part: Part, move: Move) -> dict[str, Any]:
+    noted = move.rounded()
+    return {part.kind: part.name, "moved_mm": noted.shift_mm.tolist(), "turned_deg": noted.turn_deg.tolist()}
+
+
+SIZE_M = 0.22
+"""Length of its arrows."""
+
+
+class Gizmo:
+    """Arrows and arcs at the selected part, in the axes of the segment that carries it."""
+
+    def __init__(self, scene: SceneApi, on_grab: Callable[[], None], on_move: Callable[[], None]) -> None:
+        self._scene = scene
+        self._on_grab = on_grab
+        self._on_move = on_move
+        self._controls: TransformControlsHandle | None = None
+
+    def select(self, body: BodyModel, part: Part | None) -> None:
+        """Attach the handles to another part, or to none."""
+        if self._controls is not None:
+            self._controls.remove()
+            self._controls = None
+        if part is None:
+            return
+        segment, _ = place_of(body, part)
+        controls = self._scene.add_transform_controls(
+            f"{segment_name(segment)}/gizmo", SIZE_M, disable_rotations=not can_turn(body, part), depth_test=False
+        )
+
+        # A coroutine, because the server runs others on several threads and out of order.
+        async def changed(event: TransformControlsEvent) -> None:
+            (self._on_move if event.phase == "update" else self._on_grab)()
+
+        controls.on_update(changed)
+        self._controls = controls
+        self.follow(body, part)
+
+    def follow(self, body: BodyModel, part: Part) -> None:
+        """Put the handles where the part is; not while a person holds them."""
+        if self._controls is not None:
+            place(self._controls, place_of(body, part)[1])
+
+    @property
+    def segment_T_part(self) -> Array:
+        """(4, 4) where the handles are on the segment [m].
+
+        Raises:
+            ValueError: nothing is selected.
+        """
+        if self._controls is None:
+            raise ValueError("nothing is selected")
+        return rigid(rotation_from_xyzw(np.roll(self._controls.wxyz, -1)), np.array(self._controls.position))

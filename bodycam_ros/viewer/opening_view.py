@@ -1,0 +1,65 @@
+"""From where a browser looks at a body at first: all of it in the middle of the window, its cameras too."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.viewer.skeleton_scene import limbs_of
+from bodycam_ros.viewer.surface_scene import surface_points
+
+FIELD_OF_VIEW = float(np.radians(40.0))
+"""Of the browser's camera, from bottom to top [rad]."""
+
+_TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
+_ELEVATION = np.radians(12.0)
+_FILLED = 0.8  # share of the window's height that the body takes
+_SMALLEST_M = 0.5  # of a body that is hardly one
+
+
+@dataclass(frozen=True, eq=False)
+class OpeningView:
+    """A camera whose up is z: half from the front, half from the body's left, a little from above.
+
+    Attributes:
+        position: (3,) in the scene [m].
+        look_at: (3,) what is in the middle of the window [m].
+    """
+
+    position: Array
+    look_at: Array
+
+    @classmethod
+    def of_body(cls, scene_T_root: Array, points_scene: Array) -> "OpeningView":
+        """The view of a body.
+
+        Args:
+            scene_T_root: (4, 4) pose of its root, whose x is forward [m].
+            points_scene: (N, 3) what is to be seen of it [m].
+        """
+        low, high = points_scene.min(axis=0), points_scene.max(axis=0)
+        size = max(float((high - low).max()), _SMALLEST_M)
+        distance = size / _FILLED / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
+        azimuth = np.arctan2(scene_T_root[1, 0], scene_T_root[0, 0]) + _TURN
+        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        away = np.cos(_ELEVATION) * level + np.sin(_ELEVATION) * np.array([0.0, 0.0, 1.0])
+        centre = (low + high) / 2.0
+        return cls(centre + distance * away, centre)
+
+
+def points_to_see(body: BodyModel, surfaces: Mapping[str, Surface], world_T_segment: Array) -> Array:
+    """(N, 3) the outermost of what is shown of a body at poses (S, 4, 4): bones, surface, cameras [m]."""
+    limbs = limbs_of(body, world_T_segment)
+    cameras = [
+        world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera for mount in body.mounts.values()
+    ]
+    return np.concatenate(
+        [
+            *(np.concatenate([limb.start, limb.end]) for limb in limbs),
+            surface_points(surfaces, body, world_T_segment),
+            np.array([pose[:3, 3] for pose in cameras]).reshape(-1, 3),
+        ]
+    )

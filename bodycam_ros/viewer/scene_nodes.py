@@ -1,0 +1,54 @@
+"""Names, places and colours of what is in the scene; the colours are those of all pictures."""
+
+from collections.abc import Callable
+
+import numpy as np
+from viser import CameraFrustumHandle, IcosphereHandle, MeshHandle, SceneNodeHandle
+
+from bodycam_ros.geometry import Array, quaternion_xyzw
+from bodycam_ros.plots.picture_style import QUIET, WARNING, side_colour
+
+WORLD = "/world"
+"""Name of the map's frame in the scene."""
+
+REGISTERED, LOST, UNKNOWN = "#2c7f78", WARNING, QUIET
+"""A camera that knows its own pose at the instant shown, one that does not, one of which nothing is known."""
+
+SELECTED = "#f2c200"
+"""The part that is being moved; no side of the body, no state of a camera and no axis is yellow."""
+
+COMPARED = "#d6409f"
+"""Another solution of the same recording."""
+
+GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of ``#rrggbb``."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def segment_rgb(segment: str) -> tuple[int, int, int]:
+    """Colour of a segment's side."""
+    return rgb(side_colour(segment))
+
+
+def segment_name(segment: str) -> str:
+    """Name of a segment's frame in the scene."""
+    return f"{WORLD}/body/{segment}"
+
+
+def place(handle: SceneNodeHandle, parent_T_node: Array) -> None:
+    """Put a node of the scene at a pose (4, 4) in its parent [m]."""
+    handle.position = parent_T_node[:3, 3]
+    handle.wxyz = np.roll(quaternion_xyzw(parent_T_node[:3, :3]), 1)
+
+
+def when_clicked(handle: IcosphereHandle | MeshHandle | CameraFrustumHandle, act: Callable[[], None]) -> None:
+    """Call ``act()`` when a person clicks a node of the scene."""
+
+    async def clicked(_: object) -> None:
+        act()
+
+    handle.on_click(clicked)

@@ -1,0 +1,192 @@
+"""A growing map for several processes: the same for all, whatever their number and pace, and nobody waits for ever."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from queue import SimpleQueue
+
+import numpy as np
+import pytest
+from altered_sample import write_altered_sample
+from grown_room import CAMERAS, cameras, elsewhere, matches_of, named, unlike, walk, walls
+
+from benchmarks.half_map import half_map
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.mapping.growing_map import GrowingMap
+from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
+from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.growth_epochs import EPOCH_NS, Growth, GrowthOfAll, GrowthOfOne
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
+
+SETTINGS = GrowthSettings(capacity=400)
+MAP = elsewhere(np.random.default_rng(9))
+
+
+def room_walk(frames: int) -> list[WornKeyframe]:
+    random = np.random.default_rng(0)
+    return list(walk(walls(200, random), unlike(200, random), frames, random))
+
+
+def contents(of: GrowingMap) -> list[np.ndarray]:
+    return [of.landmark_ids, of.points_world, of.descriptors, of.descriptor_view, of.descriptor_size, of.landmark_sizes]
+
+
+def together(shares: Sequence[Sequence[str]], keyframes: list[WornKeyframe]) -> tuple[GrowthOfAll, list[GrowthOfOne]]:
+    """Workers beside a parent, as processes are, but one after the other; they must never wait for what does not come.
+
+    Each worker names what its cameras see by its copy of the map.
+    """
+    inboxes = [SimpleQueue[Growth]() for _ in shares]
+    parent = GrowthOfAll(MAP, cameras(), SETTINGS, lambda growth: [inbox.put(growth) for inbox in inboxes])
+    workers = [GrowthOfOne(MAP, SETTINGS, inbox.get_nowait) for inbox in inboxes]
+    order = [
+        (share.index(one.camera), row, one)
+        for one in keyframes
+        for row, share in enumerate(shares)
+        if one.camera in share
+    ]
+    for _, instant in groupby(order, key=lambda item: item[2].stamp_ns):
+        for _, row, one in sorted(instant, key=lambda item: item[:2]):
+            parent.reach(one.stamp_ns)
+            workers[row].catch_up(one.stamp_ns)
+            seen = named(one, workers[row].map)
+            parent.hear(matches_of(seen, workers[row].map), seen)
+    last_ns = keyframes[-1].stamp_ns
+    parent.reach(last_ns + EPOCH_NS)
+    for worker in workers:
+        worker.catch_up(last_ns + 2 * EPOCH_NS)
+    return parent, workers
+
+
+def test_parent_and_workers_agree_however_the_cameras_are_shared() -> None:
+    keyframes = room_walk(10)
+    results = []
+    for shares in ([CAMERAS], [CAMERAS[::-1]], [CAMERAS[:1], CAMERAS[1:]], [(camera,) for camera in CAMERAS]):
+        parent, workers = together(shares, keyframes)
+        results.append(contents(parent.growth.map))
+        assert parent.growth.landmarks > 60
+        for worker in workers:
+            for ours, its in zip(results[-1], contents(worker.map), strict=True):
+                np.testing.assert_array_equal(ours, its)
+    for other in results[1:]:
+        for first, second in zip(results[0], other, strict=True):
+            np.testing.assert_array_equal(first, second)
+
+
+def test_what_is_seen_counts_two_epochs_later_and_not_before() -> None:
+    """A worker that hears early keeps it for when it counts."""
+    told: SimpleQueue[Growth] = SimpleQueue()
+    parent = GrowthOfAll(MAP, cameras(), SETTINGS, told.put)
+    early = GrowthOfOne(MAP, SETTINGS, told.get_nowait)
+    keyframes = room_walk(4)
+    last_epoch = keyframes[-1].stamp_ns // EPOCH_NS
+    for one in keyframes:
+        parent.reach(one.stamp_ns)
+        parent.hear(matches_of(one, early.map), one)
+    parent.reach((last_epoch + 1) * EPOCH_NS)
+    assert parent.growth.landmarks > 20
+    final = contents(parent.growth.map)
+    early.catch_up((last_epoch + 1) * EPOCH_NS)
+    assert (early.map.landmark_ids != parent.growth.map.landmark_ids).any()
+    early.catch_up((last_epoch + 2) * EPOCH_NS)
+    for ours, its in zip(final, contents(early.map), strict=True):
+        np.testing.assert_array_equal(ours, its)
+
+
+def test_nobody_waits_for_what_was_told_and_time_that_steps_back_asks_for_nothing() -> None:
+    told: SimpleQueue[Growth] = SimpleQueue()
+    parent = GrowthOfAll(MAP, cameras(), SETTINGS, told.put)
+    worker = GrowthOfOne(MAP, SETTINGS, told.get_nowait)
+    start_ns = 1_700_000_000_000_000_000
+    assert worker.is_behind(start_ns)
+    parent.reach(start_ns)
+    worker.catch_up(start_ns)
+    # Another camera's clock is five seconds behind.
+    assert not worker.is_behind(start_ns - 5_000_000_000)
+    parent.reach(start_ns - 5_000_000_000)
+    worker.catch_up(start_ns - 5_000_000_000)
+    assert not worker.is_behind(start_ns + EPOCH_NS // 2)
+    assert worker.is_behind(start_ns + 5_000_000_000)
+    assert told.empty()
+
+
+def test_what_says_nothing_of_grown_landmarks_is_not_kept() -> None:
+    parent = GrowthOfAll(MAP, cameras(), SETTINGS, lambda growth: None)
+    one = room_walk(1)[0]
+    matches = matches_of(one, MAP)
+    assert isinstance(matches, LandmarkMatches) and matches.grown == 0
+    parent.reach(one.stamp_ns)
+    for _ in range(5):
+        parent.hear(matches, None)
+    assert not parent._heard
+
+
+@pytest.fixture(scope="module")
+def part(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample's map without the photographs that look to one side."""
+    path = tmp_path_factory.mktemp("part") / "map"
+    half_map(ReferenceMap.load(sample / "map"), 180.0).save(path)
+    return path
+
+
+def registered(bag: Path, map_path: Path, jobs: int, backwards: bool = False) -> list[Result]:
+    with open_recording(bag) as recording:
+        models = {camera: recording.camera_model(camera) for camera in recording.cameras}
+    task = RegistrationTask(bag, map_path, PipelineSettings(), with_messages=False, backwards=backwards)
+    return list(register_recording(task, models, jobs))
+
+
+def by_image(results: list[Result]) -> dict[tuple[str, int], LandmarkMatches]:
+    return {(one.camera, one.stamp_ns): one.matches for one in results if isinstance(one, RegisteredImage)}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("backwards", "jobs"), [(False, 3), (True, 2)])
+def test_registrations_are_identical_whatever_the_number_of_processes(
+    sample: Path, part: Path, tmp_path: Path, backwards: bool, jobs: int
+) -> None:
+    """Also where a camera begins late, one pauses, and one ends early: the others go on."""
+
+    def gappy(topic: str, number: int, message: object) -> object:
+        there = {"waist_front": range(60), "torso_front": [*range(20), *range(45, 60)], "thigh_left": range(15, 60)}
+        camera = topic.split("/")[1]
+        return message if "camera_info" in topic or number in there.get(camera, range(10)) else None
+
+    cameras_used = ("waist_front", "torso_front", "thigh_left", "shin_left")
+    bag = write_altered_sample(sample, tmp_path / "bag", gappy, cameras_used, frames=60)
+    one, several = (by_image(registered(bag, part, number, backwards)) for number in (1, jobs))
+    assert len(one) == 60 + 35 + 45 + 10 and several.keys() == one.keys()
+    for image, matches in one.items():
+        np.testing.assert_array_equal(matches.landmark_ids, several[image].landmark_ids)
+        if matches.world_T_camera is not None:
+            np.testing.assert_array_equal(matches.world_T_camera, several[image].world_T_camera)
+    assert sum(matches.grown for matches in one.values()) > 0
+
+
+def test_a_worker_that_fails_ends_those_that_wait_for_growth(sample: Path, part: Path, tmp_path: Path) -> None:
+    """One camera is none of the recording; the others' workers are amid their images."""
+    bag = write_altered_sample(sample, tmp_path / "bag", cameras=("waist_front", "torso_front"), frames=30)
+    with open_recording(bag) as recording:
+        models = {camera: recording.camera_model(camera) for camera in recording.cameras}
+    task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
+    with pytest.raises(RecordingError, match="no camera 'nobody'"):
+        list(register_recording(task, {**models, "nobody": models["waist_front"]}, 3))
+
+
+def test_a_recording_that_is_left_in_the_middle_leaves_no_process(sample: Path, part: Path, tmp_path: Path) -> None:
+    bag = write_altered_sample(sample, tmp_path / "bag", cameras=("waist_front", "torso_front"), frames=30)
+    with open_recording(bag) as recording:
+        models = {camera: recording.camera_model(camera) for camera in recording.cameras}
+    task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
+    results = register_recording(task, models, 2)
+    assert next(results)
+    results.close()
+    settings = replace(PipelineSettings(), growth=GrowthSettings(enabled=False))
+    alone = list(register_recording(replace(task, settings=settings), models, 2))
+    assert len(alone) == 60 and all(one.matches.grown == 0 for one in alone if isinstance(one, RegisteredImage))

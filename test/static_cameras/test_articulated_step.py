@@ -1,0 +1,113 @@
+"""Steps of a body whose joints are closed, against differences of the body itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_walk import Walk
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import exp_so3, inverse, log_se3, log_so3, rigid
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+
+Array = NDArray[np.float64]
+
+ROOT = 6
+
+
+def poses_of(body: BodyModel, seed: int) -> Array:
+    """Closed, all joints turned, far from the world's origin."""
+    random = np.random.default_rng(seed)
+    root = rigid(exp_so3(random.normal(0.0, 1.0, 3)), np.array([3.0, -2.0, 1.0]))
+    turned = exp_so3(random.normal(0.0, 0.4, (len(body.tree_joints), 3)))
+    shut = body.joint_rotations(body.forward_kinematics(root, turned))
+    return body.forward_kinematics(root, shut)
+
+
+def nothing_expected(poses: Array) -> ExpectedBody:
+    return ExpectedBody(poses, np.full(6, 1e4), 1e4)
+
+
+def permitted_turns(body: BodyModel, poses: Array) -> Array:
+    """(6 + 3 J, N) directions of the unknowns that joints permit: root, all of a ball, a hinge's axis."""
+    directions = [np.eye(ROOT + 3 * len(body.tree_joints))[:, :ROOT]]
+    for row, joint in enumerate(body.tree_joints):
+        R = poses[body.segment_index[joint.parent], :3, :3] @ joint.parent_T_joint[:3, :3]
+        axes = {"ball": R, "hinge": R @ joint.axis[:, None], "weld": np.zeros((3, 0))}[joint.type]
+        block = np.zeros((ROOT + 3 * len(body.tree_joints), axes.shape[1]))
+        block[ROOT + 3 * row : ROOT + 3 * row + 3] = axes
+        directions.append(block)
+    return np.concatenate(directions, axis=1)
+
+
+def segment_changes(before: Array, after: Array) -> Array:
+    """(S, 6) in the segments' axes, rotation first."""
+    return np.array([log_se3(inverse(a) @ b) for a, b in zip(before, after, strict=True)])
+
+
+@pytest.mark.parametrize("which", ["rider", "walker"])
+def test_jacobians_are_differences_of_the_body(rider: BodyModel, walk: Walk, which: str) -> None:
+    body = rider if which == "rider" else walk.body
+    step, poses = ArticulatedStep(body), poses_of(body, 1)
+    J, h = step.jacobians(poses), 1e-6
+    for direction in permitted_turns(body, poses).T:
+        ahead, back = (step._applied(poses, sign * h * direction) for sign in (1.0, -1.0))
+        numeric = (segment_changes(poses, ahead) - segment_changes(poses, back)) / (2.0 * h)
+        np.testing.assert_allclose(J @ direction, numeric, atol=1e-6)
+
+
+def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None:
+    random = np.random.default_rng(2)
+    step, poses = ArticulatedStep(rider), poses_of(rider, 3)
+    information = np.tile(1e4 * np.eye(6), (len(rider.segments), 1, 1))
+    moved = step.moved(poses, information, random.normal(0.0, 2e3, (len(rider.segments), 6)), nothing_expected(poses))
+    assert np.abs(segment_changes(poses, moved)).max() > 0.05
+    for joint in rider.tree_joints:
+        parent, child = (moved[rider.segment_index[segment]] for segment in (joint.parent, joint.child))
+        gap = inverse(parent @ joint.parent_T_joint) @ child @ joint.child_T_joint
+        np.testing.assert_allclose(gap[:3, 3], 0.0, atol=1e-12)
+        turn = gap[:3, :3]
+        if joint.type == "hinge":
+            np.testing.assert_allclose(turn @ joint.axis, joint.axis, atol=1e-12)
+        if joint.type == "weld":
+            np.testing.assert_allclose(turn, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(step.closed(moved), moved, atol=1e-12)
+
+
+def test_exact_information_at_all_segments_leads_to_the_truth(walk: Walk) -> None:
+    body, truth = walk.body, walk.world_T_segment[10]
+    step, poses = ArticulatedStep(body), walk.world_T_segment[3]
+    assert np.abs(segment_changes(poses, truth)).max() > 0.2
+    information = np.tile(1e4 * np.eye(6), (len(poses), 1, 1))
+    errors = []
+    for _ in range(8):
+        changes = segment_changes(poses, truth)
+        errors.append(float(np.abs(changes).max()))
+        poses = step.moved(poses, information, (information @ changes[..., None])[..., 0], nothing_expected(poses))
+    assert np.abs(segment_changes(poses, truth)).max() < 1e-7
+    assert errors[3] < 0.02 * errors[0]
+
+
+def limited(body: BodyModel, name: str, limits: tuple[tuple[float, float], ...]) -> BodyModel:
+    joints = [replace(joint, limits=limits if joint.name == name else None) for joint in body.joints]
+    return replace(body, joints=tuple(joints))
+
+
+def test_a_joint_beyond_its_limits_is_drawn_back_to_them(walk: Walk) -> None:
+    """Others, and those within, are left alone."""
+    hip = [joint.name for joint in walk.body.tree_joints].index("hip_left")
+    body = limited(walk.body, "hip_left", ((-0.3, 0.3), (-0.4, 0.4), (-0.5, 0.5)))
+    count = len(body.tree_joints)
+    nothing = np.zeros((count + 1, 6, 6)), np.zeros((count + 1, 6))
+    for angle, expected_angle in ((0.9, 0.3), (0.2, 0.2), (-0.7, -0.3)):
+        turned = np.tile(exp_so3(np.array([0.1, 0.0, 0.0])), (count, 1, 1))
+        turned[hip] = exp_so3(np.array([0.0, angle, 0.0]))
+        poses = body.forward_kinematics(np.eye(4), body.joint_rotations(body.forward_kinematics(np.eye(4), turned)))
+        before = body.joint_rotations(poses)
+        for _ in range(8):
+            poses = ArticulatedStep(body).moved(poses, *nothing, ExpectedBody(poses, np.full(6, 1e-3), 1.0))
+        after = body.joint_rotations(poses)
+        np.testing.assert_allclose(log_so3(after[hip]), [0.0, expected_angle, 0.0], atol=0.01)
+        others = np.arange(count) != hip
+        np.testing.assert_allclose(after[others], before[others], atol=1e-6)

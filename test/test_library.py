@@ -1,0 +1,72 @@
+"""The package as a library: the lines in the README, and what they give against ``bodycam replay``."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bodycam_ros import Body, Map, replay
+from bodycam_ros.errors import BodyError
+from bodycam_ros.results.solved_recording import read_solved
+
+REPOSITORY = Path(__file__).parent.parent
+_ENVIRONMENT = """
+import os, cv2  # which sets some itself
+before = dict(os.environ)
+from bodycam_ros import Body, Map, replay
+assert os.environ == before
+import lz4, rosbags.rosbag2.storage_mcap as rosbags
+assert all("bodycam" not in unpack.__module__ for unpack in rosbags.DECOMPRESSORS.values())
+"""
+
+
+def test_the_lines_in_the_readme_run_as_they_stand() -> None:
+    (lines,) = re.findall(r"```python\n(from bodycam_ros import.*?)```", (REPOSITORY / "README.md").read_text(), re.S)
+    assert lines.count("\n") <= 10
+    run = subprocess.run([sys.executable, "-c", lines], cwd=REPOSITORY, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stderr
+    assert len(run.stdout.splitlines()) == 60
+
+
+def test_importing_it_sets_nothing_in_its_host() -> None:
+    surroundings = {name: text for name, text in os.environ.items() if not name.startswith("OPENCV_")}
+    subprocess.run([sys.executable, "-c", _ENVIRONMENT], env=surroundings, check=True, timeout=60)
+
+
+def test_states_are_those_of_a_replay(sample: Path, sample_out: Path) -> None:
+    body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
+    outputs = list(replay(sample / "sample" / "bag", reference_map, body))
+    solved = read_solved(sample_out)
+    np.testing.assert_array_equal([output.state.stamp_ns for output in outputs], solved.stamps_ns)
+    poses = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)
+    np.testing.assert_allclose([output.state.world_T_segment for output in outputs], poses, atol=1e-6)
+
+
+def test_live_states_come_while_images_are_given(sample: Path) -> None:
+    from bodycam_ros.recording.bag_reader import open_recording
+
+    body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
+    given = 0
+    with open_recording(sample / "sample" / "bag") as recording:
+        cameras = {camera: recording.camera_model(camera) for camera in recording.cameras}
+        total = sum(1 for _ in recording.images())
+
+        def images():  # type: ignore[no-untyped-def]
+            nonlocal given
+            for image in recording.images():
+                given += 1
+                yield image
+
+        states = replay(images(), reference_map, body, cameras, live=True)
+        assert next(states).state.cameras_used > 10
+        assert given < 0.7 * total
+
+
+def test_images_without_models_are_refused(sample: Path) -> None:
+    body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
+    with pytest.raises(BodyError, match="models"):
+        next(replay([], reference_map, body))

@@ -1,0 +1,76 @@
+"""Steps of a correction: figures, undo, reset."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
+
+EXACT_MM = 1e-9
+KNEE, HIP, SHIN, FOOT = Part("joint", "knee"), Part("joint", "hip"), Part("camera", "shin"), Part("camera", "foot")
+MOVE = Move(np.array([3.0, -4.0, 12.0]), np.array([1.0, 2.0, -2.0]))
+SHIFT = Move(np.array([3.0, -4.0, 12.0]), np.zeros(3))
+
+
+def assert_move(move: Move, expected: Move) -> None:
+    assert_allclose(move.shift_mm, expected.shift_mm, rtol=0.0, atol=EXACT_MM)
+    assert_allclose(move.turn_deg, expected.turn_deg, rtol=0.0, atol=EXACT_MM)
+
+
+@pytest.mark.parametrize("part", [SHIN, FOOT, KNEE, HIP, Part("joint", "pedal")])
+def test_a_part_is_where_it_was_moved_by(rider: BodyModel, part: Part) -> None:
+    assert_move(Correction(rider).moved_by(part, MOVE).move_of(part), MOVE)
+
+
+def test_moves_are_in_the_axes_of_the_segment_that_carries_the_part(rider: BodyModel) -> None:
+    segment, was = place_of(rider, SHIN)
+    _, now = place_of(Correction(rider).moved_by(SHIN, MOVE).body, SHIN)
+    assert segment == "shin"
+    assert_allclose(now[:3, 3] - was[:3, 3], MOVE.shift_mm * 1e-3, rtol=0.0, atol=1e-12)
+    assert_allclose(now[:3, :3], exp_so3(np.radians(MOVE.turn_deg)) @ was[:3, :3], rtol=0.0, atol=1e-12)
+
+
+def test_what_was_taken_along_has_not_moved(rider: BodyModel) -> None:
+    correction = Correction(rider).moved_by(HIP, SHIFT).moved_by(KNEE, MOVE).moved_by(SHIN, SHIFT)
+    assert [part for part, _ in correction.moves()] == [SHIN, KNEE, HIP]  # cameras first, as in the file
+    assert_move(correction.move_of(KNEE), MOVE)
+    assert_move(correction.move_of(SHIN), SHIFT)
+    assert correction.move_of(FOOT).is_none
+
+
+def test_undo_goes_back_step_by_step(rider: BodyModel) -> None:
+    first = Correction(rider).moved_by(KNEE, MOVE)
+    second = first.moved_by(SHIN, MOVE)
+    assert second.undone().body is first.body
+    assert second.undone().undone().body is rider
+    assert second.undone().undone().undone().body is rider  # no step is left
+
+
+def test_a_drag_is_one_step(rider: BodyModel) -> None:
+    before = Correction(rider).moved_by(KNEE, MOVE)
+    _, was = place_of(before.body, SHIN)
+    drag = before.moved_to(SHIN, was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001])))
+    for step in range(2, 6):
+        target = was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001 * step]))
+        drag = drag.moved_to(SHIN, target, going_on=True)
+    assert len(drag.steps) == 2
+    assert np.linalg.norm(drag.move_of(SHIN).shift_mm) == pytest.approx(5.0, abs=EXACT_MM)
+    assert_move(drag.undone().move_of(KNEE), MOVE)
+    assert drag.undone().move_of(SHIN).is_none
+
+
+def test_reset_takes_back_one_part_only_and_can_be_undone(rider: BodyModel) -> None:
+    moved = Correction(rider).moved_by(KNEE, MOVE).moved_by(SHIN, MOVE)
+    reset = moved.reset(KNEE)
+    assert [part for part, _ in reset.moves()] == [SHIN]
+    assert_move(reset.move_of(SHIN), MOVE)
+    assert_move(reset.undone().move_of(KNEE), MOVE)
+    untouched = Correction(rider).moved_by(SHIN, MOVE).body
+    assert_allclose(reset.body.n_pose(np.eye(4)), untouched.n_pose(np.eye(4)), rtol=0.0, atol=1e-12)
+
+
+def test_ball_joints_do_not_turn(rider: BodyModel) -> None:
+    assert can_turn(rider, SHIN) and can_turn(rider, KNEE)
+    assert not can_turn(rider, HIP) and not can_turn(rider, None)
