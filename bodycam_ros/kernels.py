@@ -269,7 +269,7 @@ def _array_check(kind: str, dimensions: int) -> Callable[[Any], Any]:
     dtype = np.dtype(kind)
 
     def check(value: Any) -> Any:
-        if value.dtype is dtype and value.ndim == dimensions and value.flags.carray:  # in rows, aligned, writable
+        if value.dtype == dtype and value.ndim == dimensions and value.flags.carray:  # in rows, aligned, writable
             return value
         raise TypeError
 
