@@ -1,11 +1,16 @@
-"""A body and its equipment as one tree with loops, and the constraint rows that close the loops (B 3.2).
+"""A body and its equipment as one tree with loops, the constraint rows of the loops, and how they are closed (B 3.2).
 
-An unknown length of the equipment is a sliding joint: a joint with an unknown place slides, and an attachment with an
-unknown place is on a small segment of its own that slides on the equipment's.
+An unknown length of the equipment is a sliding joint: a joint of unknown place slides, and an attachment of unknown
+place is on a small segment of its own that slides on the equipment's.
+
+Loops are closed from the N-pose by several starts of the equipment. Attachments that contradict others are released,
+not met half-way: graduated non-convexity (Yang et al. 2020) with a Geman-McClure kernel per loop.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +18,30 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.geometry import Array, hat, inverse, log_se3, log_so3
+from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, turn_jacobian
+from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian
 from bodycam_ros.kinematics.tree import KinematicTree
+from bodycam_ros.least_squares import damped_gauss_newton
 
-_GROUND_SIGMA = 1e-4  # [rad] and [m] of a segment that stands still
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
 _KNOWN_M = 1e-6  # least sigma of a length along an axis
+_CLOSED_SIGMAS = 3.0  # a loop that is strained less is closed
+_GIVEN_M = 1e-3  # a given length is right to a millimetre
+_BEYOND_RAD = np.radians(10.0) / _CLOSED_SIGMAS  # no joint is bent farther than 10 deg beyond its limits
+_WEAK = 0.03  # weight of a loop that is only to come near: enough to stretch an arm, too little to tear a foot off
+_BENT = 0.6  # of the way to the middle of its limits: a straight knee has no direction in which to bend
+_QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
+_ANNEALING = 0.2
+_SHORT, _LONG = 6, 60  # steps of an annealing stage, and of a descent to the end
+_LONGEST_STEP = 0.6  # [rad], or of a limb's length
+_CONVERGED = 1e-5  # relative decrease of the cost
+_EXACT = 1e-20  # [sigma^2] cost of closed loops: places are right to 1e-14 m
 
 
-@dataclass(frozen=True, eq=False)
-class Configuration:
+class Configuration(NamedTuple):
     """The coordinates: pose of the root (4, 4) and joint motions (J, 4, 4)."""
 
     world_T_root: Array
@@ -38,26 +53,14 @@ class Rows:
     """Constraint rows in units of sigma.
 
     Attributes:
-        owners: (R) the joint, or the segment on the ground, that each row is of.
-        directions: (R, 3) of each row in the world.
-        turns: (R) whether it constrains a rotation.
+        owners: (R) the joint, or the segment on the ground, of each row.
         residuals: (R).
         jacobian: (R, K).
     """
 
-    owners: tuple[str, ...]
-    directions: Array
-    turns: NDArray[np.bool_]
+    owners: NDArray[np.str_]
     residuals: Array
     jacobian: Array
-
-    @classmethod
-    def stack(cls, parts: Iterable["Rows"], columns: int) -> "Rows":
-        """Several rows of so many columns as one."""
-        parts = [cls((), np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0), np.zeros((0, columns))), *parts]
-        owners = tuple(owner for part in parts for owner in part.owners)
-        arrays = [(part.directions, part.turns, part.residuals, part.jacobian) for part in parts]
-        return cls(owners, *(np.concatenate(of_all) for of_all in zip(*arrays, strict=True)))
 
 
 class Mechanism:
@@ -65,13 +68,12 @@ class Mechanism:
 
     Attributes:
         body: both as one (``coupled_body``).
-        equipment: as far as the body can hold it, or None.
+        equipment: as far as it fits the body, or None.
         tree: the body's, with a segment for each attachment of unknown place.
+        loops: joint or attachment -> the joint that closes a loop.
         lengths: joint of the tree that slides by an unknown length -> (3) its sigmas, in the parent's axes [m].
-        names: (K) of the joint, or of the root segment, that each column is of.
-        kinds: (K) "place" of a segment that hangs on nothing, "joint" or "length".
+        columns: root segment or joint of the tree -> its columns, those of unknown lengths apart.
         units: (K) 1 for a rotation, a limb's length [m] for a translation: in these units columns are alike.
-        grounded: segments of the equipment that do not move in the world.
 
     Raises:
         BodyError: the equipment does not fit the body.
@@ -83,39 +85,47 @@ class Mechanism:
         attachments = () if equipment is None else equipment.attachments
         unknown = {a.name: a.unknown for a in attachments} | dict(equipment.unknown if equipment else {})
         self.lengths = {name: np.asarray(sigma) for name, sigma in unknown.items() if np.any(sigma)}
-        on_own = {joint.name for joint in self.body.loop_joints if joint.name in self.lengths}
-        joints, places = [], []
+        loops = {joint.name for joint in self.body.loop_joints}
+        joints, sliders = [], []
         for joint in self.body.joints:
-            if joint.name in on_own:
+            if joint.name in self.lengths and joint.name in loops:
                 place = f"{joint.name} place"
-                places.append(_sliding(Joint(joint.name, joint.parent, place, "weld", np.eye(4))))
+                sliders.append(_sliding(Joint(joint.name, joint.parent, place, "weld", np.eye(4))))
                 joints.append(replace(joint, name=f"{joint.name} loop", parent=place))
             else:
                 joints.append(_sliding(joint) if joint.name in self.lengths else joint)
-        segments = (*self.body.segments, *(joint.child for joint in places))
-        self.tree = KinematicTree(self.body.name, self.body.root, segments, (*joints, *places))
+        segments = (*self.body.segments, *(joint.child for joint in sliders))
+        self.tree = KinematicTree(self.body.name, self.body.root, segments, (*joints, *sliders))
         self.tangent = TreeTangent(self.tree, GIVES_M)
-        self.loops = {joint.name.removesuffix(" loop"): joint for joint in self.tree.loop_joints}
-        twists = [(self.body.root, "place", np.eye(6))]
-        for joint, xi in zip(self.tree.tree_joints, self.tangent.twists, strict=True):
-            twists.append((joint.name, "place" if joint.type == "free" else "joint", xi))
-        sliding = np.concatenate([xi[3:].any(axis=0) for _, _, xi in twists])
-        self.names = np.array([name for name, _, xi in twists for _ in xi.T])
-        kinds = np.array([kind for _, kind, xi in twists for _ in xi.T])
-        self.kinds = np.where(sliding & np.isin(self.names, list(self.lengths)), "length", kinds)
-        self.units = np.where(sliding, _LIMB_M, 1.0)
-        beside = equipment.segments if equipment else {}
-        self.grounded = tuple(name for name, motion in beside.items() if motion.stands)
-        self.is_upright = equipment is not None and equipment.upright_sigma < GIVES_RAD
-        self.only_upright = self.is_upright and equipment is not None and equipment.root not in self.grounded
         self.limits = JointLimits(self.tree)
-        own = {*self.lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
-        self._posture = [r for r, j in enumerate(self.tree.tree_joints) if j.type != "free" and j.name not in own]
+        self.loops = {joint.name.removesuffix(" loop"): joint for joint in self.tree.loop_joints}
+        slides = [np.repeat([False, True], 3)]
+        self.columns = {self.body.root: np.arange(6)}
+        for joint, xi, own in zip(self.tree.tree_joints, self.tangent.twists, self.tangent.columns, strict=True):
+            slides.append(xi[3:].any(axis=0))
+            is_length = slides[-1] & (joint.name in self.lengths)
+            self.columns[joint.name] = np.arange(own.start, own.stop)[~is_length]
+        self.units = np.where(np.concatenate(slides), _LIMB_M, 1.0)
+        self._fixed = {*self.lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
 
-    def columns(self, *kinds: str, names: Collection[str] | None = None) -> NDArray[np.intp]:
-        """Indices of the columns of some kinds, and of some names."""
-        chosen = np.isin(self.kinds, kinds)
-        return np.flatnonzero(chosen if names is None else chosen & np.isin(self.names, list(names)))
+    @property
+    def grounded(self) -> tuple[str, ...]:
+        """Segments of the equipment that do not move in the world."""
+        return self.body.standing
+
+    @property
+    def only_upright(self) -> bool:
+        """Whether the equipment's root may move, but not lean."""
+        return (
+            self.equipment is not None
+            and self.equipment.upright_sigma < GIVES_RAD
+            and self.equipment.root not in self.grounded
+        )
+
+    @property
+    def moving(self) -> NDArray[np.intp]:
+        """Indices of all columns but those of unknown lengths."""
+        return np.concatenate(list(self.columns.values()))
 
     def resting(self, bent: float = 0.0) -> Configuration:
         """The N-pose, or joints bent by a share of the way to the middle of their limits; the roots at one place."""
@@ -125,69 +135,111 @@ class Mechanism:
 
     def moved(self, configuration: Configuration, step: Array) -> Configuration:
         """After an increment (K) of the columns."""
-        return Configuration(*self.tangent.moved(configuration.world_T_root, configuration.joint_motion, step))
+        return Configuration(*self.tangent.moved(*configuration, step))
 
     def poses(self, configuration: Configuration) -> Array:
         """world_T_segment (S, 4, 4) of the tree, the body's segments first."""
-        return self.tree.forward_kinematics(configuration.world_T_root, configuration.joint_motion)
+        return self.tree.forward_kinematics(*configuration)
 
-    def longer_by(self, configuration: Configuration) -> dict[str, Array]:
-        """Unknown length -> by how much (3) it is more than given, along the axes of the equipment's segment [m]."""
-        rows = [(name, self.tree.joint_row[name]) for name in self.lengths]
+    def length_errors(self, configuration: Configuration) -> dict[str, Array]:
+        """Unknown length -> by how much (3) it exceeds the given one, in the axes of the equipment's segment [m]."""
+        rows = {name: self.tree.joint_row[name] for name in self.lengths}
         joints, motion = self.tree.tree_joints, configuration.joint_motion
-        return {name: joints[row].parent_T_joint[:3, :3] @ motion[row, :3, 3] for name, row in rows}
+        return {name: joints[row].parent_T_joint[:3, :3] @ motion[row, :3, 3] for name, row in rows.items()}
 
-    def constraints(
-        self, configuration: Configuration, without: Collection[str] = (), ground: Array | None = None
-    ) -> Rows:
-        """Rows of the loops but some, of what may not lean and, given poses (S, 4, 4), of segments that stand there."""
+    def constraints(self, configuration: Configuration, without: Collection[str] = (), ground: bool = False) -> Rows:
+        """Rows of the loops but some, and of equipment that may not lean.
+
+        Args:
+            configuration: where the rows are linearised.
+            without: loops that are left out.
+            ground: whether what stands in the world is fixed where it is; else it is only kept upright.
+        """
         poses = self.poses(configuration)
-        J, index, parts = self.tangent.segment_jacobians(poses), self.tree.segment_index, []
+        J, index = self.tangent.segment_jacobians(poses), self.tree.segment_index
+        owners: list[str] = []
+        residuals, jacobians = [np.zeros(0)], [np.zeros((0, self.tangent.count))]
+
+        def add(owner: str, errors: Array, jacobian: Array) -> None:
+            owners.extend([owner] * len(errors))
+            residuals.append(errors)
+            jacobians.append(jacobian)
+
         for name, joint in self.loops.items():
             if name not in without:
                 gap, by_step = self.tangent.gap(joint, poses, J)
-                world_R_joint = poses[index[joint.child], :3, :3] @ joint.child_T_joint[:3, :3]
-                axes = np.concatenate([joint.axes_of_rotation @ world_R_joint.T, world_R_joint.T])
-                parts.append(_rows(name, gap, by_step, np.array(joint.sigmas), axes, held_rows(joint)))
-        for segment in self.grounded if ground is not None else ():
-            assert ground is not None
-            row = index[segment]
-            away, axes = log_se3(inverse(ground[row]) @ poses[row]), np.tile(poses[row, :3, :3].T, (2, 1))
-            parts.append(_rows(segment, away, J[row], np.full(6, _GROUND_SIGMA), axes, range(6)))
-        if self.equipment is not None and (self.is_upright if ground is None else self.only_upright):
-            row = index[self.equipment.root]
+                sigmas, held = np.array(joint.sigmas), list(held_rows(joint))
+                add(name, (gap / sigmas)[held], (by_step / sigmas[:, None])[held])
+        for segment in self.grounded if ground else ():
+            add(segment, np.zeros(6), J[index[segment]])
+        equipment = self.equipment
+        if equipment is not None and (self.only_upright or (self.grounded and not ground)):
+            row, sigma = index[equipment.root], equipment.upright_sigma
             up = poses[row, 2, :3]
-            lean, sigmas = (hat(up) @ J[row, :3])[:2], np.full(2, self.equipment.upright_sigma)
-            parts.append(_rows(self.equipment.root, up[:2], lean, sigmas, np.eye(3)[[1, 0]], range(2)))
-        return Rows.stack(parts, self.tangent.count)
+            add(equipment.root, up[:2] / sigma, (hat(up) @ J[row, :3])[:2] / sigma)
+        return Rows(np.array(owners, np.str_), np.concatenate(residuals), np.concatenate(jacobians))
 
-    def expectations(self, configuration: Configuration) -> tuple[Array, Array]:
+    def priors(self, configuration: Configuration) -> tuple[Array, Array]:
         """Posture, limits and lengths: residuals in sigmas, and their Jacobian."""
-        motion, joints, twists = configuration.joint_motion, self.tree.tree_joints, self.tangent.twists
-        residuals, blocks = [], []
+        motion, twists, columns = configuration.joint_motion, self.tangent.twists, self.tangent.columns
+        residuals, jacobians = [], []
 
-        def add(values: Array, columns: slice, by_columns: Array, sigma: Array | float) -> None:
+        def add(values: Array, own: slice, jacobian: Array, sigma: Array | float) -> None:
             block = np.zeros((len(values), self.tangent.count))
-            block[:, columns] = by_columns / np.reshape(sigma, (-1, 1))
+            block[:, own] = jacobian / np.reshape(sigma, (-1, 1))
             residuals.append(values / sigma)
-            blocks.append(block)
+            jacobians.append(block)
 
         lean = log_so3(configuration.world_T_root[:3, :3])
         add(lean, slice(0, 3), turn_jacobian(lean), _LEAN_RAD)
         turned = log_so3(motion[:, :3, :3])
         by_turn = turn_jacobian(turned)
+        for row, joint in enumerate(self.tree.tree_joints):
+            if joint.type != "free" and joint.name not in self._fixed:
+                add(turned[row], columns[row], by_turn[row] @ twists[row][:3], _POSTURE_RAD)
         angles = self.limits.nearest_angles(motion)
         excess, rates = self.limits.excess(angles), self.limits.angles.rates(angles)
-        for row in self._posture:
-            add(turned[row], self.tangent.columns[row], by_turn[row] @ twists[row][:3], _POSTURE_RAD)
         for angle in np.flatnonzero(excess):
             row = self.limits.angles.joint_rows[angle]
-            add(excess[[angle]], self.tangent.columns[row], rates[[angle]] @ twists[row][:3], _LIMIT_RAD)
-        for name, longer in self.longer_by(configuration).items():
+            add(excess[[angle]], columns[row], rates[[angle]] @ twists[row][:3], _LIMIT_RAD)
+        for name, error in self.length_errors(configuration).items():
             row, sigma = self.tree.joint_row[name], np.maximum(self.lengths[name], _KNOWN_M)
-            parent_R_child = joints[row].parent_T_joint[:3, :3] @ motion[row, :3, :3]
-            add(longer, self.tangent.columns[row], parent_R_child @ twists[row][3:], sigma)
-        return np.concatenate(residuals), np.vstack(blocks)
+            parent_R_child = self.tree.tree_joints[row].parent_T_joint[:3, :3] @ motion[row, :3, :3]
+            add(error, columns[row], parent_R_child @ twists[row][3:], sigma)
+        return np.concatenate(residuals), np.vstack(jacobians)
+
+    def strains(self, configuration: Configuration) -> dict[str, float]:
+        """Loop -> what it takes to close it, in sigmas.
+
+        The root of three squares: of its worst row, of the unknown length in it that is farthest from what is given,
+        and of the joint in it that is farthest beyond its limits. A place a little too far away is reached a little in
+        each of these ways.
+        """
+        rows, count = self.constraints(configuration), len(self.tree.tree_joints)
+        longer, bent = np.zeros(count), np.zeros(count)
+        for name, error in self.length_errors(configuration).items():
+            longer[self.tree.joint_row[name]] = np.abs(error / np.maximum(self.lengths[name], _GIVEN_M)).max()
+        excess = self.limits.excess(self.limits.nearest_angles(configuration.joint_motion))
+        np.maximum.at(bent, self.limits.angles.joint_rows, np.abs(excess) / _BEYOND_RAD)
+        strains = {}
+        for name, joint in self.loops.items():
+            parent, child = (self.tree.moves[self.tree.segment_index[end]] for end in (joint.parent, joint.child))
+            worst = np.abs(rows.residuals[rows.owners == name]).max(initial=0.0)
+            strains[name] = float(np.hypot(worst, np.hypot(longer, bent)[parent ^ child].max(initial=0.0)))
+        return strains
+
+    def open_loops(self, configuration: Configuration) -> set[str]:
+        """Loops that a configuration does not close."""
+        return {name for name, strain in self.strains(configuration).items() if strain > _CLOSED_SIGMAS}
+
+    def gap(self, configuration: Configuration, loop: str) -> tuple[float, float]:
+        """How far a loop is open: [m], the worst of an attachment's points, and [rad]."""
+        joint, poses, index = self.loops[loop], self.poses(configuration), self.tree.segment_index
+        parent, child = poses[index[joint.parent]], poses[index[joint.child]]
+        error = joint_gap(joint, parent, child)
+        attachments = () if self.equipment is None else self.equipment.attachments
+        points = [each.distances(child, parent).max() for each in attachments if each.name == loop]
+        return float(points[0] if points else np.linalg.norm(error[3:])), float(np.linalg.norm(error[:3]))
 
 
 def _sliding(joint: Joint) -> Joint:
@@ -195,7 +247,114 @@ def _sliding(joint: Joint) -> Joint:
     return replace(joint, sigmas=(*joint.sigmas[:3], LOOSE_M, LOOSE_M, LOOSE_M))
 
 
-def _rows(owner: str, gap: Array, jacobian: Array, sigmas: Array, axes: Array, chosen: Iterable[int]) -> Rows:
-    rows = list(chosen)
-    scaled = (gap / sigmas)[rows], (jacobian / sigmas[:, None])[rows]
-    return Rows((owner,) * len(rows), axes[rows], np.array(rows) < 3, *scaled)
+def project(
+    mechanism: Mechanism, start: Configuration, columns: NDArray[np.intp], without: Collection[str] = ()
+) -> Configuration:
+    """The configuration near another that closes all loops but some, to rounding if the chosen columns can."""
+
+    def linearise(configuration: Configuration) -> tuple[Array, Array, float]:
+        rows = mechanism.constraints(configuration, without)
+        return rows.residuals, rows.jacobian, float(rows.residuals @ rows.residuals)
+
+    return _descend(mechanism, start, linearise, columns, _LONG, 0.0, _EXACT)[0]
+
+
+def solve(
+    mechanism: Mechanism,
+    start: Configuration,
+    without: Collection[str] = (),
+    weak: Collection[str] = (),
+    columns: NDArray[np.intp] | None = None,
+    kernel: float = np.inf,
+    steps: int = _LONG,
+) -> tuple[Configuration, float]:
+    """Loops closed but some, others only near; joints within limits, lengths and posture near what is given.
+
+    A loop whose rows are ``kernel`` sigmas off in all counts half (Geman-McClure).
+
+    Returns:
+        The configuration and its cost.
+    """
+
+    def linearise(configuration: Configuration) -> tuple[Array, Array, float]:
+        rows = mechanism.constraints(configuration, without)
+        priors, by_priors = mechanism.priors(configuration)
+        weights, cost = np.ones(len(rows.owners)), float(priors @ priors)
+        for name in mechanism.loops:
+            own = rows.owners == name
+            square, weight = float(np.sum(rows.residuals[own] ** 2)), _WEAK**2 if name in weak else 1.0
+            share = 1.0 if np.isinf(kernel) else kernel**2 / (kernel**2 + square)
+            weights[own] = np.sqrt(weight) * share
+            cost += weight * square * share
+        J = np.vstack([weights[:, None] * rows.jacobian, by_priors])
+        return np.concatenate([weights * rows.residuals, priors]), J, cost
+
+    chosen = np.arange(mechanism.tangent.count) if columns is None else columns
+    return _descend(mechanism, start, linearise, chosen, steps, _CONVERGED)
+
+
+def _descend(
+    mechanism: Mechanism,
+    start: Configuration,
+    linearise: Callable[[Configuration], tuple[Array, Array, float]],
+    columns: NDArray[np.intp],
+    steps: int,
+    converged: float,
+    solved: float = 0.0,
+) -> tuple[Configuration, float]:
+    units = mechanism.units[columns]
+
+    def moved(configuration: Configuration, step: Array) -> Configuration:
+        increment = np.zeros(mechanism.tangent.count)
+        increment[columns] = units * step
+        return mechanism.moved(configuration, increment)
+
+    def in_units(configuration: Configuration) -> tuple[Array, Array, float]:
+        residuals, J, cost = linearise(configuration)
+        return residuals, J[:, columns] * units, cost
+
+    return damped_gauss_newton(start, in_units, moved, steps, _LONGEST_STEP, converged, solved)
+
+
+def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:
+    """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
+    starts = _starts(mechanism)
+    # A person sits on a bicycle in the posture that bends the least.
+    best = min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1])[0]
+    if not mechanism.open_loops(best):
+        return best, set()
+    annealed = []
+    for configuration in (starts[0], best):
+        kernel = max(mechanism.strains(configuration).values())
+        while kernel > _CLOSED_SIGMAS:
+            configuration = solve(mechanism, configuration, kernel=kernel, steps=_SHORT)[0]
+            kernel *= _ANNEALING
+        annealed.append(solve(mechanism, configuration, kernel=_CLOSED_SIGMAS)[0])
+    best = min(annealed, key=lambda configuration: len(mechanism.open_loops(configuration)))
+    left_open = mechanism.open_loops(best)
+    for name in sorted(left_open, key=lambda name: mechanism.gap(best, name)[0]):
+        tried = solve(mechanism, best, without=left_open - {name})[0]
+        if mechanism.open_loops(tried) <= left_open - {name}:
+            left_open, best = left_open - {name}, tried
+    if left_open:
+        best = solve(mechanism, best, without=left_open)[0]
+        left_open |= mechanism.open_loops(best)
+    return best, left_open
+
+
+def _starts(mechanism: Mechanism) -> list[Configuration]:
+    """The N-pose, a little bent, and the equipment turned so that it fits: the two best of several starts."""
+    start, equipment = mechanism.resting(_BENT), mechanism.equipment
+    if equipment is None:
+        return [start]
+    hinges = [joint for joint in equipment.joints if joint.type == "hinge"]
+    names = {equipment.name, *(joint.name for joint in equipment.joints)}
+    own = np.concatenate([columns for name, columns in mechanism.columns.items() if name in names])
+    found = []
+    for heading, angle in product(_QUARTERS, _QUARTERS if hinges else (0.0,)):
+        motion = start.joint_motion.copy()
+        motion[mechanism.tree.joint_row[equipment.name], :3, :3] = exp_so3(np.array([0.0, 0.0, heading]))
+        for joint in hinges:
+            motion[mechanism.tree.joint_row[joint.name], :3, :3] = joint.hinge_rotation(np.array(angle))
+        found.append(solve(mechanism, start._replace(joint_motion=motion), columns=own, steps=2 * _SHORT))
+    return [configuration for configuration, _ in sorted(found, key=lambda pair: pair[1])[:2]]

@@ -4,24 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+from scipy.linalg import null_space
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.body.loop_closing import Contradiction, closed_configuration, projected
-from bodycam_ros.body.mechanism import Configuration, Mechanism, Rows
+from bodycam_ros.body.mechanism import Configuration, Mechanism, close_loops, project, solve
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import GIVES_M, held_rows
 
 _DEPENDENT = 1e-7  # singular value of unit rows: loops are closed to 1e-12, so dependent rows are so to rounding
-_UNMOVED = 1e-10  # of the longest row: such a row is rounding
-_COMPANION = 1e-3  # share of a row in a sum, below which it is not named
-_MOVES = 1e-5  # in a null motion of length one
-_NOTICED, _NOTICED_RAD = 0.05, np.radians(1.0)  # of the largest share of a null motion; beyond limits
-_STEP, _STEPS, _PATHS = 0.12, 20, 3  # [rad], or of a limb's length, along null motions
-_STILL_CLOSED = 1e-6  # [sigma]
-_DIRECTIONS = ("forward", "sideways", "up")
+_UNMOVED = 1e-10  # of a unit row, or of a null motion squared: rounding
+_NOTICED = 0.05  # of the largest share of a null motion
+_NOTICED_RAD = np.radians(1.0)  # beyond limits
 
 
 @dataclass(frozen=True)
@@ -30,8 +24,8 @@ class GrueblerCount:
 
     Attributes:
         links: N, the segments that may move.
-        joints: name -> f, for all g joints; the free joint to a machine takes no freedom.
-        leaning: what a machine that may not lean loses.
+        joints: name -> f, for all g joints; the free joint to a machine removes no degree of freedom.
+        leaning: degrees of freedom that a machine that may not lean loses.
     """
 
     links: int
@@ -45,40 +39,20 @@ class GrueblerCount:
 
 
 @dataclass(frozen=True)
-class NullMotion:
-    """Motions that keep all loops closed, led by a joint of the equipment.
+class Contradiction:
+    """A loop that does not close.
 
     Attributes:
-        joint: that leads.
-        freedoms: in how many ways.
-        with_joints: others -> how much they move along at most, per radian, or a limb's length, of the joint; the most
-            first.
+        name: of the attachment, or of the body's own joint.
+        apart_m: smallest possible distance of its points, the worst of them, while all others are closed [m].
+        turned_rad: by how much it is then turned from what it permits [rad].
+        against: loops any one of which, released, would let it close.
     """
 
-    joint: str
-    freedoms: int
-    with_joints: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class MotionParts:
-    """The null space in parts.
-
-    Attributes:
-        as_a_whole: freedoms that move everything in the world together.
-        untouched: joints that no loop concerns -> their freedoms.
-        led: what goes with each joint of the equipment.
-        stuck: joints of the equipment that cannot move.
-        others: how many freedoms there are besides.
-        of_others: the joints, and the body's root, that have them.
-    """
-
-    as_a_whole: int
-    untouched: Mapping[str, int]
-    led: tuple[NullMotion, ...]
-    stuck: tuple[str, ...]
-    others: int
-    of_others: tuple[str, ...]
+    name: str
+    apart_m: float
+    turned_rad: float
+    against: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -87,56 +61,88 @@ class Mobility:
 
     Attributes:
         count: Gruebler's.
-        rows: how many constraint rows there are.
-        rank: how many of them are independent.
-        rank_along: least and greatest along motions that keep the loops closed; None: nothing moves.
+        rows: number of constraint rows.
+        rank: number of independent ones.
         freedoms: dimension of the null space.
-        parts: what moves with what.
-        redundant: row -> rows of which it is a sum.
+        as_a_whole: degrees of freedom that move everything in the world together.
+        untouched: joints that no loop constrains -> their degrees of freedom.
+        within_loops: number of the remaining degrees of freedom.
+        coupled: joint of the equipment -> joints that move with it, those that move most first.
+        stuck: joints of the equipment that cannot move.
+        redundant: loop -> number of its rows that follow from all others.
         contradictions: loops that do not close; the rest is found without them.
-        longer: unknown length -> by how much it is more than given (3), and the sigma (3) [m].
-        beyond_limits: joint angle -> how far it is turned, and by how much too far [rad].
+        lengths: unknown length -> by how much it exceeds the given one (3), and its sigma (3) [m].
+        beyond_limits: joint angle -> its value, and by how much it is beyond its limits [rad].
     """
 
     count: GrueblerCount
     rows: int
     rank: int
-    rank_along: tuple[int, int] | None
     freedoms: int
-    parts: MotionParts
-    redundant: Mapping[str, tuple[str, ...]]
+    as_a_whole: int
+    untouched: Mapping[str, int]
+    within_loops: int
+    coupled: Mapping[str, tuple[str, ...]]
+    stuck: tuple[str, ...]
+    redundant: Mapping[str, int]
     contradictions: tuple[Contradiction, ...]
-    longer: Mapping[str, tuple[Array, Array]]
+    lengths: Mapping[str, tuple[Array, Array]]
     beyond_limits: Mapping[str, tuple[float, float]]
 
 
 def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
-    """Count, close and move a mechanism.
+    """Count the degrees of freedom of a mechanism, close its loops and find its null motions.
 
     Raises:
         BodyError: the equipment does not fit the body.
     """
     mechanism = Mechanism(body, equipment)
-    configuration, contradictions = closed_configuration(mechanism)
-    apart = tuple(contradiction.name for contradiction in contradictions)
-    moving = mechanism.columns("place", "joint")
-    configuration = projected(mechanism, configuration, moving, apart)
-    rows = mechanism.constraints(configuration, apart, mechanism.poses(configuration))
-    unit = unit_rows(mechanism, rows)
-    free = null_space(unit, moving)
+    configuration, left_open = close_loops(mechanism)
+    moving = mechanism.moving
+    configuration = project(mechanism, configuration, moving, left_open)
+    rows = mechanism.constraints(configuration, left_open, ground=True)
+    unit = np.zeros((len(rows.owners), mechanism.tangent.count))
+    unit[:, moving] = (rows.jacobian * mechanism.units)[:, moving]
+    lengths = np.linalg.norm(unit, axis=1, keepdims=True)
+    unit = np.divide(unit, lengths, out=np.zeros_like(unit), where=lengths > _UNMOVED * lengths.max(initial=0.0))
+
+    free = null_space(unit[:, moving], rcond=_DEPENDENT) if len(unit) else np.eye(len(moving))
+    null_motions = np.zeros((mechanism.tangent.count, free.shape[1]))
+    null_motions[moving] = free
+    # The projection of a unit vector is the smallest motion with it.
+    projector = null_motions @ null_motions.T
+    columns = {name: own for name, own in mechanism.columns.items() if len(own)}
+    beside = () if mechanism.equipment is None else tuple(joint.name for joint in mechanism.equipment.joints)
+    bases = (mechanism.body.root, *(() if mechanism.equipment is None else (mechanism.equipment.name,)))
+    untouched = {
+        name: len(own)
+        for name, own in columns.items()
+        if name not in bases and not np.abs(unit[:, own]).max(initial=0.0)
+    }
+    as_a_whole = 6 - _rank(unit[:, columns[mechanism.body.root]])
+    leading = [name for name in beside if name in columns and name not in untouched]
+    stuck = tuple(name for name in leading if np.abs(np.diag(projector)[columns[name]]).max() < _UNMOVED)
+    rank = _rank(unit)
     angles = mechanism.limits.nearest_angles(configuration.joint_motion)
     excess = mechanism.limits.excess(angles)
-    longer = mechanism.longer_by(configuration)
+    errors = mechanism.length_errors(configuration)
+    redundant = {
+        str(name): int(np.sum(rows.owners == name)) - rank + _rank(unit[rows.owners != name])
+        for name in dict.fromkeys(rows.owners)
+    }
     return Mobility(
         count=gruebler_count(mechanism),
         rows=len(unit),
-        rank=rank(unit),
-        rank_along=_rank_along(mechanism, configuration, apart, free),
+        rank=rank,
         freedoms=free.shape[1],
-        parts=motion_parts(mechanism, unit, free),
-        redundant=redundant_rows(unit, _row_names(rows)),
-        contradictions=contradictions,
-        longer={name: (longer[name], sigma) for name, sigma in mechanism.lengths.items()},
+        as_a_whole=as_a_whole,
+        untouched=untouched,
+        within_loops=free.shape[1] - as_a_whole - sum(untouched.values()),
+        coupled={name: _partners(projector, columns, name) for name in leading if name not in stuck},
+        stuck=stuck,
+        redundant={name: count for name, count in redundant.items() if count},
+        contradictions=_contradictions(mechanism, configuration, left_open),
+        lengths={name: (errors[name], sigma) for name, sigma in mechanism.lengths.items()},
         beyond_limits={
             mechanism.limits.angles.names[angle]: (float(angles[angle]), float(excess[angle]))
             for angle in np.flatnonzero(np.abs(excess) > _NOTICED_RAD)
@@ -152,126 +158,30 @@ def gruebler_count(mechanism: Mechanism) -> GrueblerCount:
     return GrueblerCount(links, joints, 2 if mechanism.only_upright else 0)
 
 
-def unit_rows(mechanism: Mechanism, rows: Rows) -> Array:
-    """Rows (R, K) in the columns' units, each of length one, those that nothing moves zero; no lengths."""
-    unit = rows.jacobian * mechanism.units
-    lengths = np.linalg.norm(unit, axis=1, keepdims=True)
-    moved = lengths > _UNMOVED * lengths.max(initial=0.0)
-    unit = np.asarray(np.divide(unit, lengths, out=np.zeros_like(unit), where=moved), np.float64)
-    unit[:, mechanism.columns("length")] = 0.0
-    return unit
-
-
-def rank(unit: Array) -> int:
-    """Rank of unit rows (R, K)."""
+def _rank(unit: Array) -> int:
     return int(np.linalg.matrix_rank(unit, tol=_DEPENDENT)) if unit.size else 0
 
 
-def null_space(unit: Array, moving: NDArray[np.intp]) -> Array:
-    """(K, F) orthonormal directions in some columns that unit rows (R, K) leave free."""
-    free = np.zeros((unit.shape[1], len(moving) - rank(unit[:, moving])))
-    directions = np.linalg.svd(unit[:, moving])[2] if len(unit) else np.eye(len(moving))
-    free[moving] = directions[len(moving) - free.shape[1] :].T
-    return free
+def _partners(projector: Array, columns: Mapping[str, Array], joint: str) -> tuple[str, ...]:
+    """Joints that noticeably move with one in its smallest null motions, those that move most first."""
+    motions = projector[:, columns[joint]]
+    shares = {name: float(np.linalg.norm(motions[own])) for name, own in columns.items() if name != joint}
+    least = _NOTICED * max(shares.values(), default=0.0) + np.sqrt(_UNMOVED)
+    return tuple(name for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > least)
 
 
-def redundant_rows(unit: Array, names: list[str]) -> dict[str, tuple[str, ...]]:
-    """Rows of (R, K) that are sums of rows before them -> those."""
-    independent: list[int] = []
-    found = {}
-    for row in range(len(unit)):
-        if rank(unit[[*independent, row]]) > len(independent):
-            independent.append(row)
-            continue
-        shares = np.abs(np.linalg.lstsq(unit[independent].T, unit[row], rcond=_DEPENDENT)[0])
-        chosen = np.flatnonzero(shares > _COMPANION * shares.max(initial=0.0))
-        found[names[row]] = tuple(names[independent[other]] for other in chosen)
-    return found
-
-
-def motion_parts(mechanism: Mechanism, unit: Array, free: Array) -> MotionParts:
-    """Take the null space (K, F) of unit rows (R, K) apart."""
-    equipment = mechanism.equipment
-    own = [joint.name for joint in equipment.joints] if equipment else []
-    columns = {str(name): mechanism.columns("place", "joint", names=[name]) for name in dict.fromkeys(mechanism.names)}
-    columns = {name: of_joint for name, of_joint in columns.items() if len(of_joint)}
-    joints = [name for name, of_joint in columns.items() if mechanism.kinds[of_joint[0]] == "joint" or name in own]
-    untouched = {n: len(columns[n]) for n in joints if np.abs(unit[:, columns[n]]).max(initial=0.0) < _UNMOVED}
-    leading = [name for name in joints if name in own and name not in untouched]
-    concerned = [name for name in columns if name not in untouched and name not in leading]
-    root = np.arange(6)
-    whole = null_space(unit, root)
-    if whole.shape[1] < 6 and equipment is not None:
-        # Where the machine stands, its place beside the body is that of the body in the world.
-        concerned.remove(equipment.name)
-    led, stuck, rest = [], [], _across(free, whole)
-    for name in leading:
-        if np.linalg.norm(rest[columns[name]]) < _MOVES and np.linalg.norm(free[columns[name]]) < _MOVES:
-            stuck.append(name)
-        motions = []
-        for column in columns[name]:
-            # The projection of a unit vector is the least motion with it; what is across of that leaves it alone.
-            motion = rest @ rest[column]
-            if motion[column] > _MOVES**2:
-                motions.append(motion / np.linalg.norm(motion[columns[name]]))
-                rest = _across(rest, motion[:, None])
-        if motions:
-            others = {other: columns[other] for other in (*leading, *concerned) if other != name}
-            led.append(NullMotion(name, len(motions), _shares(np.stack(motions), others)))
-    return MotionParts(
-        as_a_whole=whole.shape[1],
-        untouched=untouched,
-        led=tuple(led),
-        stuck=tuple(stuck),
-        others=rest.shape[1] - sum(untouched.values()),
-        of_others=tuple(name for name in concerned if np.linalg.norm(rest[columns[name]]) > _MOVES),
-    )
-
-
-def _shares(motions: Array, columns: Mapping[str, NDArray[np.intp]]) -> dict[str, float]:
-    """How much joints move at most in motions (M, K), those that do so noticeably, the most first."""
-    shares = {name: float(np.linalg.norm(motions[:, own], axis=1).max()) for name, own in columns.items()}
-    least = max(_NOTICED * max(shares.values(), default=0.0), _MOVES)
-    return {name: share for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > least}
-
-
-def _across(free: Array, directions: Array) -> Array:
-    """Orthonormal directions of a space (K, F) across some of its own (K, N)."""
-    across: Array = free @ null_space(directions.T @ free, np.arange(free.shape[1]))
-    return across
-
-
-def _rank_along(
-    mechanism: Mechanism, start: Configuration, apart: tuple[str, ...], free: Array
-) -> tuple[int, int] | None:
-    """Least and greatest rank on some paths through what the constraints permit."""
-    random = np.random.default_rng(1)
-    moving, ground = mechanism.columns("place", "joint"), mechanism.poses(start)
+def _contradictions(mechanism: Mechanism, start: Configuration, left_open: set[str]) -> tuple[Contradiction, ...]:
+    if not left_open:
+        return ()
+    stretched = solve(mechanism, start, weak=left_open)[0]
     found = []
-    for _ in range(_PATHS if free.shape[1] else 0):
-        configuration, direction = start, np.asarray(random.normal(size=len(free)))
-        for _ in range(_STEPS):
-            unit = unit_rows(mechanism, mechanism.constraints(configuration, apart, ground))
-            found.append(rank(unit))
-            across = null_space(unit, moving)
-            direction = across @ (across.T @ direction)
-            direction = direction / np.abs(direction).max()
-            configuration = mechanism.moved(configuration, _STEP * mechanism.units * direction)
-            configuration = projected(mechanism, configuration, moving, apart, ground)
-            left = mechanism.constraints(configuration, apart, ground).residuals
-            if np.abs(left).max(initial=0.0) > _STILL_CLOSED:
-                break  # at the end of its reach
-    return (min(found), max(found)) if found else None
-
-
-def _row_names(rows: Rows) -> list[str]:
-    """A name for each row, such as "binding_left: place, up", by the direction that it is nearest to."""
-    names = [""] * len(rows.owners)
-    for owner in dict.fromkeys(rows.owners):
-        for turn, text in ((True, "turn about"), (False, "place,")):
-            own = np.flatnonzero((np.array(rows.owners) == owner) & (rows.turns == turn))
-            # A different word for each row, the nearest on the whole.
-            _, words = linear_sum_assignment(-np.abs(rows.directions[own]))
-            for row, word in zip(own, words, strict=True):
-                names[row] = f"{owner}: {text} {_DIRECTIONS[word]}"
-    return names
+    for name in sorted(left_open):
+        against = []
+        for other in mechanism.loops:
+            without = (left_open - {name}) | {other}
+            if other not in left_open:
+                tried = solve(mechanism, stretched, without=without)[0]
+                if mechanism.open_loops(tried) <= without:
+                    against.append(other)
+        found.append(Contradiction(name, *mechanism.gap(stretched, name), tuple(against)))
+    return tuple(found)

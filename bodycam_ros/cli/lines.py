@@ -12,8 +12,7 @@ from rich.text import Text
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.body.loop_closing import Contradiction
-from bodycam_ros.body.mobility import Mobility
+from bodycam_ros.body.mobility import Contradiction, Mobility
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.offline.extend import OnProgress
@@ -186,37 +185,33 @@ def _counts(found: Mobility, body: BodyModel, equipment: Equipment | None) -> It
         f"= {count.freedoms} freedoms"
     )
     if found.rows:
-        low, high = found.rank_along or (None, None)
-        along = "" if low is None else f"; along motions {low}" if low == high else f"; along motions {low} to {high}"
-        yield f"loops and ground: {found.rows} rows, {found.rank} of them independent{along}"
-    whole = f", {found.parts.as_a_whole} of them of all together in the world" if found.parts.as_a_whole else ""
+        yield f"loops and ground: {found.rows} rows, {found.rank} of them independent"
+    whole = f", {found.as_a_whole} of them of all together in the world" if found.as_a_whole else ""
     yield f"in truth: {found.freedoms} freedoms{' without what contradicts' if found.contradictions else ''}{whole}"
 
 
 def _motions(found: Mobility) -> Table:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("what moves")
-    table.add_column("freedoms", justify="right")
-    table.add_column("what moves with it, the most first", overflow="fold")
-    for motion in found.parts.led:
-        joints = ", ".join(motion.with_joints)
-        table.add_row(Text(motion.joint), str(motion.freedoms), Text(joints))
-    parts = found.parts
-    if parts.others:
-        table.add_row("else, within the loops", str(parts.others), Text(", ".join(parts.of_others)))
-    if parts.untouched:
-        table.add_row("each on its own", str(sum(parts.untouched.values())), Text(", ".join(parts.untouched)))
-    if parts.as_a_whole:
-        table.add_row("all together", str(parts.as_a_whole), Text("in the world"))
+    table.add_column("degrees of freedom")
+    table.add_column("", justify="right")
+    table.add_column("joints, the largest motion first", overflow="fold")
+    if found.as_a_whole:
+        table.add_row("all together", str(found.as_a_whole), Text("in the world"))
+    if found.untouched:
+        table.add_row("each on its own", str(sum(found.untouched.values())), Text(", ".join(found.untouched)))
+    if found.within_loops:
+        table.add_row("within the loops", str(found.within_loops), "")
+    for joint, others in found.coupled.items():
+        table.add_row(Text(f"  {joint} moves"), "", Text(", ".join(others)))
     return table
 
 
 def _remarks(found: Mobility) -> Iterator[str]:
-    for joint in found.parts.stuck:
+    for joint in found.stuck:
         yield f"cannot move: {joint}"
-    for row, same in found.redundant.items():
-        yield f"said twice: {row}; so do {', '.join(same)}"
-    for name, (longer, sigma) in found.longer.items():
+    for name, rows in found.redundant.items():
+        yield f"redundant: {rows} rows of {name} follow from the others"
+    for name, (longer, sigma) in found.lengths.items():
         given = 1e3 * sigma
         said = (
             f"estimated: {name}, which may be {given[0]:.0f}, {given[1]:.0f}, {given[2]:.0f} mm from where it is said"

@@ -15,8 +15,7 @@ from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_yaml import read_equipment, supplied_equipment
-from bodycam_ros.body.loop_closing import closed_configuration, projected
-from bodycam_ros.body.mechanism import Mechanism
+from bodycam_ros.body.mechanism import Mechanism, close_loops, project
 from bodycam_ros.body.urdf import optical_frame, urdf_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.cli.main import main
@@ -185,8 +184,8 @@ def held(name: str) -> tuple[BodyModel, Poses]:
     """A body that holds supplied equipment whose lengths are those of the file: as one, and poses that close all."""
     equipment = known(read_equipment(name))
     mechanism = Mechanism(BODY, equipment)
-    start, _ = closed_configuration(mechanism)
-    return mechanism.body, mechanism.poses(projected(mechanism, start, mechanism.columns("place", "joint")))
+    start, _ = close_loops(mechanism)
+    return mechanism.body, mechanism.poses(project(mechanism, start, mechanism.moving))
 
 
 def known(equipment: Equipment) -> Equipment:

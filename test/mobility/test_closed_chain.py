@@ -5,8 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.loop_closing import projected
-from bodycam_ros.body.mechanism import Configuration, Mechanism
+from bodycam_ros.body.mechanism import Configuration, Mechanism, project
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 
@@ -63,9 +62,10 @@ def end_by_two_turns(theta_1: float, theta_2: float) -> Array:
 def closed_at(mechanism: Mechanism, theta_1: float, near: tuple[float, float]) -> Configuration:
     """The chain with the first angle given, closed by the other two from a guess of them."""
     guess = np.zeros(mechanism.tangent.count)
-    guess[mechanism.columns("joint")] = theta_1, *near
-    others = mechanism.columns("joint", names=["theta_2", "crank"])
-    return projected(mechanism, mechanism.moved(mechanism.resting(), guess), others)
+    own = [mechanism.columns[name][0] for name in ("theta_1", "theta_2", "crank")]
+    guess[own] = theta_1, *near
+    others = np.array(own[1:])
+    return project(mechanism, mechanism.moved(mechanism.resting(), guess), others)
 
 
 @pytest.mark.parametrize("theta_1", np.concatenate([np.linspace(-0.84, -0.05, 12), np.linspace(0.05, 0.84, 12)]))

@@ -7,8 +7,7 @@ from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Attachment
-from bodycam_ros.body.loop_closing import closed_configuration, projected
-from bodycam_ros.body.mechanism import Mechanism
+from bodycam_ros.body.mechanism import Mechanism, close_loops, project
 from bodycam_ros.body.mobility import Mobility, mobility
 from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint
@@ -34,13 +33,10 @@ def test_a_plane_ring_moves_though_gruebler_says_that_it_cannot() -> None:
     # B eq. 9 in space: 6 x 4 - 4 x 5 = 4, of which 6 would be of all together; in truth the ring has one besides.
     found = mobility(four_bar())
     assert found.count.freedoms == 4
-    assert (found.freedoms, found.parts.as_a_whole, found.parts.others) == (7, 6, 1)
-    assert found.parts.of_others == ("a", "b", "c")
-    assert (found.rows, found.rank, found.rank_along) == (5, 2, (2, 2))
-    # Of the ring's rows those remain that its plane does not say: two places.
-    assert len(found.redundant) == 3
-    assert all(name.startswith("d: ") for name in found.redundant)
-    assert "d: place, up" in found.redundant
+    assert (found.freedoms, found.as_a_whole, found.within_loops) == (7, 6, 1)
+    assert not found.untouched
+    assert (found.rows, found.rank) == (5, 2)
+    assert found.redundant == {"d": 3}
     assert not found.contradictions
 
 
@@ -60,24 +56,22 @@ def test_what_an_athlete_holds_takes_the_freedoms_that_gruebler_counts(
     holds = {"rider": snowboard, "lifter": barbell}
     found = mobility(BODY, holds[athlete]()) if athlete in holds else ridden
     assert found.count.freedoms == found.freedoms == freedoms
-    assert found.parts.as_a_whole == as_a_whole
-    assert found.rows == found.rank == found.rank_along[0] == found.rank_along[1]
-    assert not found.redundant and not found.contradictions and not found.parts.stuck
-    assert freedoms == told(found)
+    assert found.as_a_whole == as_a_whole
+    assert found.rows == found.rank
+    assert not found.redundant and not found.contradictions and not found.stuck
+    assert freedoms == found.as_a_whole + sum(found.untouched.values()) + found.within_loops
 
 
-def told(found: Mobility) -> int:
-    """All freedoms that are told of."""
-    parts = found.parts
-    led = sum(motion.freedoms for motion in parts.led)
-    return parts.as_a_whole + led + parts.others + sum(parts.untouched.values())
+def test_a_crank_moves_the_legs_and_leaves_the_arms(ridden: Mobility) -> None:
+    assert {"hip_left", "knee_right"} <= set(ridden.coupled["crank_axle"])
+    assert "neck" in ridden.untouched and "neck" not in ridden.coupled["crank_axle"]
 
 
 def test_null_motions_keep_the_loops_closed() -> None:
     mechanism = Mechanism(BODY, bicycle())
-    columns = mechanism.columns("place", "joint")
-    configuration = projected(mechanism, closed_configuration(mechanism)[0], columns)
-    rows = mechanism.constraints(configuration, ground=mechanism.poses(configuration))
+    columns = mechanism.moving
+    configuration = project(mechanism, close_loops(mechanism)[0], columns)
+    rows = mechanism.constraints(configuration, ground=True)
     np.testing.assert_allclose(rows.residuals, 0.0, atol=1e-9)
     free = np.linalg.svd(rows.jacobian[:, columns])[2][rows.jacobian.shape[0] :]
     step = np.zeros(mechanism.tangent.count)
@@ -98,5 +92,5 @@ def test_a_crank_that_is_held_cannot_move() -> None:
         for segment in ("frame", "crank")
     ]
     found = mobility(BODY, replace(bike, attachments=tuple(held)))
-    assert "crank_axle" in found.parts.stuck
-    assert "spindle_left" not in found.parts.stuck
+    assert "crank_axle" in found.stuck
+    assert "spindle_left" not in found.stuck
