@@ -99,12 +99,12 @@ class Mechanism:
         self.tangent = TreeTangent(self.tree, GIVES_M)
         self.limits = JointLimits(self.tree)
         self.loops = {joint.name.removesuffix(" loop"): joint for joint in self.tree.loop_joints}
-        slides = [np.repeat([False, True], 3)]
-        self.columns = {self.body.root: np.arange(6)}
+        slides: list[NDArray[np.bool_]] = [np.repeat([False, True], 3)]
+        self.columns: dict[str, NDArray[np.intp]] = {self.body.root: np.arange(6)}
         for joint, xi, own in zip(self.tree.tree_joints, self.tangent.twists, self.tangent.columns, strict=True):
-            slides.append(xi[3:].any(axis=0))
-            is_length = slides[-1] & (joint.name in self.lengths)
-            self.columns[joint.name] = np.arange(own.start, own.stop)[~is_length]
+            slides.append(np.asarray(xi[3:].any(axis=0)))
+            columns = np.arange(own.start, own.stop)
+            self.columns[joint.name] = columns[~slides[-1]] if joint.name in self.lengths else columns
         self.units = np.where(np.concatenate(slides), _LIMB_M, 1.0)
         self._fixed = {*self.lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
 

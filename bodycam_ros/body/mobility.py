@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from bodycam_ros.body.body_model import BodyModel
@@ -162,7 +163,7 @@ def _rank(unit: Array) -> int:
     return int(np.linalg.matrix_rank(unit, tol=_DEPENDENT)) if unit.size else 0
 
 
-def _partners(projector: Array, columns: Mapping[str, Array], joint: str) -> tuple[str, ...]:
+def _partners(projector: Array, columns: Mapping[str, NDArray[np.intp]], joint: str) -> tuple[str, ...]:
     """Joints that noticeably move with one in its smallest null motions, those that move most first."""
     motions = projector[:, columns[joint]]
     shares = {name: float(np.linalg.norm(motions[own])) for name, own in columns.items() if name != joint}
