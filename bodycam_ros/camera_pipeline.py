@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.mapping.growing_map import GrowingMap
-from bodycam_ros.mapping.worn_keyframe import KeyframeChoice, WornKeyframe, worn_keyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
+from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
@@ -48,7 +48,7 @@ class CameraPipeline:
         reference_map: what its tracker finds landmarks by.
         settings: of all stages.
         readout: as of ``registrar``.
-        growing_map: what it is registered in, if not that map; the same with room for more landmarks.
+        extendable_map: what it is registered in, if not that map; the same with room for more landmarks.
     """
 
     def __init__(
@@ -57,16 +57,15 @@ class CameraPipeline:
         reference_map: ReferenceMap,
         settings: PipelineSettings,
         readout: Readout | None = None,
-        growing_map: GrowingMap | None = None,
+        extendable_map: ExtendableMap | None = None,
     ) -> None:
-        self._camera = camera
         self._tracker = landmark_tracker(camera, reference_map, settings, readout)
-        self._registrar = registrar(camera, growing_map or reference_map, settings, readout)
-        self._keyframes = None if growing_map is None else KeyframeChoice(camera, settings.growth)
+        self._registrar = registrar(camera, extendable_map or reference_map, settings, readout)
+        self._keyframes = None if extendable_map is None else KeyframeSelection(camera)
 
     def process(
         self, image: NDArray[np.uint8], stamp_ns: int
-    ) -> tuple[TrackFrame, LandmarkMatches, WornKeyframe | None]:
+    ) -> tuple[TrackFrame, LandmarkMatches, BodyKeyframe | None]:
         """Track and register the next image (H, W); what the map may grow by, if it is a keyframe.
 
         Raises:
@@ -77,9 +76,7 @@ class CameraPipeline:
         self._tracker.hear(matches)
         if self._keyframes is None:
             return tracks, matches, None
-        keyframe = worn_keyframe(self._camera, tracks, matches) if tracks.keyframe else None
-        if keyframe is not None:
-            self._keyframes.taken(matches)
-        elif self._keyframes.is_due(matches):
+        keyframe = self._keyframes.take_keyframe(tracks, matches)
+        if keyframe is None and self._keyframes.is_due(matches):
             self._tracker.want_keyframe()
         return tracks, matches, keyframe

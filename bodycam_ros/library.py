@@ -22,7 +22,7 @@ from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodyError
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import known_readouts
-from bodycam_ros.offline.growth_epochs import Growth, GrowthOfAll, GrowthOfOne
+from bodycam_ros.offline.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -102,12 +102,14 @@ def _solved(
     prepare_kernels()
     settings = settings or PipelineSettings()
     skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment)
-    told: deque[Growth] = deque()
-    growth = GrowthOfAll(reference_map, cameras, settings.growth, told.append) if settings.growth.enabled else None
-    grown = GrowthOfOne(reference_map, settings.growth, told.popleft) if growth else None
+    source = replica = None
+    if settings.growth.enabled:
+        sent: deque[MapUpdate] = deque()
+        source = MapUpdateSource(reference_map, cameras, settings.growth.capacity, sent.append)
+        replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
     pipelines = {
         camera: CameraPipeline(
-            model, reference_map, settings, readouts.get(camera), None if grown is None else grown.map
+            model, reference_map, settings, readouts.get(camera), None if replica is None else replica.map
         )
         for camera, model in cameras.items()
         if camera in body.mounts
@@ -115,11 +117,11 @@ def _solved(
     for image in images:
         if image.camera not in pipelines:
             continue
-        if growth is not None and grown is not None:
-            growth.reach(image.stamp_ns)
-            grown.catch_up(image.stamp_ns)
+        if source is not None and replica is not None:
+            source.advance(image.stamp_ns)
+            replica.advance(image.stamp_ns)
         _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
-        if growth is not None:
-            growth.hear(matches, keyframe)
+        if source is not None:
+            source.add(matches, keyframe)
         yield from skeleton.add(matches)
     yield from skeleton.flush()

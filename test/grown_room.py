@@ -10,7 +10,7 @@ from rolling_camera import map_of, wide_camera
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -72,7 +72,7 @@ def keyframe(
     descriptors: NDArray[np.uint8],
     random: np.random.Generator,
     noise_px: float = 0.3,
-) -> WornKeyframe:
+) -> BodyKeyframe:
     """What a camera makes keyframes of: the points before it, where it sees them, and what they look like."""
     points_camera = transform_points(inverse(world_T_camera), points_world)
     pixels, valid = CAMERA.project(points_camera)
@@ -82,7 +82,7 @@ def keyframe(
     bearings, in_view = CAMERA.unproject(pixels[seen] + noise_px * random.normal(size=(len(seen), 2)))
     seen, bearings = seen[in_view], bearings[in_view]
     looks = descriptors[seen].astype(np.int64) + random.integers(-3, 4, (len(seen), DESCRIPTOR_LENGTH))
-    return WornKeyframe(
+    return BodyKeyframe(
         camera=camera,
         stamp_ns=stamp_ns,
         world_T_camera=world_T_camera,
@@ -97,7 +97,7 @@ def keyframe(
 
 def walk(
     points_world: Array, descriptors: NDArray[np.uint8], frames: int, random: np.random.Generator, noise_px: float = 0.3
-) -> Iterator[WornKeyframe]:
+) -> Iterator[BodyKeyframe]:
     """The keyframes of all cameras, in order of time; those of an instant have one stamp."""
     for number in range(frames):
         for row, camera in enumerate(CAMERAS):
@@ -105,7 +105,7 @@ def walk(
             yield keyframe(camera, stamp_ns, walked(row, number), points_world, descriptors, random, noise_px)
 
 
-def named(one: WornKeyframe, grown_map: ReferenceMap) -> WornKeyframe:
+def named(one: BodyKeyframe, grown_map: ReferenceMap) -> BodyKeyframe:
     """The keyframe with the landmarks that its features show, as a registrar names them."""
     pixels, _ = CAMERA.project(one.bearings)
     matching = MatchingSettings()
@@ -118,7 +118,7 @@ def named(one: WornKeyframe, grown_map: ReferenceMap) -> WornKeyframe:
     return replace(one, landmark_ids=ids)
 
 
-def matches_of(one: WornKeyframe, grown_map: ReferenceMap) -> LandmarkMatches:
+def matches_of(one: BodyKeyframe, grown_map: ReferenceMap) -> LandmarkMatches:
     """What the registrar says of the landmarks that a keyframe shows."""
     shown = np.flatnonzero(one.landmark_ids != NO_LANDMARK)
     rows, _ = grown_map.rows_of(one.landmark_ids[shown])

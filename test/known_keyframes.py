@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import inverse, rigid, transform_points
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
@@ -110,14 +110,14 @@ def tracks(
 
 def keyframes(
     camera: CameraModel, points: NDArray[np.float64], count: int = 4, start: int = 0, seed: int = 7
-) -> list[WornKeyframe]:
+) -> list[BodyKeyframe]:
     """Of that camera, which names nothing that it sees."""
     made = []
     for number in range(start, start + count):
         world_T_camera = place(number)
         seen = transform_points(inverse(world_T_camera), points)
         made.append(
-            WornKeyframe(
+            BodyKeyframe(
                 camera=camera.name,
                 stamp_ns=number * FRAME_NS + FRAME_NS,
                 world_T_camera=world_T_camera,

@@ -83,8 +83,8 @@ def shown_steps(bars: Progress) -> OnProgress:
 
 def print_rounds(rounds: Sequence[ExtensionRound]) -> None:
     """Share of registered images per camera and round."""
-    heads = [f"{number + 1} {'back' if one.backwards else 'forth'}" for number, one in enumerate(rounds)]
-    table = Table("camera", *heads, title="registered by then [%]")
+    heads = [f"round {number + 1}" for number in range(len(rounds))]
+    table = Table("camera", *heads, title="images registered [%]")
     for camera in sorted(rounds[0].shares):
         table.add_row(camera, *[f"{100 * one.shares[camera]:.1f}" for one in rounds])
     table.add_row("all", *[f"{100 * one.share:.1f}" for one in rounds], style="bold")

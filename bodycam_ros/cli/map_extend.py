@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.progress import ToldProgress
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
     from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
-    from bodycam_ros.offline.extend import MapExtension
+    from bodycam_ros.offline.extend import extend_map
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.plots.rounds_picture import draw_rounds
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
@@ -45,8 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Terminal(stderr=True), disable=arguments.tell) as bars:
         on_progress = told.tell if told else shown_steps(bars)
-        extension = MapExtension(arguments.recording, arguments.map, settings, arguments.jobs, on_progress=on_progress)
-        extended = extension.run()
+        extension = extend_map(arguments.recording, arguments.map, settings, arguments.jobs, on_progress=on_progress)
+    extended = extension.reference_map
     with nullcontext(told) if told else shown_progress() as progress:
         coverage = measure_coverage(extended, CoverageSettings(), progress)
     extended = with_coverage(extended, coverage)
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     print_rounds(extension.rounds)
     Terminal().print("\n".join(coverage_lines(coverage, extended)), soft_wrap=True)
     Terminal().print(
-        f"{extended.grown} landmarks by worn cameras and {settled} as before, {len(extended.image_names)} pictures; "
+        f"{extended.grown} landmarks added by body cameras to {settled}, {len(extended.image_names)} pictures; "
         f"written to {arguments.output}, drawn in {arguments.output / _PICTURE}",
         soft_wrap=True,
     )

@@ -16,7 +16,6 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.growth_settings import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import OutsideInput
 
@@ -57,8 +56,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=positive,
         default=1,
         metavar="N",
-        help="passes over the recording: all but the last register its cameras and let the map grow by what they saw, "
-        "forwards and backwards in turn (default: 1; 3 where the map shows a part of the place)",
+        help="passes over the recording: all but the last register its cameras and add the landmarks that they see to "
+        "a copy of the map (default: 1; 3 where the map shows a part of the place)",
     )
     parser.add_argument(
         "--slim",
@@ -75,8 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.lines import shown_steps
     from bodycam_ros.cli.tables import exit_code
     from bodycam_ros.lens.recorded_lens import other_lenses
-    from bodycam_ros.offline.extend import replay_in_passes
     from bodycam_ros.offline.measure_body import doubted_cameras
+    from bodycam_ros.offline.replay import replay
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
 
@@ -99,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
                 progress.start_task(task)
             progress.update(task, completed=seconds, visible=True)
 
-        summary, rounds = replay_in_passes(
+        summary = replay(
             arguments.recording,
             arguments.map,
             arguments.body,
@@ -116,17 +115,17 @@ def run(arguments: argparse.Namespace) -> int:
         )
     lenses = other_lenses(arguments.recording, doubted_cameras(summary))
     remarks = (*summary.remarks, *(match.text for match in lenses))
-    _report(summary, rounds, remarks, arguments.output)
+    _report(summary, remarks, arguments.output)
     return exit_code(summary.verdict)
 
 
-def _report(summary: "ReplaySummary", rounds: "Sequence[ExtensionRound]", remarks: Sequence[str], output: Path) -> None:
+def _report(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> None:
     from bodycam_ros.cli.lines import print_clocks, print_rounds
     from bodycam_ros.cli.tables import equipment_tables, print_verdict
     from bodycam_ros.evaluate.equipment_figures import equipment_figures
 
-    if rounds:
-        print_rounds(rounds)
+    if summary.rounds:
+        print_rounds(summary.rounds)
     Terminal().print(_table(summary))
     if summary.equipment is not None:
         wide = widened(Terminal())

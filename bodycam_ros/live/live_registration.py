@@ -12,8 +12,8 @@ from bodycam_ros.camera_pipeline import registrar
 from bodycam_ros.errors import BodycamError, SettingsError
 from bodycam_ros.live.flow_of_frames import MissedFrames, Skipped
 from bodycam_ros.live.solver_health import KnownCameras
-from bodycam_ros.mapping.growing_map import GrownLandmarks, load_growth
-from bodycam_ros.mapping.live_growth import LiveGrowth
+from bodycam_ros.mapping.extendable_map import AddedLandmarks, load_added_landmarks
+from bodycam_ros.mapping.live_mapper import LiveMapper
 from bodycam_ros.messages.health import Health, HealthLevel, RegistrationHealth, few
 from bodycam_ros.messages.timing import SaidTiming
 from bodycam_ros.output_place import check_output
@@ -41,7 +41,7 @@ class KeptMap:
 
     def __init__(
         self,
-        growth: LiveGrowth,
+        growth: LiveMapper,
         reference_map: ReferenceMap,
         map_path: Path,
         path: Path | None,
@@ -64,17 +64,17 @@ class KeptMap:
     def health(self) -> Health:
         """What has grown, and whether it is kept."""
         values: dict[str, object] = {
-            "growing": self._growth.is_on,
+            "growing": self._growth.enabled,
             "landmarks grown": self._growth.landmarks,
             "keyframes kept": self._growth.keyframes,
-            "keyframes left out": self._growth.left_out,
+            "keyframes left out": self._growth.dropped,
             "kept in": self._path or "nowhere",
         }
         if self._path is not None:
             values["changes not saved"] = self._growth.changes - self._saved_changes
         if self._failure:
             return Health("grown map", HealthLevel.WARN, self._failure, values)
-        return Health("grown map", HealthLevel.OK, "growing" if self._growth.is_on else "stays as it is", values)
+        return Health("grown map", HealthLevel.OK, "growing" if self._growth.enabled else "stays as it is", values)
 
     def save(self) -> str:
         """Save it now.
@@ -89,8 +89,8 @@ class KeptMap:
 
     def load(self) -> str:
         """Go on from what is kept; raises BodycamError."""
-        grown: GrownLandmarks = load_growth(self._folder(), self._reference_map, self._map_path)
-        there = self._growth.go_on_from(grown)
+        grown: AddedLandmarks = load_added_landmarks(self._folder(), self._reference_map, self._map_path)
+        there = self._growth.restore(grown)
         if left_out := len(grown.slots) - there:
             return (
                 f"{there} of {len(grown.slots)} landmarks loaded from {self._path}; there is no room for the other "
@@ -101,14 +101,14 @@ class KeptMap:
 
     def reset(self) -> str:
         """Drop what has grown; raises BodycamError."""
-        dropped = self._growth.forget()
+        dropped = self._growth.clear()
         if self._path is not None:
             self.save()  # what was dropped must not come back after a crash
         return f"{dropped} landmarks dropped"
 
     def grow(self, is_on: bool) -> str:
         """Let it grow, or not."""
-        self._growth.is_on = is_on
+        self._growth.enabled = is_on
         return "the map grows" if is_on else "the map stays as it is"
 
     def look(self, save_interval_s: float) -> None:
@@ -142,7 +142,7 @@ class KeptMap:
 
     def _writes(self) -> Callable[[], int]:
         """What writes the map as it is now, and returns the number of changes that it holds."""
-        path, changes, settled = self._folder(), self._growth.changes, self._growth.map.settled()
+        path, changes, settled = self._folder(), self._growth.changes, self._growth.map.compact()
 
         def write() -> int:
             settled.save(path, force=True)
@@ -187,7 +187,7 @@ class LiveRegistration:
         soon: Callable[[Callable[[], None]], None],
     ) -> None:
         self._settings, self._skipped, self._want_keyframe = settings, skipped, want_keyframe
-        self.growth = LiveGrowth(reference_map, settings().growth, want_keyframe, soon)
+        self.growth = LiveMapper(reference_map, settings().growth, want_keyframe, soon)
         self.kept = KeptMap(self.growth, reference_map, map_path, kept_path, on_error)
         self._landmarks = len(reference_map.landmark_ids)
         self._models: dict[str, CameraModel] = {}
@@ -249,7 +249,7 @@ class LiveRegistration:
             self._want_keyframe(camera)
         matches = self._registrars[camera].register(frame)
         self._health.add(matches)
-        self.growth.hear(frame, matches)
+        self.growth.update(frame, matches)
         self._frames += 1
         self._work_s += time.monotonic() - started_s
         return matches
@@ -292,5 +292,5 @@ class LiveRegistration:
         """Nothing is known of the camera's tracks."""
         known, model = best_known(*self._readouts[camera].values()), self._models[camera]
         self._registrars[camera] = registrar(model, self.growth.map, self._settings(), known)
-        self.growth.begin(camera, model)
+        self.growth.start_camera(camera, model)
         self._described.discard(camera)

@@ -95,7 +95,7 @@ def build_map(
         advance()
     kept = None
     if settings.kept.keep:
-        kept = small_photographs(photographs.folder, structure, settings.kept, workers, timed)
+        kept = small_photographs(photographs.folder, structure, workers, timed)
     registrations = registration_table([image.name for image in features], structure, tags)
     residual, map_R_board = (None, None) if alignment is None else (alignment.residual, alignment.map_R_board)
     reference_map = ReferenceMap(

@@ -9,7 +9,7 @@ from bodycam_ros.mapping.epipolar_matching import EpipolarSettings
 from bodycam_ros.mapping.features import FeatureSettings, PairSettings
 from bodycam_ros.mapping.frame_choice import FrameChoiceSettings
 from bodycam_ros.mapping.known_distance import KnownDistanceSettings
-from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.mapping.small_photographs import KeptPhotographSettings
 from bodycam_ros.mapping.structure import DescriptorSettings
 from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings
 from bodycam_ros.settings import SettingsGroups, setting
@@ -57,7 +57,7 @@ class MapSettings(SettingsGroups):
     epipolar: EpipolarSettings = EpipolarSettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     descriptors: DescriptorSettings = DescriptorSettings()
-    kept: SmallPhotographSettings = SmallPhotographSettings()
+    kept: KeptPhotographSettings = KeptPhotographSettings()
     tags: TagSettings = TagSettings()
     alignment: AlignmentSettings = AlignmentSettings()
     coverage: CoverageSettings = CoverageSettings()

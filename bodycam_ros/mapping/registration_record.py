@@ -1,29 +1,33 @@
-"""Where the cameras of a recording were registered, and by which of their images the map should grow."""
+"""Poses of all registered images of a recording, and the choice of those that extend the map."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.mapping.growth_settings import ExtensionSettings, GrowthSettings
-from bodycam_ros.mapping.worn_keyframe import KeyframeChoice, has_moved
+from bodycam_ros.mapping.body_keyframe import KeyframeSelection, has_moved
+from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+_MAX_COVERED = 0.8  # share of the view with landmarks of the photographs, from which on an image adds none
+_MAX_SIGMA_M = 0.02  # of a keyframe's position
+_MAX_KEYFRAMES = 300  # of all cameras: each costs 30 kB in the map and a tenth of a second in a round
 
 
 @dataclass(frozen=True)
 class RegisteredImagePose:
-    """Where a camera was when it took an image.
+    """The pose of a camera at an image.
 
     Attributes:
         stamp_ns: of the image [ns].
         world_T_camera: (4, 4).
         position_sigma: [m].
         turning: (3,) angular velocity, in camera axes [rad/s].
-        readout_time: of the rows [s]; 0 where it was not known.
+        readout_time: of the rows [s]; 0 if unknown.
         coverage: share of the view in which landmarks were found.
-        is_absolute: whether the landmarks that the map had before are enough to register it.
+        is_absolute: whether landmarks of the photographs alone are enough to register it.
     """
 
     stamp_ns: int
@@ -36,93 +40,74 @@ class RegisteredImagePose:
 
 
 class RegistrationRecord:
-    """What became of all images of a recording in one or several rounds; of one image the best counts.
+    """All images of a recording in one or several rounds; of an image's registrations the most certain counts.
 
     Args:
         cameras: models by name.
-        settings: of the growth.
         min_landmarks: that a registration takes.
     """
 
-    def __init__(self, cameras: Mapping[str, CameraModel], settings: GrowthSettings, min_landmarks: int) -> None:
-        self._settings = settings
+    def __init__(self, cameras: Mapping[str, CameraModel], min_landmarks: int) -> None:
         self._min_landmarks = min_landmarks
-        self._views = {name: KeyframeChoice(model, settings) for name, model in cameras.items()}
+        self._views = {name: KeyframeSelection(model) for name, model in cameras.items()}
         self._images: dict[str, set[int]] = {name: set() for name in cameras}
         self._registered: dict[str, dict[int, RegisteredImagePose]] = {name: {} for name in cameras}
 
-    def add(self, matches: LandmarkMatches, stamp_ns: int, backwards: bool) -> None:
-        """What became of an image.
-
-        Args:
-            matches: what the registrar says.
-            stamp_ns: of the image [ns].
-            backwards: whether the registrar's time was mirrored.
-        """
+    def add(self, matches: LandmarkMatches) -> None:
+        """Add the registration of an image."""
+        stamp_ns, registered = matches.stamp_ns, self._registered[matches.camera]
         self._images[matches.camera].add(stamp_ns)
         if matches.world_T_camera is None:
             return
-        direction = -1.0 if backwards else 1.0
-        pose = RegisteredImagePose(
-            stamp_ns=stamp_ns,
-            world_T_camera=matches.world_T_camera,
-            position_sigma=float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:]))),
-            turning=direction * matches.turning,
-            readout_time=direction * (matches.readout.in_use if matches.readout else 0.0),
-            coverage=self._views[matches.camera].coverage(matches),
-            is_absolute=len(matches.landmark_ids) - matches.grown >= self._min_landmarks,
+        position_sigma = float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
+        if stamp_ns not in registered or position_sigma < registered[stamp_ns].position_sigma:
+            registered[stamp_ns] = RegisteredImagePose(
+                stamp_ns=stamp_ns,
+                world_T_camera=matches.world_T_camera,
+                position_sigma=position_sigma,
+                turning=matches.turning,
+                readout_time=matches.readout.in_use if matches.readout else 0.0,
+                coverage=self._views[matches.camera].coverage(matches),
+                is_absolute=len(matches.landmark_ids) - matches.grown >= self._min_landmarks,
+            )
+
+    def summary(self) -> ExtensionRound:
+        """Shares and places of the images that are registered by now."""
+        images = max(1, sum(map(len, self._images.values())))
+        poses = {camera: self._in_order(camera) for camera in self._registered}
+        everywhere = [pose for of_camera in poses.values() for pose in of_camera]
+        return ExtensionRound(
+            shares={camera: len(found) / max(1, len(self._images[camera])) for camera, found in poses.items()},
+            share=len(everywhere) / images,
+            absolute=sum(pose.is_absolute for pose in everywhere) / images,
+            places={
+                camera: np.array([pose.world_T_camera[:3, 3] for pose in found]).reshape(-1, 3)
+                for camera, found in poses.items()
+            },
         )
-        known = self._registered[matches.camera].get(stamp_ns)
-        if known is None or pose.position_sigma < known.position_sigma:
-            self._registered[matches.camera][stamp_ns] = pose
 
-    def share(self, camera: str) -> float:
-        """Share of a camera's images that are registered, 0 to 1."""
-        return len(self._registered[camera]) / max(1, len(self._images[camera]))
-
-    @property
-    def share_of_all(self) -> float:
-        """Share of all images that are registered, 0 to 1."""
-        images = sum(len(stamps) for stamps in self._images.values())
-        return sum(len(poses) for poses in self._registered.values()) / max(1, images)
-
-    @property
-    def absolute_share(self) -> float:
-        """Share of all images that the landmarks of the map as it was are enough for, 0 to 1."""
-        images = sum(len(stamps) for stamps in self._images.values())
-        return sum(p.is_absolute for poses in self._registered.values() for p in poses.values()) / max(1, images)
-
-    def poses(self, camera: str) -> Iterable[RegisteredImagePose]:
-        """The registered images of a camera, in order of time."""
-        registered = self._registered[camera]
-        return [registered[stamp_ns] for stamp_ns in sorted(registered)]
-
-    def places(self, camera: str) -> NDArray[np.float64]:
-        """(N, 3) where the registered images of a camera were taken [m]."""
-        return np.array([pose.world_T_camera[:3, 3] for pose in self.poses(camera)]).reshape(-1, 3)
-
-    def keyframes(self, settings: ExtensionSettings) -> dict[str, list[RegisteredImagePose]]:
-        """Camera -> images from places and sides that differ, which show what the photographs do not."""
-        chosen = {camera: self._spread(camera, settings.covered) for camera in self._registered}
+    def choose_keyframes(self) -> dict[str, list[RegisteredImagePose]]:
+        """Camera -> images from places and directions that differ, which show what the photographs do not."""
+        chosen = {camera: self._spread(camera) for camera in self._registered}
         total = sum(map(len, chosen.values()))
-        if total <= settings.keyframes:
+        if total <= _MAX_KEYFRAMES:
             return chosen
         # Evenly fewer of every camera.
-        return {
-            camera: [poses[row] for row in _evenly(len(poses), settings.keyframes * len(poses) // total)]
-            for camera, poses in chosen.items()
-        }
+        return {camera: _evenly(poses, _MAX_KEYFRAMES * len(poses) // total) for camera, poses in chosen.items()}
 
-    def _spread(self, camera: str, covered: float) -> list[RegisteredImagePose]:
+    def _in_order(self, camera: str) -> list[RegisteredImagePose]:
+        return [pose for _, pose in sorted(self._registered[camera].items())]
+
+    def _spread(self, camera: str) -> list[RegisteredImagePose]:
         chosen: list[RegisteredImagePose] = []
-        for pose in self.poses(camera):
-            if pose.coverage >= covered or pose.position_sigma > self._settings.max_sigma:
+        for pose in self._in_order(camera):
+            if pose.coverage >= _MAX_COVERED or pose.position_sigma > _MAX_SIGMA_M:
                 continue
-            if chosen and not has_moved(chosen[-1].world_T_camera, pose.world_T_camera, self._settings):
-                continue
-            chosen.append(pose)
+            if not chosen or has_moved(chosen[-1].world_T_camera, pose.world_T_camera):
+                chosen.append(pose)
         return chosen
 
 
-def _evenly(count: int, wanted: int) -> list[int]:
-    return np.unique(np.linspace(0, count - 1, max(1, wanted)).round().astype(int)).tolist() if count else []
+def _evenly(poses: list[RegisteredImagePose], wanted: int) -> list[RegisteredImagePose]:
+    rows = np.linspace(0, len(poses) - 1, min(len(poses), max(1, wanted)))
+    return [poses[row] for row in np.unique(rows.round().astype(int)).tolist()]

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,26 +23,29 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
-from bodycam_ros.offline.growth_epochs import Growth, GrowthOfOne
+from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import Recording, images_backwards, open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
 
+logger = logging.getLogger(__name__)
+
+_PR_SET_PDEATHSIG = 1
 _HEAD_START = 0.13
-"""In beats: the first image is well within its beat, and jitter of later stamps does not part the cameras."""
+"""In periods: the first image is well within its period, and jitter of later stamps does not separate the cameras."""
 
 
-class Beat:
-    """Picks the first image of each camera in every beat, which starts with the first image of all.
+class FrameRateLimit:
+    """Selects the first image of each camera in every period; periods start with the first image of all.
 
     Args:
-        max_rate: beats per second [Hz]; infinite to take every image.
+        max_rate: periods per second [Hz]; infinite to select every image.
     """
 
     def __init__(self, max_rate: float) -> None:
@@ -50,7 +54,7 @@ class Beat:
         self._latest: dict[str, int] = {}
 
     def is_due(self, camera: str, stamp_ns: int) -> bool:
-        """Whether a camera's next image is the first in its beat."""
+        """Whether a camera's next image is the first in its period."""
         if math.isinf(self._max_rate):
             return True
         if self._start_ns is None:
@@ -60,9 +64,6 @@ class Beat:
             return False
         self._latest[camera] = number
         return True
-
-
-_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -76,18 +77,18 @@ class SerializedMessage:
 
 @dataclass(frozen=True)
 class RegisteredImage:
-    """What became of one image."""
+    """The registration of one image; ``keyframe`` if the map may be extended by it."""
 
     camera: str
     stamp_ns: int
     matches: LandmarkMatches
     messages: tuple[SerializedMessage, ...]
-    keyframe: WornKeyframe | None = None
+    keyframe: BodyKeyframe | None = None
 
 
 @dataclass(frozen=True)
-class AwaitedGrowth:
-    """The worker has nothing older to say, and goes on when it knows by what the map has grown."""
+class AwaitedUpdate:
+    """The worker has no results before this time, and waits for an update of the map."""
 
     stamp_ns: int
 
@@ -103,7 +104,7 @@ class SkippedImage:
 
 @dataclass(frozen=True)
 class DroppedImages:
-    """Images that were left out unread because their stamps do not increase."""
+    """Images that were not read because their stamps do not increase."""
 
     camera: str
     stamp_ns: int
@@ -112,7 +113,7 @@ class DroppedImages:
 
 @dataclass(frozen=True)
 class LostImages:
-    """Images that the bag says it holds, but that are not in it."""
+    """Images that the bag's metadata counts, but that are not in it."""
 
     camera: str
     stamp_ns: int
@@ -125,6 +126,32 @@ class LostImages:
         )
 
 
+class UnusableImages:
+    """Counts images that could not be used, by camera, and warns of them.
+
+    Attributes:
+        skipped: images that are in the recording.
+        lost: images that are not in it.
+    """
+
+    def __init__(self) -> None:
+        self.skipped: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
+
+    def add(self, item: SkippedImage | DroppedImages | LostImages) -> None:
+        """Count an item, and warn: of images that cannot be decoded only of the first of each camera."""
+        if isinstance(item, LostImages):
+            logger.warning("%s", item)
+            self.lost[item.camera] += item.count
+        elif isinstance(item, DroppedImages):
+            logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, item.count)
+            self.skipped[item.camera] += item.count
+        else:
+            if not self.skipped[item.camera]:
+                logger.warning("%s; it is left out, and so will be others like it", item.reason)
+            self.skipped[item.camera] += 1
+
+
 @dataclass(frozen=True)
 class WorkerFailure:
     """A user's error that ended the worker."""
@@ -133,10 +160,10 @@ class WorkerFailure:
 
 
 Result = RegisteredImage | SkippedImage | DroppedImages | LostImages
-"""What became of an image, or of several."""
+"""The result of an image, or of several."""
 
-WorkerItem = Result | AwaitedGrowth | WorkerFailure | None
-"""What a worker sends; None is its last word."""
+WorkerItem = Result | AwaitedUpdate | WorkerFailure | None
+"""What a worker sends; None is the last item."""
 
 
 @dataclass(frozen=True)
@@ -144,14 +171,12 @@ class RegistrationTask:
     """What is to be registered, and how.
 
     Attributes:
-        recording_path, map_path: where recording and map are.
+        recording_path, map_path: recording and map.
         settings: of the pipeline.
-        max_rate: images per second and camera; of a faster recording those nearest to an even beat [Hz].
-        with_messages: make the messages that a bag keeps of each image.
-        slim: of these none of tracks, and none of the landmarks but the pose by them.
-        backwards: register the last image first. Then time is mirrored: stamps, what comes of them, and the read-out of
-            the rows count from the end; ``mirrored_ns`` turns stamps back.
-        readouts: camera -> how long its rows are read out, where something but the recording knows.
+        max_rate: images per second and camera; of a faster recording those nearest to a regular grid [Hz].
+        with_messages: serialise the messages that a bag keeps of each image.
+        slim: of these no tracks, and of the landmarks the pose alone.
+        readouts: camera -> read-out time, where it is known from elsewhere than the recording.
     """
 
     recording_path: Path
@@ -160,7 +185,6 @@ class RegistrationTask:
     max_rate: float = math.inf
     with_messages: bool = True
     slim: bool = False
-    backwards: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
 
 
@@ -168,7 +192,7 @@ def run_camera_worker(
     task: RegistrationTask,
     cameras: tuple[str, ...],
     outbox: "Queue[WorkerItem]",
-    inbox: "Queue[Growth]",
+    inbox: "Queue[MapUpdate]",
 ) -> None:
     """Entry of the process: register the cameras' images and send the results, ending with None.
 
@@ -176,11 +200,11 @@ def run_camera_worker(
         task: what is to be done.
         cameras: this worker's.
         outbox: for the results.
-        inbox: for what the map has grown by, epoch by epoch.
+        inbox: of updates of the map.
     """
     _end_with_parent()
     bound_inputs()
-    # What there is to warn about goes to the parent, who counts it and says it once.
+    # Warnings are for the parent, which counts them and prints each once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
     try:
@@ -194,10 +218,10 @@ def run_camera_worker(
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent is gone, however that one ended.
+    """End this process as soon as its parent ends, however that happens.
 
     The parent holds the other end of a pipe, which closes even if it is killed. On Linux the kernel is asked as well:
-    it needs no thread of ours to be given time.
+    it needs no thread of ours to be scheduled.
     """
     parent = multiprocessing.parent_process()
     if parent is None:
@@ -214,35 +238,33 @@ def _end_after(sentinel: int) -> None:
 
 
 def register_images(
-    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[Growth]"
-) -> Iterator[Result | AwaitedGrowth]:
+    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate]"
+) -> Iterator[Result | AwaitedUpdate]:
     """Register the images of some cameras in the order in which they were recorded."""
     reference_map = ReferenceMap.load(task.map_path)
-    growth = GrowthOfOne(reference_map, task.settings.growth, inbox.get) if task.settings.growth.enabled else None
+    growth = task.settings.growth
+    replica = MapReplica(reference_map, growth.capacity, inbox.get) if growth.enabled else None
     with open_recording(task.recording_path) as recording:
         pipelines = {
             camera: CameraPipeline(
                 recording.camera_model(camera),
                 reference_map,
                 task.settings,
-                _readout(recording, camera, task),
-                None if growth is None else growth.map,
+                best_known(recording.readout(camera), task.readouts.get(camera)),
+                None if replica is None else replica.map,
             )
             for camera in cameras
         }
-        beat = Beat(task.max_rate)
+        limit = FrameRateLimit(task.max_rate)
         stamp_ns = 0
-        images = images_backwards(recording, cameras) if task.backwards else recording.images(cameras)
-        for image in images:
+        for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
-            if task.backwards:
-                stamp_ns = mirrored_ns(recording.start_ns, recording.duration_s, stamp_ns)
-            if not beat.is_due(image.camera, stamp_ns):
+            if not limit.is_due(image.camera, stamp_ns):
                 continue
-            if growth is not None:
-                if growth.is_behind(stamp_ns):
-                    yield AwaitedGrowth(stamp_ns)
-                growth.catch_up(stamp_ns)
+            if replica is not None:
+                if replica.is_behind(stamp_ns):
+                    yield AwaitedUpdate(stamp_ns)
+                replica.advance(stamp_ns)
             try:
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
@@ -256,16 +278,6 @@ def register_images(
         for camera, count in sorted(recording.lost.items()):
             if count:
                 yield LostImages(camera, stamp_ns, count)
-
-
-def mirrored_ns(start_ns: int, duration_s: float, stamp_ns: int) -> int:
-    """A stamp as it is where a recording's time runs from its end to its start, or one of those as it was [ns]."""
-    return 2 * start_ns + round(1e9 * duration_s) - stamp_ns
-
-
-def _readout(recording: Recording, camera: str, task: RegistrationTask) -> Readout | None:
-    known = best_known(recording.readout(camera), task.readouts.get(camera))
-    return Readout(-known.seconds, known.sigma) if task.backwards and known is not None else known
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:
@@ -288,7 +300,7 @@ def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim:
 
 
 def known_readouts(recording: Recording, body: BodyModel, cameras: Iterable[str]) -> dict[str, Readout]:
-    """Camera -> its read-out time by the body file, hardly known where the recording is in another video mode."""
+    """Camera -> its read-out time in the body file, with a large sigma where the recording is in another video mode."""
     known = {
         camera: body.mounts[camera].readout_in(recording.video_mode(camera))
         for camera in cameras

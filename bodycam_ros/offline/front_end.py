@@ -16,7 +16,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import (
-    AwaitedGrowth,
+    AwaitedUpdate,
     RegisteredImage,
     RegistrationTask,
     Result,
@@ -24,7 +24,7 @@ from bodycam_ros.offline.camera_worker import (
     WorkerItem,
     run_camera_worker,
 )
-from bodycam_ros.offline.growth_epochs import Growth, GrowthOfAll
+from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _QUEUE_LENGTH = 64
@@ -36,7 +36,7 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 
 def warm_up() -> None:
-    """Begin to load what the processes need, while the caller goes on; compile kernels that are not there first."""
+    """Start to load what the processes need, in the background; compile missing kernels first."""
     prepare_kernels()
     context = _context()
     if context.get_start_method() == "forkserver":
@@ -63,35 +63,36 @@ def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel
     shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
     with _workers(task, shares) as workers:
         listening = dict(enumerate(workers))
-        growth = _growth(task, cameras, listening)
+        updates = _update_source(task, cameras, listening)
         pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
         while pending:
             earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
             item = pending.pop(earliest)
-            if growth is not None:
-                growth.reach(item.stamp_ns)
+            if updates is not None:
+                updates.advance(item.stamp_ns)
                 if isinstance(item, RegisteredImage):
-                    growth.hear(item.matches, item.keyframe)
-            if not isinstance(item, AwaitedGrowth):
+                    updates.add(item.matches, item.keyframe)
+            if not isinstance(item, AwaitedUpdate):
                 yield item
             if following := workers[earliest].next_result():
                 pending[earliest] = following
             else:
-                del listening[earliest]  # or what it is told would heap up until the others are done
+                del listening[earliest]  # or its inbox would fill until the others are done
 
 
-def _growth(
+def _update_source(
     task: RegistrationTask, cameras: Mapping[str, CameraModel], listening: Mapping[int, "_Worker"]
-) -> GrowthOfAll | None:
-    """The map that grows by what all workers' cameras see, told to those that listen; None where it should not."""
-    if not task.settings.growth.enabled:
+) -> MapUpdateSource | None:
+    """Extends the map by the images of all workers, and sends the changes to those that listen; None if disabled."""
+    growth = task.settings.growth
+    if not growth.enabled:
         return None
 
-    def tell(growth: Growth) -> None:
+    def send(update: MapUpdate) -> None:
         for worker in listening.values():
-            worker.inbox.put(growth)
+            worker.inbox.put(update)
 
-    return GrowthOfAll(ReferenceMap.load(task.map_path), cameras, task.settings.growth, tell)
+    return MapUpdateSource(ReferenceMap.load(task.map_path), cameras, growth.capacity, send)
 
 
 @contextmanager
@@ -102,7 +103,7 @@ def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Itera
         with _one_thread_each(), _signals_for_us_alone():
             for cameras in shares:
                 outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
-                inbox: Queue[Growth] = context.Queue()
+                inbox: Queue[MapUpdate] = context.Queue()
                 process = context.Process(target=run_camera_worker, args=(task, cameras, outbox, inbox), daemon=True)
                 process.start()
                 workers.append(_Worker(process, outbox, inbox))
@@ -113,7 +114,7 @@ def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Itera
         raise
     finally:
         for worker in workers:
-            # What a worker has not heard when it ends is for nobody; else we would wait until it is read.
+            # A worker that has ended reads no more; without this we would wait for it to do so.
             worker.inbox.cancel_join_thread()
             worker.process.join()
 
@@ -124,7 +125,7 @@ def _context() -> ForkServerContext:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """The processes share the cores among themselves; threads inside them would only get in each other's way."""
+    """The processes share the cores; more threads inside them would compete."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)
     try:
@@ -136,14 +137,14 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _signals_for_us_alone() -> Iterator[None]:
-    """Processes that are started in this block never hear of what ends us, not even while they start.
+    """Processes that are started in this block never receive the signals that end us, not even while they start.
 
-    Ctrl-C and a closed terminal reach a whole group of processes; the parent alone answers, and kills the others. What
-    is blocked here stays blocked there; here it comes when the block ends.
+    Ctrl-C and a closed terminal signal a whole group of processes; the parent alone handles them, and kills the others.
+    Signals that are blocked here stay blocked there; here they are delivered when the block ends.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
-        with _answered_later():
+        with _handled_later():
             resource_tracker.ensure_running()  # it would unblock the others
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
             yield
@@ -152,44 +153,39 @@ def _signals_for_us_alone() -> Iterator[None]:
 
 
 @contextmanager
-def _answered_later() -> Iterator[None]:
-    """What ends us is answered when the block is over.
+def _handled_later() -> Iterator[None]:
+    """Signals that end us are handled when the block is over.
 
-    A mask holds for a thread, and a library's other threads may take the signal: then Python would still answer it in
-    this one, and a process that is half started would be left to complain about its parent.
+    A mask holds for a thread, and a library's other threads may receive the signal: Python would still handle it in
+    this one, and leave a process that is half started.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
-    answers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)}
-    answers = {number: answer for number, answer in answers.items() if callable(answer)}
-    for number in answers:
-        signal.signal(number, lambda number, frame: came.append(number))
+    received: list[int] = []
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: received.append(number))
     try:
         yield
     finally:
-        for number, answer in answers.items():
-            signal.signal(number, answer)
-        for first in came[:1]:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for first in received[:1]:
             signal.raise_signal(first)
 
 
 @dataclass(frozen=True)
 class _Worker:
-    """A process, what it says, and what it is told."""
+    """A process with its queues."""
 
     process: ForkServerProcess
     outbox: "Queue[WorkerItem]"
-    inbox: "Queue[Growth]"
+    inbox: "Queue[MapUpdate]"
 
-    def next_result(self) -> Result | AwaitedGrowth | None:
-        """The worker's next result, or None when it has sent its last.
-
-        Raises:
-            BodycamError: what went wrong for the user in the worker.
-            RecordingError: the worker was killed.
-        """
+    def next_result(self) -> Result | AwaitedUpdate | None:
+        """The worker's next result, or None after its last; raises as ``register_recording``."""
         item = self._receive()
         if isinstance(item, WorkerFailure):
             raise item.error
@@ -199,7 +195,7 @@ class _Worker:
         while self.process.is_alive():
             with suppress(queue.Empty):
                 return self.outbox.get(timeout=_POLL_S)
-        # It may have sent its last word between the look at the queue and the look at the process.
+        # It may have sent its last item between the two checks.
         with suppress(queue.Empty):
             return self.outbox.get(timeout=_POLL_S)
         killed = self.process.exitcode == -signal.SIGKILL

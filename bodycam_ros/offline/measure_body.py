@@ -1,7 +1,6 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
 import logging
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -16,7 +15,7 @@ from bodycam_ros.calibration.camera_motion import MotionLogSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
-from bodycam_ros.offline.camera_worker import DroppedImages, LostImages, RegisteredImage, RegistrationTask
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording, warm_up
 from bodycam_ros.offline.outside_input import stations_of
 from bodycam_ros.offline.replay_summary import ReplaySummary
@@ -194,19 +193,14 @@ def calibrate(
         max_rate=settings.motion_log.max_rate,
         with_messages=False,
     )
-    start_ns = None
-    unusable: Counter[str] = Counter()
+    start_ns, unusable = None, UnusableImages()
     for item in register_recording(task, models, jobs):
         if isinstance(item, RegisteredImage):
             start_ns = item.stamp_ns if start_ns is None else start_ns
             calibrator.add(item.matches)
             on_progress("registration", 1e-9 * (item.stamp_ns - start_ns) / max(duration_s, 1e-9))
-        elif isinstance(item, LostImages):
-            logger.warning("%s", item)
         else:
-            unusable[item.camera] += item.count if isinstance(item, DroppedImages) else 1
-    for camera, count in sorted(unusable.items()):
-        logger.warning("camera %s: %d images could not be used", camera, count)
+            unusable.add(item)
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
         return calibrator.solve(name, on_progress)

@@ -4,33 +4,35 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from heapq import merge
 from pathlib import Path
+from tempfile import gettempdir
 
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
-from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.offline.camera_worker import (
-    DroppedImages,
-    LostImages,
     RegisteredImage,
     RegistrationTask,
     Result,
-    SkippedImage,
+    UnusableImages,
     known_readouts,
 )
+from bodycam_ros.offline.extend import extend_map
 from bodycam_ros.offline.front_end import register_recording, warm_up
 from bodycam_ros.offline.outside_input import station_watch, stations_of
-from bodycam_ros.offline.replay_output import CameraClocks, ReplayOutput
+from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -44,10 +46,11 @@ from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertica
 from bodycam_ros.static_cameras.start_file import OutsideInput
 from bodycam_ros.static_cameras.station_watch import with_hands
 from bodycam_ros.verdict import Verdict
+from bodycam_ros.whole_file import scratch_folder
 
 logger = logging.getLogger(__name__)
 
-_TOGETHER = "all instants together"
+_BATCH = "all instants together"
 
 
 def replay(
@@ -59,26 +62,28 @@ def replay(
     jobs: int,
     force: bool = False,
     on_progress: Callable[[float], None] = lambda seconds: None,
-    equipment: str | Path | Equipment | None = None,
+    equipment: str | Path | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
     outside: OutsideInput | None = None,
     slim: bool = False,
+    passes: int = 1,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
     Args:
         recording_path: ros2 bag folder or .mcap file.
-        map_path: folder of the reference map; None where static cameras alone tell, in the frame of their file.
+        map_path: folder of the reference map; None with static cameras alone, in the frame of their file.
         body_path: YAML of the body.
         output_path: the ros2 bag folder to be; it appears whole or not at all.
         settings: of all stages.
         jobs: processes for the cameras.
         force: replace an output that is there already.
         on_progress: called with the seconds of the recording that are done.
-        equipment: name or file of what the body rides, holds or stands on; or itself, as far as the body can hold it.
-        on_step: called with each step beside it, and the share of it that is done.
-        outside: what is known of static cameras, if there are any.
+        equipment: name or file of the equipment that the body is coupled to.
+        on_step: called with each other step, and the share of it that is done.
+        outside: static cameras, if there are any.
         slim: write no tracks, and of landmarks the poses by them alone.
+        passes: over the recording: all but the last extend the map by the recording itself.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -86,50 +91,57 @@ def replay(
     warm_up()
     own = read_body(body_path)
     person = with_hands(own) if outside else own
-    coupling = equipment if equipment is None or isinstance(equipment, Equipment) else held_equipment(equipment, person)
+    coupling = None if equipment is None else held_equipment(equipment, person)
     body = coupled_body(person, coupling)
-    reference_map = None if map_path is None else _metric_map(map_path)
     started = time.monotonic()
-    with open_recording(recording_path) as recording:
-        stations = stations_of(outside, reference_map, recording, body) if outside else {}
-        cameras = _mounted_cameras(recording, body, stations) if map_path else {}
-        known = known_readouts(recording, body, cameras)
-        summary = ReplaySummary(recording.duration_s)
-    log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
-    seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
-    onlookers = None
-    if outside is not None:
-        onlookers = station_watch(outside, stations, body, body_path, settings, lambda *said: seen.append(said))
-        if not cameras and outside is not None and outside.start is None:
-            raise _nothing_solved(recording_path, map_path, outside)
-    skeleton = SkeletonPipeline(
-        person,
-        cameras,
-        settings,
-        on_corrected=log.add_registration,
-        equipment=coupling,
-        on_together=partial(on_step, _TOGETHER),
-        onlookers=onlookers,
-        stations=stations,
-    )
-    # Matrices of some hundred rows: threads of the linear algebra would only wait for each other and the workers.
-    with write_recording(output_path, force) as writer, threadpool_limits(1, user_api="blas"):
+    with ExitStack() as stack:
+        rounds: tuple[ExtensionRound, ...] = ()
+        if passes > 1 and map_path is not None:
+            scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
+            map_path, rounds = _extend(recording_path, map_path, body, settings, jobs, passes, on_step, scratch)
+        reference_map = None if map_path is None else _metric_map(map_path)
+        with open_recording(recording_path) as recording:
+            stations = stations_of(outside, reference_map, recording, body) if outside else {}
+            cameras = _mounted_cameras(recording, body, stations) if map_path else {}
+            readouts = known_readouts(recording, body, cameras)
+            summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
+        seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
+        onlookers = None
+        if outside is not None:
+            onlookers = station_watch(outside, stations, body, body_path, settings, lambda *each: seen.append(each))
+            if not cameras and outside.start is None:
+                raise _nothing_solved(recording_path, map_path, outside)
+        skeleton = SkeletonPipeline(
+            person,
+            cameras,
+            settings,
+            on_corrected=log.add_registration,
+            equipment=coupling,
+            on_together=partial(on_step, _BATCH),
+            onlookers=onlookers,
+            stations=stations,
+        )
+        # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
+        stack.enter_context(threadpool_limits(1, user_api="blas"))
+        writer = stack.enter_context(write_recording(output_path, force))
         watch = skeleton.instants.watch
         out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
-        in_its_mode = [camera for camera, readout in known.items() if readout == body.mounts[camera].readout]
+        in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
         rows = ReadoutLog(cameras, settings.readout, in_its_mode)
-        task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=known, slim=slim)
-        clocks = CameraClocks([*cameras, *stations])
+        task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=readouts, slim=slim)
+        spans = CameraSpans([*cameras, *stations])
+        unusable = UnusableImages()
         start_ns = None
         for item in _read(task, cameras, jobs, stations):
             if not isinstance(item, RegisteredImage | CameraImage):
-                _count_skipped(summary, item)
+                unusable.add(item)
                 continue
             if start_ns is None:
-                start_ns = item.stamp_ns
+                start_ns = summary.start_ns = item.stamp_ns
                 out.write_latched(start_ns, reference_map)
             summary.images[item.camera] += 1
-            clocks.add(item.camera, item.stamp_ns)
+            spans.add(item.camera, item.stamp_ns)
             if isinstance(item, CameraImage):
                 out.write_states(skeleton.add_static(item))
             else:
@@ -145,6 +157,8 @@ def replay(
         if not summary.solved:
             raise _nothing_solved(recording_path, map_path, outside)
         out.write_robot()
+        summary.skipped, summary.lost = unusable.skipped, unusable.lost
+        summary.images += unusable.skipped
         summary.readouts = rows.readouts()
         summary.timings = {
             camera: history.with_readout(summary.readouts.get(camera)) for camera, history in watch.timings.items()
@@ -153,26 +167,45 @@ def replay(
         out.write_timings(summary.timings)
         agreement = log.agreement()
         summary.speeds = agreement.speeds()
-        summary.start_ns = start_ns or 0
         summary.equipment = out.coupled.record()
-        judged = judge(agreement, body)
-        # Hands that its file does not have are more than was asked for: nobody need see them.
+        # Hands that the body file does not have were added here, and need not be observed.
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
-        found = (*judged.findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
-        summary.verdict = Verdict.of(found)
+        findings = judge(agreement, body).findings
+        findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
+        summary.verdict = Verdict.of(findings)
         out.write_verdict(item.stamp_ns, summary.verdict)
         summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged
         summary.late = skeleton.assembler.late
-        if summary.late:
-            logger.warning(
-                "%d registrations came after their instant had been solved without them; does a camera pause for "
-                "longer than assembler.max_wait?",
-                summary.late,
-            )
-    summary.remarks = (*clocks.remarks(), *rows.doubts().values())
+    if summary.late:
+        logger.warning(
+            "%d registrations came after their instant had been solved without them; does a camera pause for longer "
+            "than assembler.max_wait?",
+            summary.late,
+        )
+    summary.remarks = (*spans.remarks(), *rows.doubts().values())
     summary.elapsed_s = time.monotonic() - started
     return summary
+
+
+def _extend(
+    recording_path: Path,
+    map_path: Path,
+    body: BodyModel,
+    settings: PipelineSettings,
+    jobs: int,
+    passes: int,
+    on_step: Callable[[str, float], None],
+    scratch: Path,
+) -> tuple[Path, tuple[ExtensionRound, ...]]:
+    """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
+    with open_recording(recording_path) as recording:
+        cameras = [camera for camera in recording.cameras if camera in body.mounts]
+        readouts = known_readouts(recording, body, cameras)
+    limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
+    extension = extend_map(recording_path, map_path, limited, jobs, cameras, readouts, on_step)
+    extension.reference_map.save(scratch / "map")
+    return scratch / "map", extension.rounds
 
 
 def _metric_map(path: Path) -> ReferenceMap:
@@ -230,17 +263,3 @@ def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection
             f"({', '.join(body.mounts)}); is this the body of this recording?"
         )
     return {camera: recording.camera_model(camera) for camera in mounted}
-
-
-def _count_skipped(summary: ReplaySummary, item: SkippedImage | DroppedImages | LostImages) -> None:
-    if isinstance(item, LostImages):
-        logger.warning("%s", item)
-        summary.lost[item.camera] += item.count
-        return
-    count = item.count if isinstance(item, DroppedImages) else 1
-    if isinstance(item, DroppedImages):
-        logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, count)
-    elif not summary.skipped[item.camera]:
-        logger.warning("%s; it is left out, and so will be others like it", item.reason)
-    summary.images[item.camera] += count
-    summary.skipped[item.camera] += count

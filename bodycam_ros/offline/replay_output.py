@@ -188,7 +188,7 @@ def _drifts(clock: ClockState) -> bool:
 _EARLY_S = 1.0  # [s] by which a camera may begin after, or end before, the others
 
 
-class CameraClocks:
+class CameraSpans:
     """First and last stamps by camera.
 
     Args:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.timing.clock_state import ClockHistory, ClockJump
 from bodycam_ros.verdict import Verdict
 
@@ -35,6 +36,7 @@ class ReplaySummary:
         speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
         verdict: whether the result may be used.
         equipment: how the body was coupled to it; None without.
+        rounds: by which the map was extended before.
     """
 
     recorded_s: float
@@ -57,6 +59,7 @@ class ReplaySummary:
     speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
     equipment: EquipmentRecord | None = None
+    rounds: tuple[ExtensionRound, ...] = ()
 
     @property
     def real_time_factor(self) -> float:

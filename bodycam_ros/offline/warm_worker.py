@@ -1,6 +1,6 @@
-"""What every camera worker needs, loaded once: workers are forked from a process that imports this and does no more.
+"""Imports of every camera worker, loaded once: workers are forked from a process that imports this and does no more.
 
-So a worker begins at once, and its libraries and kernels take no memory of their own.
+So a worker starts at once, and shares the memory of libraries and kernels with the others.
 """
 
 import gc

@@ -117,7 +117,7 @@ def _draw_shares(axes: Axes, rounds: Sequence[ExtensionRound]) -> None:
             ink = "white" if share > _DARK else QUIET
             axes.text(column, row, f"{100 * share:.0f}", ha="center", va="center", fontsize=7.5, color=ink)
     axes.set_yticks(range(len(cameras) + 1), [*cameras, _ALL])
-    names = [f"{number + 1} {'←' if one.backwards else '→'}" for number, one in enumerate(rounds)]
+    names = [str(number + 1) for number in range(len(rounds))]
     axes.set_xticks(range(len(rounds)), names)
     axes.tick_params(length=0)
     axes.axhline(len(cameras) - 0.5, color=FAINT, linewidth=3.0)

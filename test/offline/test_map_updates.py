@@ -13,38 +13,40 @@ from grown_room import CAMERAS, cameras, elsewhere, matches_of, named, unlike, w
 
 from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.mapping.growing_map import GrowingMap
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
+from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.mapping.growth_settings import GrowthSettings
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
 from bodycam_ros.offline.front_end import register_recording
-from bodycam_ros.offline.growth_epochs import EPOCH_NS, Growth, GrowthOfAll, GrowthOfOne
+from bodycam_ros.offline.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-SETTINGS = GrowthSettings(capacity=400)
+CAPACITY = 400
 MAP = elsewhere(np.random.default_rng(9))
 
 
-def room_walk(frames: int) -> list[WornKeyframe]:
+def room_walk(frames: int) -> list[BodyKeyframe]:
     random = np.random.default_rng(0)
     return list(walk(walls(200, random), unlike(200, random), frames, random))
 
 
-def contents(of: GrowingMap) -> list[np.ndarray]:
+def contents(of: ExtendableMap) -> list[np.ndarray]:
     return [of.landmark_ids, of.points_world, of.descriptors, of.descriptor_view, of.descriptor_size, of.landmark_sizes]
 
 
-def together(shares: Sequence[Sequence[str]], keyframes: list[WornKeyframe]) -> tuple[GrowthOfAll, list[GrowthOfOne]]:
+def together(
+    shares: Sequence[Sequence[str]], keyframes: list[BodyKeyframe]
+) -> tuple[MapUpdateSource, list[MapReplica]]:
     """Workers beside a parent, as processes are, but one after the other; they must never wait for what does not come.
 
     Each worker names what its cameras see by its copy of the map.
     """
-    inboxes = [SimpleQueue[Growth]() for _ in shares]
-    parent = GrowthOfAll(MAP, cameras(), SETTINGS, lambda growth: [inbox.put(growth) for inbox in inboxes])
-    workers = [GrowthOfOne(MAP, SETTINGS, inbox.get_nowait) for inbox in inboxes]
+    inboxes = [SimpleQueue[MapUpdate]() for _ in shares]
+    parent = MapUpdateSource(MAP, cameras(), CAPACITY, lambda growth: [inbox.put(growth) for inbox in inboxes])
+    workers = [MapReplica(MAP, CAPACITY, inbox.get_nowait) for inbox in inboxes]
     order = [
         (share.index(one.camera), row, one)
         for one in keyframes
@@ -53,14 +55,14 @@ def together(shares: Sequence[Sequence[str]], keyframes: list[WornKeyframe]) -> 
     ]
     for _, instant in groupby(order, key=lambda item: item[2].stamp_ns):
         for _, row, one in sorted(instant, key=lambda item: item[:2]):
-            parent.reach(one.stamp_ns)
-            workers[row].catch_up(one.stamp_ns)
+            parent.advance(one.stamp_ns)
+            workers[row].advance(one.stamp_ns)
             seen = named(one, workers[row].map)
-            parent.hear(matches_of(seen, workers[row].map), seen)
+            parent.add(matches_of(seen, workers[row].map), seen)
     last_ns = keyframes[-1].stamp_ns
-    parent.reach(last_ns + EPOCH_NS)
+    parent.advance(last_ns + EPOCH_NS)
     for worker in workers:
-        worker.catch_up(last_ns + 2 * EPOCH_NS)
+        worker.advance(last_ns + 2 * EPOCH_NS)
     return parent, workers
 
 
@@ -69,8 +71,8 @@ def test_parent_and_workers_agree_however_the_cameras_are_shared() -> None:
     results = []
     for shares in ([CAMERAS], [CAMERAS[::-1]], [CAMERAS[:1], CAMERAS[1:]], [(camera,) for camera in CAMERAS]):
         parent, workers = together(shares, keyframes)
-        results.append(contents(parent.growth.map))
-        assert parent.growth.landmarks > 60
+        results.append(contents(parent.mapper.map))
+        assert parent.mapper.landmarks > 60
         for worker in workers:
             for ours, its in zip(results[-1], contents(worker.map), strict=True):
                 np.testing.assert_array_equal(ours, its)
@@ -81,50 +83,50 @@ def test_parent_and_workers_agree_however_the_cameras_are_shared() -> None:
 
 def test_what_is_seen_counts_two_epochs_later_and_not_before() -> None:
     """A worker that hears early keeps it for when it counts."""
-    told: SimpleQueue[Growth] = SimpleQueue()
-    parent = GrowthOfAll(MAP, cameras(), SETTINGS, told.put)
-    early = GrowthOfOne(MAP, SETTINGS, told.get_nowait)
+    told: SimpleQueue[MapUpdate] = SimpleQueue()
+    parent = MapUpdateSource(MAP, cameras(), CAPACITY, told.put)
+    early = MapReplica(MAP, CAPACITY, told.get_nowait)
     keyframes = room_walk(4)
     last_epoch = keyframes[-1].stamp_ns // EPOCH_NS
     for one in keyframes:
-        parent.reach(one.stamp_ns)
-        parent.hear(matches_of(one, early.map), one)
-    parent.reach((last_epoch + 1) * EPOCH_NS)
-    assert parent.growth.landmarks > 20
-    final = contents(parent.growth.map)
-    early.catch_up((last_epoch + 1) * EPOCH_NS)
-    assert (early.map.landmark_ids != parent.growth.map.landmark_ids).any()
-    early.catch_up((last_epoch + 2) * EPOCH_NS)
+        parent.advance(one.stamp_ns)
+        parent.add(matches_of(one, early.map), one)
+    parent.advance((last_epoch + 1) * EPOCH_NS)
+    assert parent.mapper.landmarks > 20
+    final = contents(parent.mapper.map)
+    early.advance((last_epoch + 1) * EPOCH_NS)
+    assert (early.map.landmark_ids != parent.mapper.map.landmark_ids).any()
+    early.advance((last_epoch + 2) * EPOCH_NS)
     for ours, its in zip(final, contents(early.map), strict=True):
         np.testing.assert_array_equal(ours, its)
 
 
 def test_nobody_waits_for_what_was_told_and_time_that_steps_back_asks_for_nothing() -> None:
-    told: SimpleQueue[Growth] = SimpleQueue()
-    parent = GrowthOfAll(MAP, cameras(), SETTINGS, told.put)
-    worker = GrowthOfOne(MAP, SETTINGS, told.get_nowait)
+    told: SimpleQueue[MapUpdate] = SimpleQueue()
+    parent = MapUpdateSource(MAP, cameras(), CAPACITY, told.put)
+    worker = MapReplica(MAP, CAPACITY, told.get_nowait)
     start_ns = 1_700_000_000_000_000_000
     assert worker.is_behind(start_ns)
-    parent.reach(start_ns)
-    worker.catch_up(start_ns)
+    parent.advance(start_ns)
+    worker.advance(start_ns)
     # Another camera's clock is five seconds behind.
     assert not worker.is_behind(start_ns - 5_000_000_000)
-    parent.reach(start_ns - 5_000_000_000)
-    worker.catch_up(start_ns - 5_000_000_000)
+    parent.advance(start_ns - 5_000_000_000)
+    worker.advance(start_ns - 5_000_000_000)
     assert not worker.is_behind(start_ns + EPOCH_NS // 2)
     assert worker.is_behind(start_ns + 5_000_000_000)
     assert told.empty()
 
 
 def test_what_says_nothing_of_grown_landmarks_is_not_kept() -> None:
-    parent = GrowthOfAll(MAP, cameras(), SETTINGS, lambda growth: None)
+    parent = MapUpdateSource(MAP, cameras(), CAPACITY, lambda growth: None)
     one = room_walk(1)[0]
     matches = matches_of(one, MAP)
     assert isinstance(matches, LandmarkMatches) and matches.grown == 0
-    parent.reach(one.stamp_ns)
+    parent.advance(one.stamp_ns)
     for _ in range(5):
-        parent.hear(matches, None)
-    assert not parent._heard
+        parent.add(matches, None)
+    assert not parent._pending
 
 
 @pytest.fixture(scope="module")
@@ -135,10 +137,10 @@ def part(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def registered(bag: Path, map_path: Path, jobs: int, backwards: bool = False) -> list[Result]:
+def registered(bag: Path, map_path: Path, jobs: int) -> list[Result]:
     with open_recording(bag) as recording:
         models = {camera: recording.camera_model(camera) for camera in recording.cameras}
-    task = RegistrationTask(bag, map_path, PipelineSettings(), with_messages=False, backwards=backwards)
+    task = RegistrationTask(bag, map_path, PipelineSettings(), with_messages=False)
     return list(register_recording(task, models, jobs))
 
 
@@ -147,10 +149,7 @@ def by_image(results: list[Result]) -> dict[tuple[str, int], LandmarkMatches]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("backwards", "jobs"), [(False, 3), (True, 2)])
-def test_registrations_are_identical_whatever_the_number_of_processes(
-    sample: Path, part: Path, tmp_path: Path, backwards: bool, jobs: int
-) -> None:
+def test_registrations_are_identical_whatever_the_number_of_processes(sample: Path, part: Path, tmp_path: Path) -> None:
     """Also where a camera begins late, one pauses, and one ends early: the others go on."""
 
     def gappy(topic: str, number: int, message: object) -> object:
@@ -160,7 +159,7 @@ def test_registrations_are_identical_whatever_the_number_of_processes(
 
     cameras_used = ("waist_front", "torso_front", "thigh_left", "shin_left")
     bag = write_altered_sample(sample, tmp_path / "bag", gappy, cameras_used, frames=60)
-    one, several = (by_image(registered(bag, part, number, backwards)) for number in (1, jobs))
+    one, several = (by_image(registered(bag, part, number)) for number in (1, 3))
     assert len(one) == 60 + 35 + 45 + 10 and several.keys() == one.keys()
     for image, matches in one.items():
         np.testing.assert_array_equal(matches.landmark_ids, several[image].landmark_ids)

@@ -5,16 +5,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.mapping.worn_keyframe import Rays, triangulate
+from bodycam_ros.mapping.triangulation import triangulate
 
 FOCAL = 240.0
 Array = NDArray[np.float64]
 
 
-def rays(centres: Array, directions: Array, there: NDArray[np.bool_] | None = None) -> Rays:
-    shape = centres.shape[:2]
-    unit = directions / np.linalg.norm(directions, axis=2, keepdims=True)
-    return Rays(centres, unit, np.full(shape, FOCAL), np.ones(shape, bool) if there is None else there)
+def rays(centres: Array, directions: Array) -> tuple[Array, Array, Array]:
+    return centres, directions / np.linalg.norm(directions, axis=2, keepdims=True), np.full(centres.shape[:2], FOCAL)
 
 
 def scene(count: int, views: int, seed: int = 0) -> tuple[Array, Array]:
@@ -26,7 +24,7 @@ def scene(count: int, views: int, seed: int = 0) -> tuple[Array, Array]:
 @pytest.mark.parametrize("views", [2, 3, 8])
 def test_exact_rays_give_the_point(views: int) -> None:
     points, centres = scene(50, views)
-    found = triangulate(rays(centres, points[:, None] - centres))
+    found = triangulate(*rays(centres, points[:, None] - centres))
     np.testing.assert_allclose(found.points, points, atol=1e-5)
     assert found.errors_px.max() < 1e-3
     towards = points[:, None] - centres
@@ -50,7 +48,7 @@ def test_agrees_with_opencv_where_pixels_err() -> None:
     matrices = [k @ np.column_stack([np.eye(3), -place]) for place in places]
     homogeneous = cv2.triangulatePoints(matrices[0], matrices[1], pixels[0].T, pixels[1].T)
     independent = (homogeneous[:3] / homogeneous[3]).T
-    found = triangulate(rays(np.tile(places, (300, 1, 1)), np.stack(directions, axis=1)))
+    found = triangulate(*rays(np.tile(places, (300, 1, 1)), np.stack(directions, axis=1)))
     errors = [np.linalg.norm(ours - points, axis=1).mean() for ours in (found.points, independent)]
     np.testing.assert_allclose(found.points, independent, atol=0.01 * 0.05)
     assert errors[0] < 1.01 * errors[1]

@@ -9,30 +9,27 @@ import pytest
 from grown_room import CAMERAS, FRAME_NS, cameras, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
-from bodycam_ros.mapping.growing_map import GrownPoint, growing
-from bodycam_ros.mapping.growth_settings import GrowthSettings
-from bodycam_ros.mapping.map_growth import MapGrowth
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
+from bodycam_ros.mapping.extendable_map import make_extendable
+from bodycam_ros.mapping.local_mapper import LocalMapper
+from bodycam_ros.mapping.map_point import MapPoint
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 POINTS = 500
-SETTINGS = GrowthSettings(capacity=1000)
 
 
-def growth_by(
-    keyframes: Iterable[WornKeyframe], settings: GrowthSettings = SETTINGS, capacity: int = 1000
-) -> MapGrowth:
-    growth = MapGrowth(growing(elsewhere(np.random.default_rng(9)), capacity), cameras(), settings)
+def growth_by(keyframes: Iterable[BodyKeyframe], capacity: int = 1000) -> LocalMapper:
+    growth = LocalMapper(make_extendable(elsewhere(np.random.default_rng(9)), capacity), cameras())
     grow(growth, keyframes)
     return growth
 
 
-def grow(growth: MapGrowth, keyframes: Iterable[WornKeyframe]) -> None:
+def grow(growth: LocalMapper, keyframes: Iterable[BodyKeyframe]) -> None:
     """As the cameras of a recording make it grow: with what has grown before an instant they are registered in it."""
     for _, instant in groupby(keyframes, key=lambda one: one.stamp_ns):
         for one in [named(one, growth.map) for one in instant]:
-            growth.hear(matches_of(one, growth.map))
-            growth.add(one)
+            growth.update(matches_of(one, growth.map))
+            growth.add_keyframe(one)
         growth.take_changes()
 
 
@@ -41,14 +38,14 @@ def room(seed: int = 0, count: int = POINTS) -> tuple[NDArray[np.float64], NDArr
     return walls(count, random), unlike(count, random), random
 
 
-def distances(growth: MapGrowth, truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(growth: LocalMapper, truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of every landmark to the true point that is nearest [m]."""
-    found = np.array([point.position for point in growth.grown_points()])
+    found = np.array([point.position for point in growth.added_points()])
     return np.linalg.norm(found[:, None] - truth[None], axis=2).min(axis=1)
 
 
 @pytest.fixture(scope="module")
-def grown() -> tuple[MapGrowth, NDArray[np.float64], NDArray[np.uint8]]:
+def grown() -> tuple[LocalMapper, NDArray[np.float64], NDArray[np.uint8]]:
     """The map after a walk of 20 instants."""
     points, looks, random = room()
     return growth_by(walk(points, looks, 20, random)), points, looks
@@ -60,7 +57,7 @@ def test_landmarks_come_out_where_the_truth_is(grown) -> None:
     errors = distances(growth, points)
     assert np.median(errors) < 0.015 and np.percentile(errors, 95) < 0.07 and errors.max() < 0.2
     # What they look like is what those points look like.
-    for point in growth.grown_points()[:50]:
+    for point in growth.added_points()[:50]:
         true = looks[np.linalg.norm(points - point.position, axis=1).argmin()].astype(float)
         assert np.linalg.norm(point.sightings[0].descriptor.astype(float) - true) < 60.0
 
@@ -78,13 +75,13 @@ def test_what_moves_becomes_no_landmark() -> None:
             stamp_ns = 1_000_000_000 + number * FRAME_NS
             keyframes.append(keyframe(camera, stamp_ns, walked(row, number), now, looks, random))
     growth = growth_by(keyframes)
-    moving = [point for point in growth.grown_points() if shows(point, looks) < len(ways)]
+    moving = [point for point in growth.added_points() if shows(point, looks) < len(ways)]
     # What moves along with the cameras looks like something that stands farther away.
     assert len(moving) < 0.15 * len(ways)
     assert np.median(distances(growth, points[len(ways) :])) < 0.02
 
 
-def shows(point: GrownPoint, looks: NDArray[np.uint8]) -> int:
+def shows(point: MapPoint, looks: NDArray[np.uint8]) -> int:
     """Which of the things a landmark looks like."""
     descriptor = point.sightings[0].descriptor.astype(float)
     return int(np.linalg.norm(looks.astype(float) - descriptor, axis=1).argmin())
@@ -105,7 +102,7 @@ def test_there_are_never_more_than_there_is_room_for(capacity: int) -> None:
     points, looks, random = room(6, 200)
     growth = growth_by([], capacity=capacity)
     for one in walk(points, looks, 25, random):
-        growth.add(one)
+        growth.add_keyframe(one)
         assert growth.landmarks <= capacity
         growth.take_changes()
     assert growth.landmarks == capacity
@@ -118,14 +115,14 @@ def test_grown_landmarks_that_are_recognised_are_refined(grown) -> None:
     """From where nobody stood before; what carries the name of a landmark is a sighting of it, and no new point."""
     growth, points, looks = deepcopy(grown)
     random = np.random.default_rng(11)
-    before = {point.landmark_id: point.position for point in growth.grown_points()}
+    before = {point.landmark_id: point.position for point in growth.added_points()}
     for height in (-0.9, -0.6, 0.6, 0.9):
         pose = walked(0, 3)
         pose[2, 3] = height
         one = named(keyframe("chest", 10**12 + round(1e9 * height), pose, points, looks, random, 0.05), growth.map)
         assert (one.landmark_ids != NO_LANDMARK).sum() > 50
-        growth.add(one)
-    after = {point.landmark_id: point.position for point in growth.grown_points()}
+        growth.add_keyframe(one)
+    after = {point.landmark_id: point.position for point in growth.added_points()}
     moved = [i for i in after if i in before and not np.array_equal(after[i], before[i])]
     errors = [
         np.linalg.norm(np.array([of[i] for i in moved])[:, None] - points, axis=2).min(1) for of in (before, after)

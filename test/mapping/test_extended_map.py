@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
 
-from bodycam_ros.mapping.extended_map import KeptImage, extended_map
-from bodycam_ros.mapping.growing_map import GrownPoint, growing
-from bodycam_ros.mapping.growth_settings import GrowthSettings
-from bodycam_ros.mapping.map_growth import MapGrowth
-from bodycam_ros.mapping.small_photographs import SmallPhotographSettings
+from bodycam_ros.mapping.extendable_map import make_extendable
+from bodycam_ros.mapping.extended_map import KeptImage, make_extended_map
+from bodycam_ros.mapping.local_mapper import LocalMapper
+from bodycam_ros.mapping.map_point import MapPoint
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-LOOKS = 4
+VIEWS = 4
 
 
 def grey(seed: int) -> bytes:
@@ -41,20 +40,20 @@ def with_photograph(reference_map: ReferenceMap) -> ReferenceMap:
 
 
 @pytest.fixture(scope="module")
-def grown() -> tuple[list[GrownPoint], list[KeptImage]]:
+def grown() -> tuple[list[MapPoint], list[KeptImage]]:
     random = np.random.default_rng(0)
     keyframes = list(walk(walls(200, random), unlike(200, random), 10, random))
-    growth = MapGrowth(growing(elsewhere(random), 1000), cameras(), GrowthSettings(capacity=1000))
+    growth = LocalMapper(make_extendable(elsewhere(random), 1000), cameras())
     images = []
     for number, one in enumerate(keyframes):
-        growth.add(one)
+        growth.add_keyframe(one)
         images.append(KeptImage(one.camera, one.stamp_ns, one.world_T_camera, grey(number)))
     blind = KeptImage("chest", 5, np.eye(4), grey(99))
-    return growth.grown_points(), [*images, blind]
+    return growth.added_points(), [*images, blind]
 
 
-def extended(reference_map: ReferenceMap, points: list[GrownPoint], images: list[KeptImage]) -> ReferenceMap:
-    return extended_map(reference_map, points, images, cameras(), LOOKS, SmallPhotographSettings())
+def extended(reference_map: ReferenceMap, points: list[MapPoint], images: list[KeptImage]) -> ReferenceMap:
+    return make_extended_map(reference_map, points, images, cameras())
 
 
 def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:
@@ -87,7 +86,7 @@ def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) 
         views = photographs.observation_view[photographs.observation_landmark == row]
         assert {whole.image_names[view] for view in views} == {f"{s.camera}/{s.stamp_ns}" for s in point.sightings}
         looks = whole.descriptors[whole.descriptor_landmark == row]
-        assert len(looks) == min(LOOKS, len(point.sightings))
+        assert len(looks) == min(VIEWS, len(point.sightings))
         assert {look.tobytes() for look in looks} <= {s.descriptor.tobytes() for s in point.sightings}
         for view in views:
             camera = photographs.cameras[photographs.camera_of_view[view]]

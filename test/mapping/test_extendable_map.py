@@ -8,28 +8,24 @@ import pytest
 from known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.growing_map import LOOKS, GrowingMap, growing, load_growth
-from bodycam_ros.mapping.growth_settings import GrowthSettings
-from bodycam_ros.mapping.map_growth import MapGrowth
-from bodycam_ros.mapping.worn_keyframe import WornKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe
+from bodycam_ros.mapping.extendable_map import VIEWS, ExtendableMap, load_added_landmarks, make_extendable
+from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 CAMERA = worn_camera()
 
 
-def grown(
-    reference_map: ReferenceMap, seen: Sequence[WornKeyframe], settings: GrowthSettings | None = None
-) -> MapGrowth:
-    settings = settings or GrowthSettings(capacity=100)
-    growth = MapGrowth(growing(reference_map, settings.capacity), {CAMERA.name: CAMERA}, settings)
+def grown(reference_map: ReferenceMap, seen: Sequence[BodyKeyframe]) -> LocalMapper:
+    growth = LocalMapper(make_extendable(reference_map, 100), {CAMERA.name: CAMERA})
     for keyframe in seen:
-        growth.add(keyframe)
+        growth.add_keyframe(keyframe)
     growth.take_changes()
     return growth
 
 
-def in_slots(growing_map: GrowingMap) -> dict[bytes, np.ndarray]:
+def in_slots(growing_map: ExtendableMap) -> dict[bytes, np.ndarray]:
     """Descriptors of the first look -> place, of the slots that are filled."""
     rows = growing_map.slots_from + np.flatnonzero(growing_map.landmark_ids[growing_map.slots_from :] != NO_LANDMARK)
     looks = np.searchsorted(growing_map.descriptor_landmark, rows)
@@ -40,7 +36,7 @@ def test_grows_is_saved_and_is_there_again(tmp_path: Path) -> None:
     reference_map, points = small_map(), unknown_points()
     growth = grown(reference_map, keyframes(CAMERA, points))
     assert growth.landmarks > 50
-    growth.map.settled().save(tmp_path / "grown")
+    growth.map.compact().save(tmp_path / "grown")
 
     saved = ReferenceMap.load(tmp_path / "grown")
     assert (saved.grown, len(saved.landmark_ids)) == (growth.landmarks, LANDMARKS + growth.landmarks)
@@ -48,29 +44,29 @@ def test_grows_is_saved_and_is_there_again(tmp_path: Path) -> None:
     np.testing.assert_array_equal(saved.points_world[:LANDMARKS], reference_map.points_world)
     apart_m = np.linalg.norm(saved.points_world[LANDMARKS:, None] - points, axis=2).min(axis=1)
     assert apart_m.max() < 1e-3
-    assert saved.descriptor_size.min() > 0.0 and len(saved.descriptors) == LANDMARKS + LOOKS * growth.landmarks
+    assert saved.descriptor_size.min() > 0.0 and len(saved.descriptors) == LANDMARKS + VIEWS * growth.landmarks
     assert saved.photographs is not None
     assert saved.photographs.first_observation[-1] == saved.photographs.first_observation[LANDMARKS], "seen by none"
 
-    again = MapGrowth(growing(reference_map, 100), {CAMERA.name: CAMERA})
-    back = load_growth(tmp_path / "grown", reference_map, tmp_path / "map")
-    assert again.remember(back) == growth.landmarks == again.landmarks
+    again = LocalMapper(make_extendable(reference_map, 100), {CAMERA.name: CAMERA})
+    back = load_added_landmarks(tmp_path / "grown", reference_map, tmp_path / "map")
+    assert again.restore(back) == growth.landmarks == again.landmarks
     again.take_changes()
     before, after = in_slots(growth.map), in_slots(again.map)
     assert before.keys() == after.keys()
     assert all(np.array_equal(before[look], after[look]) for look in before)
-    again.map.settled().save(tmp_path / "twice")
+    again.map.compact().save(tmp_path / "twice")
     assert len(ReferenceMap.load(tmp_path / "twice").landmark_ids) == len(saved.landmark_ids), "they do not pile up"
 
 
 def test_a_map_that_has_grown_from_another_is_refused(tmp_path: Path) -> None:
-    grown(small_map(), keyframes(CAMERA, unknown_points())).map.settled().save(tmp_path / "grown")
+    grown(small_map(), keyframes(CAMERA, unknown_points())).map.compact().save(tmp_path / "grown")
     moved = small_map()
     moved.points_world[3, 0] += 0.001
     more = small_map()
     more.landmark_ids[-1] = 1000
-    for other in (moved, more, growing(small_map(), 500)):
-        with pytest.raises(MapError, match="grown.*base"):
-            load_growth(tmp_path / "grown", other, tmp_path / "base")
+    for other in (moved, more, make_extendable(small_map(), 500)):
+        with pytest.raises(MapError, match="extends.*base"):
+            load_added_landmarks(tmp_path / "grown", other, tmp_path / "base")
     with pytest.raises(MapError, match="nowhere"):
-        load_growth(tmp_path / "nowhere", small_map(), tmp_path / "base")
+        load_added_landmarks(tmp_path / "nowhere", small_map(), tmp_path / "base")

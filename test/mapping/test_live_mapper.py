@@ -8,7 +8,7 @@ from known_keyframes import descriptors_of, place, small_map, tracks, unknown_po
 
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.mapping.growth_settings import GrowthSettings
-from bodycam_ros.mapping.live_growth import LiveGrowth
+from bodycam_ros.mapping.live_mapper import LiveMapper
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -24,16 +24,16 @@ class Live:
         self.tasks: list[Callable[[], None]] = []
         self.asked: list[str] = []
         given = replace(GrowthSettings(capacity=200), **settings)
-        self.growth = LiveGrowth(small_map(), given, self.asked.append, self.tasks.append)
+        self.growth = LiveMapper(small_map(), given, self.asked.append, self.tasks.append)
         self.begin()
 
     def begin(self) -> None:
         self.registrar = Registrar(CAMERA, self.growth.map)
-        self.growth.begin(CAMERA.name, CAMERA)
+        self.growth.start_camera(CAMERA.name, CAMERA)
 
     def see(self, frame: TrackFrame) -> LandmarkMatches:
         matches = self.registrar.register(frame)
-        self.growth.hear(frame, matches)
+        self.growth.update(frame, matches)
         return matches
 
     def work(self) -> None:
@@ -63,7 +63,7 @@ def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 50
     assert np.linalg.norm(log_se3(inverse(place(6)) @ matches.world_T_camera)[3:]) < 5e-3
 
-    assert live.growth.forget() > 90
+    assert live.growth.clear() > 90
     live.begin()
     assert live.see(unknown_tracks(7, first=7)).world_T_camera is None, "what is forgotten registers nobody"
     assert (live.growth.landmarks, live.growth.keyframes) == (0, 0)
