@@ -78,7 +78,7 @@ def time_stations(body: BodyModel, settings: PipelineSettings, instants: int = 2
         images = {name: _painted(view, truth, len(body.segments), random) for name, view in tracker.views.items()}
         if number == 0:
             tracker.learn(images, truth)
-        expected = ExpectedBody(predict(before, poses, _DT_S, _DT_S, settings.motion), _SIGMAS, float(_SIGMAS[0]))
+        expected = ExpectedBody(predict(before, poses, _DT_S, _DT_S), _SIGMAS, float(_SIGMAS[0]))
         started = time.process_time()
         before, poses = poses, tracker.look(images, expected).world_T_segment
         spent.append(1e3 * (time.process_time() - started))

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.contact import ContactSettings
-from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings

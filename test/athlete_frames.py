@@ -13,8 +13,8 @@ from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyFrame
+from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.coupling_settings import CouplingSettings
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
@@ -169,7 +169,11 @@ def solved(
     count = len(athlete.body.segments)
     lengths = {}
     if coupling:
-        said = coupling.fit.lengths.names, coupling.fit.lengths.said + coupling.places.shifts, coupling.places.sigmas
+        said = (
+            coupling.fit.lengths.names,
+            coupling.fit.lengths.said + coupling.attachments.shifts,
+            coupling.attachments.sigmas,
+        )
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
     reports = [state.equipment for state in states if state.equipment]
     return Solved(athlete, poses[:, :count], poses[:, count:], lengths, reports)

@@ -77,15 +77,15 @@ class FootContacts:
             for foot in feet
             for arm in sole_points(float(np.linalg.norm(foot.parent_T_joint[:3, 3])))
         ]
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Nothing is known of the motion before."""
         self._lately: deque[tuple[int, Array]] = deque()
         for point in self.points:
             point.let_go()
 
-    def standing(self, stamp_ns: int, poses: Array, observed: Mask, turning: Mask) -> list[StandingPoint]:
+    def resting_points(self, stamp_ns: int, poses: Array, observed: Mask, turning: Mask) -> list[StandingPoint]:
         """The points that rest.
 
         Args:

@@ -1,9 +1,8 @@
-"""A body's equipment while it is used: where it is, what holds, what has been learned of its lengths (B 3.2).
+"""A body's equipment while it is used: its pose, its active attachments, its lengths as they are estimated (B 3.2).
 
-Before the solver sees an instant the equipment is fitted to the body as cameras see it. That places it when it is seen
-first, gives its start values ever after, and says which attachments hold: one that the cameras contradict is let go
-before it could bend a limb. Where something stands, and lengths that nobody measured, are fitted to all that has been
-seen so far, now and then.
+Before a state is solved the equipment is fitted to the body as cameras measured it. That places it at first, gives its
+initial estimate ever after, and shows which attachments are contradicted before they bend a limb. The pose of equipment
+that stands, and its unknown lengths, are fitted to all measurements from time to time.
 """
 
 from collections.abc import Mapping
@@ -16,294 +15,195 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.estimation.attachment_watch import AttachmentWatch, Holding
-from bodycam_ros.estimation.belief import Coordinates
-from bodycam_ros.estimation.coupling_settings import CouplingSettings
-from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldPoints, Prior, SeenInstants
-from bodycam_ros.estimation.equipment_motion import EquipmentMotion, coasting
-from bodycam_ros.estimation.equipment_place import EquipmentPlace, EquipmentPlaces
-from bodycam_ros.estimation.measurements import JointRotations, SegmentPoses, poses_as_seen
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
-from bodycam_ros.estimation.search_pacing import SearchPacing
-from bodycam_ros.geometry import inverse
-from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
+from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldHistory, HeldPoints, Prior
+from bodycam_ros.estimation.equipment_motion import EquipmentMotion
+from bodycam_ros.estimation.equipment_place import EquipmentPlace
+from bodycam_ros.estimation.estimate import Coordinates
+from bodycam_ros.estimation.measurements import ClosedJoint, SegmentPoses, measured_poses
+from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.tangent import TreeTangent
 
-Array = NDArray[np.float64]
-
-_STANDS = np.repeat([1e-4, 1e-4], 3)
-"""[rad], [m] what stands still is never held tighter."""
-
-_LED = 600.0
-"""[rad/s^2] of joints of limbs that a machine leads: their own motion must not hold it up."""
-
-_KEPT_S = 100.0
-"""[s] in which what keeps its speed forgets it."""
-
-_FOLLOWED = np.repeat([0.1, 0.01], 3)
-"""[rad], [m] errors of what a prediction goes on from; what is seen knows better."""
+_STANDS = np.repeat([1e-4, 1e-4], 3)  # [rad], [m] least sigmas of a root that stands
+_PREDICTED = np.repeat([0.1, 0.01], 3)  # [rad], [m] errors of the state that a prediction starts from
+_SEARCH_NS, _LONGEST_NS = 200_000_000, 2_000_000_000  # between two searches in vain, at first and at most
 
 
 class Coupling:
-    """Follows the equipment of a body from instant to instant.
+    """Follows the equipment of a body from state to state.
 
     Args:
-        body: coupled: the body with the equipment.
-        equipment: what it is coupled to.
-        settings: when attachments hold.
+        body: with the equipment.
+        equipment: its segments, joints and attachments.
+        settings: when attachments are active.
         motion: how suddenly segments change their motion, where the equipment does not say.
 
     Attributes:
-        equipment, settings: as given.
+        equipment: as given.
         fit: of the equipment to the body.
-        stands: whether its root stands still.
-        rows: (E) of the equipment's segments in the body.
-        placed: whether it is known where the equipment is.
-        went_on: whether it has gone on from the instant before as was expected.
-        places: where its joints and attachments are by now.
+        motion: prior of its joints.
+        attachments: to the body.
+        joint_names: of its tree of joints and its attachments.
+        placed: whether its pose is known.
     """
 
     def __init__(
         self, body: BodyModel, equipment: Equipment, settings: CouplingSettings, motion: MotionSettings
     ) -> None:
-        self._body, self.equipment, self.settings = body, equipment, settings
-        own = {joint.name for joint in equipment.joints}
-        self._tree = [joint for joint in body.tree_joints if joint.name in own]
+        self._body, self.equipment = body, equipment
+        names = {joint.name for joint in equipment.joints}
+        self._tree = [joint for joint in body.tree_joints if joint.name in names]
         self.fit = EquipmentFit(equipment, self._tree)
-        self._place = EquipmentPlace(equipment, self._tree, self.fit)
-        self._motion = EquipmentMotion(equipment, self._tree, motion)
-        self._watch = AttachmentWatch(body, equipment, self.fit.lengths, settings)
-        self._seen = SeenInstants()
-        self.rows = np.array([body.segment_index[name] for name in equipment.segments])
-        self._root = self.fit.row[equipment.root]
-        self.stands = equipment.segments[equipment.root].stands
-        self.placed = self.went_on = False
-        self.places = EquipmentPlaces(body, equipment, self._tree, self.fit.lengths, settings)
+        self.motion = EquipmentMotion(body, equipment, motion)
+        self.attachments = Attachments(body, equipment, self.fit.lengths, settings)
+        self.joint_names = frozenset({*(j.name for j in self._tree), *self.attachments.names, equipment.name})
+        self._place, self._history = EquipmentPlace(equipment, self.fit), HeldHistory()
+        self._rows = np.array([body.segment_index[name] for name in equipment.segments])
+        self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.row]
+        self._root, self._stands = self.fit.row[equipment.root], equipment.segments[equipment.root].stands
         self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
-        self._driven: set[int] = set()
-        self._begin_ns: int | None = None
-        self._pacing = SearchPacing()
+        self._start_ns: int | None = None
+        self.placed = self._was_placed = False
+        self.reset()
+
+    def reset(self) -> None:
+        """After a pause: equipment that stands is where it was, other equipment is searched again."""
+        self.motion.reset()
+        self.placed, self._was_placed = self.placed and self._stands, False
+        self._search_due_ns, self._search_wait_ns = -(1 << 62), _SEARCH_NS
+        self._searched_with: tuple[bool, ...] = ()
+
+    def start(self, stamp_ns: int) -> None:
+        """Set the first image of the recording [ns]; later calls change nothing."""
+        self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
 
     @property
-    def joint_names(self) -> frozenset[str]:
-        """The joints that it speaks for: of the equipment, to it and beside it."""
-        own = {joint.name for joint in self._tree} | {a.name for a in self.equipment.attachments}
-        return frozenset(own | {self.equipment.name})
+    def active(self) -> ActiveAttachments | None:
+        """Attachments of the present state; None while the equipment's pose is unknown."""
+        return self.attachments.active if self.placed else None
 
-    @property
-    def holding(self) -> Holding | None:
-        """What holds at the present instant; None while nobody knows where the equipment is."""
-        return self._watch.holding if self.placed else None
-
-    def motion(self, model: MotionModel, tangent: TreeTangent) -> tuple[Array, Array]:
-        """Density (K), NaN of people, and times (K) of a prediction, in which equipment moves as it does by itself."""
-        density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
-        accelerations = self._motion.accelerations
-        for row, joint in enumerate(tangent.tree.tree_joints):
-            if joint.child not in self.fit.row:
-                continue
-            columns, e = tangent.columns[row], self.fit.row[joint.child]
-            turns = tangent.twists[row][:3].any(axis=0)
-            density[columns] = np.where(turns, accelerations[e, 0], accelerations[e, 3]) ** 2 * LASTS_S
-            if joint.name in self._motion.keeping_joints:
-                fade_s[columns] = _KEPT_S
-                density[self._led_by(joint, tangent)] = _LED**2 * LASTS_S
-        return density, fade_s
-
-    def _led_by(self, hinge: Joint, tangent: TreeTangent) -> NDArray[np.bool_]:
-        """(K,) coordinates of the limbs that hold a hinge's child, where it goes on by itself."""
-        led, tree, held = np.zeros(tangent.count, bool), tangent.tree, self._motion.held_below(hinge.child)
-        holding = self._watch.holding
-        if not holding.drives(held):
-            for each in self.equipment.attachments:
-                if each.name in held and holding.engaged[each.name]:
-                    for row in np.flatnonzero(tree.moves[tree.segment_index[each.body_segment]]):
-                        led[tangent.columns[row]] = True
-        return led
-
-    def begins_anew(self, tangent: TreeTangent, before: Holding | None) -> NDArray[np.bool_]:
-        """(K,) coordinates of which nothing was known: all that has just been found, and what is driven again.
+    def update(self, stamp_ns: int, dt_s: float, poses: Array, evidence: Mapping[str, SegmentPose]) -> None:
+        """Fit the equipment to the measured body; its rows of the poses (S, 4, 4) are replaced in place.
 
         Args:
-            tangent: of the body with the equipment.
-            before: what held at the instant before.
-        """
-        columns = np.zeros(tangent.count, bool)
-        for row, joint in enumerate(tangent.tree.tree_joints):
-            if joint.child in self.fit.row:
-                columns[tangent.columns[row]] = not self.went_on
-        for row in self.keeping():
-            joint = tangent.tree.tree_joints[row]
-            if self.drives(joint, self.holding) and not self.drives(joint, before):
-                columns[tangent.columns[row]] = True
-        return columns
-
-    def drives(self, joint: Joint, holding: Holding | None) -> bool:
-        """Whether somebody is seen to drive the child of one of its joints."""
-        return holding is not None and holding.drives(self._motion.held_below(joint.child))
-
-    def coasting(self, at: Coordinates) -> JointRotations:
-        """Hinges that somebody drove, and nobody is seen to drive now: they go on by themselves, and lead the limbs."""
-        driven = {row for row in self.keeping() if self.drives(self._body.tree_joints[row], self.holding)}
-        self._driven |= driven
-        rows = sorted(self._driven - driven) if self.placed else []
-        return coasting(rows, at.motion[rows, :3, :3])
-
-    def keeping(self) -> list[int]:
-        """Rows of the tree's joints that turn on by themselves."""
-        joints = enumerate(self._body.tree_joints)
-        return [row for row, joint in joints if joint.name in self._motion.keeping_joints]
-
-    def seated(self, at: Coordinates, path: Array, slides: NDArray[np.bool_]) -> Coordinates:
-        """Coordinates in which the equipment is where poses (S, 4, 4) have it, its joints where they have been learned.
-
-        Args:
-            at: of the body.
-            path: poses (S, 4, 4).
-            slides: (J, 3) along which axes joints slide.
-        """
-        motion, own = at.motion.copy(), {joint.name: joint for joint in self.places.own}
-        poses = self._body.forward_kinematics(at.root, at.motion)
-        poses[self.rows] = path[self.rows]
-        wanted = self._body.joint_poses(poses, slides)
-        for row, joint in enumerate(self._body.tree_joints):
-            if joint.child in self.fit.row:
-                motion[row] = wanted[row]
-                if joint.name in own:
-                    shift = (inverse(joint.parent_T_joint) @ own[joint.name].parent_T_joint)[:3, 3]
-                    motion[row, :3, 3] += np.where(slides[row], 0.0, shift)
-        return replace(at, motion=motion)
-
-    def standing_still(self) -> SegmentPoses:
-        """Where its root stands, as one more measurement."""
-        if not (self.placed and self.stands):
-            return SegmentPoses.of(self._body, [])
-        pose = SegmentPose(self.equipment.root, self._world_T_root, np.diag(self._root_sigmas**2))
-        return SegmentPoses.of(self._body, [pose])
-
-    def begin(self, stamp_ns: int) -> None:
-        """The first image of the recording [ns]; later ones do not count."""
-        if self._begin_ns is None:
-            self._begin_ns = stamp_ns
-
-    def begin_anew(self) -> None:
-        """After a pause: what stands is where it was, anything else is looked for again."""
-        self._pacing.forget()
-        self._driven.clear()
-        self.placed, self.went_on = self.placed and self.stands, False
-
-    def _seconds(self, stamp_ns: int) -> float:
-        return 1e-9 * (stamp_ns - (stamp_ns if self._begin_ns is None else self._begin_ns))
-
-    def follow(self, stamp_ns: int, dt_s: float, path: Array, evidence: Mapping[str, SegmentPose]) -> None:
-        """Fit the equipment to what is seen of the body at an instant; its rows of the path (S, 4, 4) become that.
-
-        Args:
-            stamp_ns: of the instant.
+            stamp_ns: of the state [ns].
             dt_s: since the one before [s].
-            path: where the solver starts; changed in place.
-            evidence: camera -> its registration, of those that are believed.
+            poses: initial estimate of the state.
+            evidence: camera -> measured pose of its segment.
         """
-        seen = {self._body.segment_index[pose.segment] for pose in evidence.values()}
-        looked = self._watch.look(self._seconds(stamp_ns), poses_as_seen(self._body, path, evidence.values()), seen)
-        may_search = self._pacing.is_due(stamp_ns, self._watch.seen)
-        self.went_on = self.placed
+        observed = {self._body.segment_index[pose.segment] for pose in evidence.values()}
+        seconds = 1e-9 * (stamp_ns - (stamp_ns if self._start_ns is None else self._start_ns))
+        points = self.attachments.observe(seconds, measured_poses(self._body, poses, evidence.values()), observed)
+        if self.attachments.measured != self._searched_with:
+            self._search_due_ns, self._search_wait_ns = stamp_ns, _SEARCH_NS
+            self._searched_with = self.attachments.measured
+        may_search = stamp_ns >= self._search_due_ns
+        self._was_placed = self.placed
         if self.placed:
-            found, poses = self._follow(looked, self._prior(path[self.rows], dt_s, evidence), may_search)
+            found, poses[self._rows] = self._follow(points, self._prior(poses[self._rows], dt_s, evidence), may_search)
         else:
-            found, poses = self._find(looked, path, evidence, may_search)
-        path[self.rows] = poses
+            found, poses[self._rows] = self._find(points, poses, evidence, may_search)
         if not found and may_search:
-            self._pacing.in_vain(stamp_ns)
-        if self.placed and self._seen.add(stamp_ns, self._watch.held(looked), path[self.rows]):
-            self._learn(path)
+            self._search_due_ns = stamp_ns + self._search_wait_ns
+            self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
+        if self.placed and self._history.add(stamp_ns, self.attachments.engaged(points), poses[self._rows]):
+            fitted = self._history.fit(self.fit, self.attachments.shifts)
+            self.attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
+            if self._stands:
+                self._set_root(fitted.poses[-1, self._root], fitted.root_sigmas)
+                poses[self._rows[self._root]] = self._world_T_root
 
-    def report(self, world_T_segment: Array, holding: Holding | None) -> EquipmentReport:
-        """What is published of an instant: poses (S, 4, 4), and what held at it; None before it was placed."""
-        attachments = self.equipment.attachments
-        deviations = np.full(len(attachments), np.nan)
-        if holding is not None:
-            deviations = np.array([self.places.distance(a.name, world_T_segment) for a in attachments])
-        return EquipmentReport(
-            name=self.equipment.name,
-            placed=holding is not None,
-            attachments=tuple(attachment.name for attachment in attachments),
-            engaged=np.array(
-                [holding is not None and holding.engaged[attachment.name] for attachment in attachments], bool
-            ),
-            deviations=deviations,
-            lengths=self.fit.lengths.names,
-            priors=self.fit.lengths.priors,
-            values=self.fit.lengths.said + self.places.shifts,
-            sigmas=self.places.sigmas.copy(),
-        )
-
-    def _beside(self, path: Array) -> Array:
-        """Where its hinges are not known: where it stands; or nothing of it, beside the body's root."""
-        if self.placed and self.stands:
-            return self._place.nominal(self._world_T_root)
-        return self._place.nominal(path[self._body.segment_index[self._body.root]])
+    def _set_root(self, world_T_root: Array, sigmas: Array) -> None:
+        self._world_T_root, self._root_sigmas = world_T_root, np.maximum(sigmas, _STANDS)
 
     def _find(
-        self, looked: HeldPoints, path: Array, evidence: Mapping[str, SegmentPose], may_search: bool
+        self, points: HeldPoints, poses: Array, evidence: Mapping[str, SegmentPose], may_search: bool
     ) -> tuple[bool, Array]:
-        """Equipment that was not placed yet: where its own camera has it, or the body holds it.
-
-        Returns:
-            Whether it was found, and poses (E, 4, 4).
-        """
-        own = [seen for seen in evidence.values() if seen.segment == self.equipment.root]
-        found = self._place.by_camera(looked, self.places.shifts, own) if own else None
+        """Whether equipment that was not placed is found, and its poses (E, 4, 4)."""
+        shifts = self.attachments.shifts
+        own = [pose for pose in evidence.values() if pose.segment == self.equipment.root]
+        found = self._place.find_by_cameras(points, shifts, own) if own else None
         if found is None and may_search:
-            found = self._place.anywhere(looked, self.places.shifts)
+            found = self._place.find(points, shifts)
         if found is None:
-            return False, self._beside(path)
+            return False, self._place.nominal(poses[self._body.segment_index[self._body.root]])
         self.placed = True
-        self._world_T_root = found.poses[self._root]
-        self._root_sigmas = np.maximum(found.root_sigmas, _STANDS)
-        self._watch.begin(self._watch.distances(looked, found.poses, self.places.shifts), self.places.sigmas)
-        return True, found.poses
+        self._set_root(found[0][self._root], found[1])
+        self.attachments.place(self.attachments.distances(points, found[0]))
+        return True, found[0]
 
-    def _follow(self, looked: HeldPoints, prior: Prior, may_search: bool) -> tuple[bool, Array]:
-        """Near the prediction, or where hinges must have turned meanwhile; what is let go.
-
-        Returns:
-            Whether it is where it should be, and poses (E, 4, 4).
-        """
-        poses = prior.poses
-        distances = self._watch.distances(looked, poses, self.places.shifts)
-        if self._watch.astray(distances, self.places.sigmas):
-            poses = self._place.near(self._watch.held(looked), self.places.shifts, prior)
-            distances = self._watch.distances(looked, poses, self.places.shifts)
-        found = 2 * self._watch.contradicted(distances, self.places.sigmas) <= len(distances)
-        if not found and may_search:
-            elsewhere = self._place.around(looked, self.places.shifts, prior)
-            anew = self._watch.distances(looked, elsewhere, self.places.shifts)
-            if sum(anew.values()) < sum(distances.values()):
+    def _follow(self, points: HeldPoints, prior: Prior, may_search: bool) -> tuple[bool, Array]:
+        """Whether its attachments confirm the equipment near the prediction, and its poses (E, 4, 4)."""
+        attachments, poses = self.attachments, prior.poses
+        distances = attachments.distances(points, poses)
+        if attachments.need_fit(distances):
+            poses = self._place.refine(attachments.engaged(points), attachments.shifts, prior)
+            distances = attachments.distances(points, poses)
+        if may_search and attachments.are_contradicted(distances):
+            elsewhere = self._place.search(points, attachments.shifts, prior)
+            anew = attachments.distances(points, elsewhere)
+            if np.nansum(anew) < np.nansum(distances):
                 poses, distances = elsewhere, anew
-            found = 2 * self._watch.contradicted(distances, self.places.sigmas) <= len(distances)
-        self._watch.notice(distances, self.places.sigmas)
+        found = not attachments.are_contradicted(distances)
+        attachments.update(distances)
         return found, poses
 
     def _prior(self, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Prior:
-        """Where the equipment should be: as predicted (E, 4, 4), or where cameras of its own have it."""
-        poses, sigmas = (
-            predicted.copy(),
-            np.hypot(self._motion.accelerations * dt_s**2, _FOLLOWED),
-        )
-        if self.stands:
+        """Poses (E, 4, 4) as predicted, or as its own cameras measured them."""
+        poses, sigmas = predicted.copy(), np.hypot(self.motion.accelerations * dt_s**2, _PREDICTED)
+        if self._stands:
             sigmas[self._root] = self._root_sigmas
-        for seen in evidence.values():
-            if seen.segment in self.fit.row:
-                row = self.fit.row[seen.segment]
-                poses[row], sigmas[row] = seen.world_T_segment, np.sqrt(np.diag(seen.covariance))
+        for pose in evidence.values():
+            if pose.segment in self.fit.row:
+                row = self.fit.row[pose.segment]
+                poses[row], sigmas[row] = pose.world_T_segment, np.sqrt(np.diag(pose.covariance))
         return Prior(poses, sigmas)
 
-    def _learn(self, path: Array) -> None:
-        """Fit where it stands and what is unknown to all that was seen."""
-        fitted = self._seen.fit(self.fit, self.places.shifts)
-        self.places.learn(fitted.lengths, fitted.length_sigmas)
-        if self.stands:
-            self._world_T_root = fitted.poses[-1, self._root]
-            self._root_sigmas = np.maximum(fitted.root_sigmas, _STANDS)
-            path[self.rows[self._root]] = self._world_T_root
+    def restarted_columns(self, tangent: TreeTangent, before: ActiveAttachments | None) -> NDArray[np.bool_]:
+        """(K,) coordinates without a past: of equipment that was just placed, and of hinges that are driven again."""
+        columns = np.zeros(tangent.count, bool)
+        for row in self._joint_rows:
+            columns[tangent.columns[row]] = not self._was_placed
+        for row in self.motion.coasting_rows:
+            if self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before):
+                columns[tangent.columns[row]] = True
+        return columns
+
+    def with_equipment(self, at: Coordinates, poses: Array, tangent: TreeTangent) -> Coordinates:
+        """Coordinates with the equipment as in poses (S, 4, 4), its joints shifted by the estimated lengths."""
+        motion, body = at.motion.copy(), self._body
+        combined = body.forward_kinematics(at.root, at.motion)
+        combined[self._rows] = poses[self._rows]
+        wanted = body.joint_poses(combined, tangent.slides)
+        shifted = {j.name: self.fit.lengths.joint(j, self.attachments.shifts) for j in self._tree}
+        for row in self._joint_rows:
+            joint, motion[row] = body.tree_joints[row], wanted[row]
+            if joint.name in shifted:
+                shift = (inverse(joint.parent_T_joint) @ shifted[joint.name].parent_T_joint)[:3, 3]
+                motion[row, :3, 3] += np.where(tangent.slides[row], 0.0, shift)
+        return replace(at, motion=motion)
+
+    def closed_joints(self, poses: Array) -> tuple[ClosedJoint, ...]:
+        """Joints of the active attachments, about poses (S, 4, 4)."""
+        return () if self.active is None else tuple(self.attachments.closed_joints(poses, self.active))
+
+    def root_measurement(self) -> SegmentPoses:
+        """The pose of a root that stands."""
+        pose = SegmentPose(self.equipment.root, self._world_T_root, np.diag(self._root_sigmas**2))
+        return SegmentPoses.from_evidence(self._body, [pose] if self.placed and self._stands else [])
+
+    def report(self, poses: Array, active: ActiveAttachments | None) -> EquipmentReport:
+        """Published report of a state with poses (S, 4, 4) and active attachments; None before it was placed."""
+        names, lengths = self.attachments.names, self.fit.lengths
+        return EquipmentReport(
+            name=self.equipment.name,
+            placed=active is not None,
+            attachments=names,
+            engaged=np.array([active is not None and active.active[name] for name in names], bool),
+            deviations=np.full(len(names), np.nan) if active is None else self.attachments.gaps(poses),
+            lengths=lengths.names,
+            priors=lengths.priors,
+            values=lengths.said + self.attachments.shifts,
+            sigmas=self.attachments.sigmas.copy(),
+        )

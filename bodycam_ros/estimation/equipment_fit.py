@@ -1,32 +1,26 @@
-"""Where the equipment is, and what nobody measured of it, given where the body holds it (B eq. 15).
+"""Poses and unknown lengths of the equipment from the measured points of the body that hold it (B eq. 15).
 
-The body is taken as it is seen, at one instant or at many; only the equipment moves, as a chain of twists from its
-root (B eq. 3-4). So the fit says how far each attachment is from holding without the body giving way: one that
-contradicts the others is found here before it could bend anybody. Where it stands and what is unknown of it are the
-same at all instants; a Schur complement eliminates the rest.
+The body is given, at one time or at T times; only the equipment moves, as a chain of twists from its root (B eq. 3-4).
+So a wrong attachment shows as a distance before it could bend the body. The pose of a root that stands and the lengths
+are the same at all times; a Schur complement eliminates the rest.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment import Attachment, Equipment, UnknownLengths
-from bodycam_ros.estimation.equipment_motion import EquipmentChain
+from bodycam_ros.estimation.equipment_chain import EquipmentChain
 from bodycam_ros.geometry import hat, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 
-BODY_M = 0.003
-"""How well a seen segment is known; no pair of points weighs more."""
-
-_KERNEL = 10.0
-"""Sigmas at which an attachment counts half (Cauchy): a prediction may be so far off, what is let go is farther."""
-
-_SETTLED = 1e-6
-_STIFFENING = 1e-6
+BODY_M = 0.003  # sigma of an observed segment; no pair of points weighs more
+_KERNEL = 10.0  # sigmas at which an attachment counts half (Cauchy): a prediction may be as far off
+_SETTLED = _STIFFENING = 1e-6  # relative decrease of the cost; added to information, so that it has an inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +78,7 @@ class EquipmentFit:
 
     Attributes:
         lengths: what is unknown.
-        chain: how its segments follow from its root, joints and lengths.
+        chain: its segments as functions of root, joints and lengths.
         row: segment -> its row among the equipment's.
     """
 
@@ -100,13 +94,13 @@ class EquipmentFit:
     def solve(
         self, start: Array, lengths: Array, held: HeldPoints, prior: Prior | None = None, steps: int = 30
     ) -> FittedEquipment:
-        """Gauss-Newton with damping.
+        """Levenberg-Marquardt.
 
         Args:
-            start: (T, E, 4, 4) poses to begin at; a root that stands is where it is at the last of them.
-            lengths: (L) to begin at [m].
-            held: where the body holds it.
-            prior: of the segments, at one instant only.
+            start: (T, E, 4, 4) initial poses; a root that stands starts at the last of them.
+            lengths: (L) initial [m].
+            held: measured points.
+            prior: of the segments, for T = 1.
             steps: at most.
         """
         root, motions = start[:, self.chain.root], self.chain.motions(start, lengths)
@@ -133,77 +127,52 @@ class EquipmentFit:
         return FittedEquipment(poses, lengths, cost, sigmas[:6], sigmas[self.chain.length_columns])
 
     def _normal_equations(
-        self,
-        root: Array,
-        motions: Array,
-        lengths: Array,
-        held: HeldPoints,
-        expected: tuple[Prior, Array] | None,
+        self, root: Array, motions: Array, lengths: Array, held: HeldPoints, expected: tuple[Prior, Array] | None
     ) -> tuple[Array, Array, float]:
         """Hessians (T, n, n), gradients (T, n) and the robust cost."""
+        T, n = len(root), self.chain.count
         poses, moves = self.chain.poses(root, motions, lengths)
-        H, g, cost = (
-            np.zeros((len(root), self.chain.count, self.chain.count)),
-            np.zeros((len(root), self.chain.count)),
-            0.0,
-        )
+        H, g, cost = np.zeros((T, n, n)), np.zeros((T, n)), 0.0
+        diagonal = np.einsum("tii->ti", H)  # a view
 
-        def add(J: Array, r: Array, weights: Array | float = 1.0) -> None:
-            nonlocal H, g
-            weighted = np.swapaxes(J, 1, 2) * np.reshape(weights, (-1, 1, 1))
-            H, g = H + weighted @ J, g + (weighted @ r[..., None])[..., 0]
+        def add_independent(columns: slice | Array, off: Array, sigmas: Array) -> None:
+            """Add residuals ``off`` (T, F) of single columns."""
+            nonlocal cost
+            diagonal[:, columns] += sigmas**-2.0
+            g[:, columns] += off / sigmas**2
+            cost += float(np.sum((off / sigmas) ** 2))
 
         for attachment in self._equipment.attachments:
             holds = held.holds[attachment.name]
             if holds.any():
                 J, r = self._pairs(attachment, poses, moves, lengths, held.points[attachment.name])
                 squared = np.sum(r**2, axis=1) / len(attachment.sigmas) / _KERNEL**2
-                add(J, r, holds / (1.0 + squared))
+                weighted = np.swapaxes(J, 1, 2) * (holds / (1.0 + squared))[:, None, None]
+                H += weighted @ J
+                g += (weighted @ r[..., None])[..., 0]
                 cost += len(attachment.sigmas) * _KERNEL**2 * float(np.sum(np.log1p(squared)[holds]))
-        if np.isfinite(self._equipment.upright_sigma):
+        if np.isfinite(sigma := self._equipment.upright_sigma):
             up = root[:, 2, :3]
-            J = np.zeros((len(root), 2, self.chain.count))
-            J[:, :, :3] = hat(up)[:, :2] / self._equipment.upright_sigma
-            r = up[:, :2] / self._equipment.upright_sigma
-            add(J, r)
-            cost += float(np.sum(r**2))
-        cost += self._add_joints(H, g, motions)
-        # What lasts is known once, not at every instant.
-        columns = self.chain.length_columns
-        H[0, columns, columns] += 1.0 / self.lengths.priors**2
-        g[0, columns] += lengths / self.lengths.priors**2
-        cost += float(np.sum((lengths / self.lengths.priors) ** 2))
+            J_up, r_up = hat(up)[:, :2] / sigma, up[:, :2] / sigma
+            H[:, :3, :3] += np.swapaxes(J_up, 1, 2) @ J_up
+            g[:, :3] += (np.swapaxes(J_up, 1, 2) @ r_up[..., None])[..., 0]
+            cost += float(np.sum(r_up**2))
+        children = self.chain.tree.joint_ends[:, 1]
+        for row, (twists, sigmas, columns) in enumerate(
+            zip(self.chain.twists, self.chain.sigmas, self.chain.columns, strict=True)
+        ):
+            add_independent(columns, log_se3(motions[:, row]) @ twists, sigmas)
+            if expected is not None:
+                away = log_se3(inverse(expected[1][:, row]) @ motions[:, row]) @ twists
+                add_independent(columns, away, np.abs(twists).T @ expected[0].sigmas[children[row]])
         if expected is not None:
-            cost += self._add_prior(H, g, root, motions, expected)
-        return H, g, cost
-
-    def _add_joints(self, H: Array, g: Array, motions: Array) -> float:
-        """What joints say that are neither free nor held."""
-        cost = 0.0
-        for row, f in enumerate(self.chain.freedoms):
-            if np.isfinite(f.sigmas).any():
-                weights = np.where(np.isfinite(f.sigmas), 1.0 / f.sigmas**2, 0.0)
-                off = log_se3(motions[:, row]) @ f.twists
-                _diagonal(H, f.columns)[...] += weights
-                g[:, f.columns] += weights * off
-                cost += float(np.sum(weights * off**2))
-        return cost
-
-    def _add_prior(self, H: Array, g: Array, root: Array, motions: Array, expected: tuple[Prior, Array]) -> float:
-        prior, expected_motions = expected
-
-        def add(columns: slice, off: Array, sigmas: Array) -> float:
-            _diagonal(H, columns)[...] += 1.0 / sigmas**2
-            g[:, columns] += off / sigmas**2
-            return float(np.sum((off / sigmas) ** 2))
-
-        off = log_se3(inverse(prior.poses[self.chain.root]) @ root)
-        cost = add(slice(0, 6), off, prior.sigmas[self.chain.root])
-        away = log_se3(inverse(expected_motions) @ motions)
-        for row, f in enumerate(self.chain.freedoms):
-            sigmas = np.abs(f.twists).T @ prior.sigmas[self.row[f.joint.child]]
-            cost += add(f.columns, away[:, row] @ f.twists, sigmas)
-        return cost
+            prior, at = expected[0], self.chain.root
+            add_independent(slice(0, 6), log_se3(inverse(prior.poses[at]) @ root), prior.sigmas[at])
+        # Lengths have one prior, not one at every time.
+        of_lengths = self.chain.length_columns
+        diagonal[0, of_lengths] += self.lengths.priors**-2.0
+        g[0, of_lengths] += lengths / self.lengths.priors**2
+        return H, g, cost + float(np.sum((lengths / self.lengths.priors) ** 2))
 
     def _pairs(
         self, attachment: Attachment, poses: Array, moves: Array, lengths: Array, held: Array
@@ -211,10 +180,10 @@ class EquipmentFit:
         """Jacobians (T, 3N, n) and residuals (T, 3N) of an attachment's pairs, in its equipment segment's axes."""
         row = self.row[attachment.equipment_segment]
         pose = poses[:, row]
-        seen = (held - pose[:, None, :3, 3]) @ pose[:, :3, :3]
-        off = seen - self.lengths.attachment(attachment, lengths).on_equipment
-        of_segment = np.concatenate([hat(seen), np.broadcast_to(-np.eye(3), (*seen.shape, 3))], axis=3)
-        J = of_segment @ moves[:, None, row]
+        measured = (held - pose[:, None, :3, 3]) @ pose[:, :3, :3]
+        off = measured - self.lengths.attachment(attachment, lengths).on_equipment
+        by_segment = np.concatenate([hat(measured), np.broadcast_to(-np.eye(3), (*measured.shape, 3))], axis=3)
+        J = by_segment @ moves[:, None, row]
         for column, axis in self.lengths.of(attachment.name):
             J[:, :, axis, self.chain.length_columns[column]] -= 1.0
         sigmas = np.hypot(attachment.sigmas, BODY_M)[:, None]
@@ -222,7 +191,7 @@ class EquipmentFit:
         return (J / sigmas[..., None]).reshape(len(poses), rows, -1), (off / sigmas).reshape(len(poses), rows)
 
     def _step(self, H: Array, g: Array, damping: float) -> Array:
-        """Steps (T, n) of all that is unknown."""
+        """Steps (T, n) of all unknowns."""
         reduced, gradient, own, by_lasting = self._reduced(H, g, damping)
         damped = reduced + damping * np.diag(np.diag(reduced))
         lasting = -np.linalg.solve(damped, gradient) if len(damped) else gradient
@@ -235,22 +204,16 @@ class EquipmentFit:
         """Normal equations of what lasts (K, K), (K), and how what moves follows from it: (T, M), (T, M, K)."""
         moving, lasting = self._moving, self._lasting
         C = H[:, lasting[:, None], lasting].sum(axis=0) + _STIFFENING * np.eye(len(lasting))
-        c = g[:, lasting].sum(axis=0)
         A = H[:, moving[:, None], moving]
         A = A + damping * np.einsum("tij,ij->tij", A, np.eye(len(moving))) + _STIFFENING * np.eye(len(moving))
         B = H[:, moving[:, None], lasting]
         solved: Array = -np.linalg.solve(A, np.concatenate([g[:, moving, None], B], axis=2))
         own, by_lasting = solved[..., 0], solved[..., 1:]
-        B_transposed = np.swapaxes(B, 1, 2)
-        return (
-            C + (B_transposed @ by_lasting).sum(axis=0),
-            c + (B_transposed @ own[..., None])[..., 0].sum(axis=0),
-            own,
-            by_lasting,
-        )
+        C += np.einsum("tmk,tml->kl", B, by_lasting)
+        return C, g[:, lasting].sum(axis=0) + np.einsum("tmk,tm->k", B, own), own, by_lasting
 
     def _sigmas(self, H: Array, g: Array) -> Array:
-        """(n) of all that is unknown, at the first instant."""
+        """(n) of all unknowns, at the first time."""
         reduced, _, _, by_lasting = self._reduced(H, g, 0.0)
         lasting = np.linalg.inv(reduced)
         own = H[0][np.ix_(self._moving, self._moving)] + _STIFFENING * np.eye(len(self._moving))
@@ -262,55 +225,36 @@ class EquipmentFit:
         return sigmas
 
 
-def _diagonal(H: Array, columns: slice) -> Array:
-    """View (T, F) of the diagonals of matrices (T, n, n) in some columns."""
-    diagonal: Array = np.einsum("tii->ti", H[:, columns, columns])
-    return diagonal
+_LEARN_HZ = 10.0  # rate of the kept times at first; neighbours add no information
+_MOST = 200  # kept times: a fit takes as long as there are many
+_LEARN_EVERY_S = 0.5  # of new measurements between two fits
 
 
-_LEARN_HZ = 10.0
-"""Rate of the instants that the fit keeps at first; neighbours say nothing new."""
-
-_MOST = 200
-"""Instants that are kept, spread over all that was seen: the time of a fit grows with them."""
-
-_LEARN_EVERY_S = 0.5
-"""Of seen motion, before what is unknown of the equipment is fitted anew."""
-
-
-class SeenInstants:
-    """Instants at which the body was seen to hold the equipment."""
+class HeldHistory:
+    """Times at which the body was measured to hold the equipment, for a fit of what lasts."""
 
     def __init__(self) -> None:
-        self._instants: list[tuple[HeldPoints, Array]] = []
+        self._kept: list[tuple[HeldPoints, Array]] = []
         self._kept_ns, self._period_ns, self._new_s = -(1 << 62), 1e9 / _LEARN_HZ, 0.0
 
     def add(self, stamp_ns: int, held: HeldPoints, poses: Array) -> bool:
-        """Keep an instant, if it says something new; whether it is time to fit."""
+        """Keep one time with poses (E, 4, 4), unless it is too near to the last; whether a fit is due."""
         if stamp_ns - self._kept_ns < 0.99 * self._period_ns or not any(h[0] for h in held.holds.values()):
             return False
         self._kept_ns = stamp_ns
-        self._instants.append((held, poses.copy()))
+        self._kept.append((held, poses.copy()))
         self._new_s += 1e-9 * self._period_ns
-        if len(self._instants) > _MOST:
-            # All that was seen, at half the rate.
-            self._instants = self._instants[::2]
-            self._period_ns *= 2.0
-        if self._new_s < _LEARN_EVERY_S:
-            return False
-        self._new_s = 0.0
-        return True
+        if len(self._kept) > _MOST:
+            self._kept, self._period_ns = self._kept[::2], 2.0 * self._period_ns
+        is_due = self._new_s >= _LEARN_EVERY_S
+        self._new_s = 0.0 if is_due else self._new_s
+        return is_due
 
     def fit(self, fit: EquipmentFit, lengths: Array) -> FittedEquipment:
-        """What stands still and the lengths, fitted to all instants that are kept."""
-        held = _together(held for held, _ in self._instants)
-        start = np.stack([poses for _, poses in self._instants])
-        return fit.solve(start, lengths, held)
-
-
-def _together(instants: Iterable[HeldPoints]) -> HeldPoints:
-    all_of = list(instants)
-    return HeldPoints(
-        {name: np.concatenate([held.points[name] for held in all_of]) for name in all_of[0].points},
-        {name: np.concatenate([held.holds[name] for held in all_of]) for name in all_of[0].holds},
-    )
+        """Root that stands and lengths (L), fitted to all kept times."""
+        held = [each for each, _ in self._kept]
+        together = HeldPoints(
+            {name: np.concatenate([each.points[name] for each in held]) for name in held[0].points},
+            {name: np.concatenate([each.holds[name] for each in held]) for name in held[0].holds},
+        )
+        return fit.solve(np.stack([poses for _, poses in self._kept]), lengths, together)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.estimation.belief import Belief, Coordinates
+from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
@@ -56,8 +56,8 @@ class SegmentPoses:
     covariances: Array
 
     @staticmethod
-    def of(body: BodyModel, evidence: Iterable[SegmentPose]) -> "SegmentPoses":
-        """Of one-by-one measurements."""
+    def from_evidence(body: BodyModel, evidence: Iterable[SegmentPose]) -> "SegmentPoses":
+        """Stacked measurements."""
         seen = list(evidence)
         return SegmentPoses(
             np.array([body.segment_index[each.segment] for each in seen], np.int64),
@@ -135,7 +135,7 @@ class ClosedJoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Measurements:
     """All that is measured of the coordinates at an instant.
 
     Attributes:
@@ -151,7 +151,7 @@ class Measured:
     closed: Sequence[ClosedJoint] = ()
 
 
-class InstantFit:
+class StateFit:
     """Fits the coordinates of one instant.
 
     Args:
@@ -176,7 +176,7 @@ class InstantFit:
             if np.isfinite(sigmas).any():
                 self._soft[row] = sigmas
 
-    def fit(self, predicted: Belief, measured: Measured, start: Coordinates | None = None) -> Belief:
+    def fit(self, predicted: Estimate, measured: Measurements, start: Coordinates | None = None) -> Estimate:
         """The body given a prediction and measurements.
 
         Args:
@@ -208,9 +208,11 @@ class InstantFit:
         both[:K, K:] = both[K:, :K].T
         both[K:, K:] = P[K:, K:] - gain @ (P[:K, :K] - covariance) @ gain.T
         velocity = predicted.at.velocity + gain @ (x + step)
-        return Belief(Coordinates(at.root, at.motion, velocity), both)
+        return Estimate(Coordinates(at.root, at.motion, velocity), both)
 
-    def _normal_equations(self, poses: Array, motion: Array, measured: Measured, robust: bool) -> tuple[Array, Array]:
+    def _normal_equations(
+        self, poses: Array, motion: Array, measured: Measurements, robust: bool
+    ) -> tuple[Array, Array]:
         """Matrix (K, K) and right side (K) of all measurements about poses (S, 4, 4)."""
         K = self._tangent.count
         A, b = np.zeros((K, K)), np.zeros(K)
@@ -277,12 +279,6 @@ class EvidenceSettings:
         reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation",
     )
     mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
-    blind_rotation_sigma: float = setting(
-        0.01,
-        unit="rad",
-        limits=(0.0005, 0.5),
-        reason="of the rotation between frames; parallax of near things biases it by some tenths of a degree",
-    )
 
 
 def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:
@@ -326,7 +322,7 @@ class MountedCameras:
         }
 
 
-def poses_as_seen(body: BodyModel, path: NDArray[np.float64], evidence: Iterable[SegmentPose]) -> NDArray[np.float64]:
+def measured_poses(body: BodyModel, path: NDArray[np.float64], evidence: Iterable[SegmentPose]) -> NDArray[np.float64]:
     """A path (S, 4, 4) with segments where the surest of their cameras has them."""
     poses = path.copy()
     surest: dict[int, float] = {}

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.belief import Belief, Coordinates, Link
+from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, exp_se3, hat, inverse, log_se3, log_so3, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
+FADE_S = 0.2  # in which an unobserved velocity fades: a blind limb comes to rest instead of flying off
+_TURN_RAD = 0.01  # sigma of a rotation between frames; parallax of near things biases it by tenths of a degree
 LASTS_S = 0.033
 """How long an acceleration lasts: with it a standard deviation becomes a spectral density."""
 
@@ -42,12 +44,6 @@ class MotionSettings:
     angular_acceleration_sigma: float = setting(
         60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
     )
-    velocity_time: float = setting(
-        0.2,
-        unit="s",
-        limits=(0.01, 60.0),
-        reason="a velocity that nothing sees fades in this time: a blind limb comes to rest instead of flying off",
-    )
 
 
 class MotionModel:
@@ -64,7 +60,7 @@ class MotionModel:
     def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
         self._tangent = tangent
         turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
-        self.fade_s = np.full(tangent.count, settings.velocity_time)
+        self.fade_s = np.full(tangent.count, FADE_S)
         self._first = np.concatenate(
             [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
         )
@@ -87,20 +83,22 @@ class MotionModel:
         density[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
         return density
 
-    def begun_again(self, belief: Belief, at: Coordinates, columns: NDArray[np.bool_]) -> Belief:
-        """The belief about other coordinates, of which some columns (K,) begin anew."""
+    def restarted(self, estimate: Estimate, at: Coordinates, columns: NDArray[np.bool_]) -> Estimate:
+        """The estimate about other coordinates, of which some columns (K,) begin anew."""
         both = np.concatenate([columns, columns])
-        covariance = belief.covariance.copy()
+        covariance = estimate.covariance.copy()
         covariance[both], covariance[:, both] = 0.0, 0.0
         covariance[both, both] = self._first[both] ** 2
-        return Belief(Coordinates(at.root, at.motion, np.where(columns, 0.0, at.velocity)), covariance)
+        return Estimate(Coordinates(at.root, at.motion, np.where(columns, 0.0, at.velocity)), covariance)
 
-    def begin(self, root: Array, motion: Array) -> Belief:
+    def initial(self, root: Array, motion: Array) -> Estimate:
         """A body that begins at a pose (4, 4) and joint motions (J, 4, 4): known by its measurements alone."""
         at = Coordinates(root, motion, np.zeros(self._tangent.count))
-        return Belief(at, np.diag(self._first**2))
+        return Estimate(at, np.diag(self._first**2))
 
-    def predict(self, before: Belief, dt_s: float, density: Array | None = None, fade_s: Array | None = None) -> Link:
+    def predict(
+        self, before: Estimate, dt_s: float, density: Array | None = None, fade_s: Array | None = None
+    ) -> Transition:
         """The body ``dt_s`` later.
 
         Args:
@@ -120,12 +118,10 @@ class MotionModel:
         cross = np.concatenate([P[:K] + reach[:, None] * P[K:], keep[:, None] * P[K:]])
         covariance = np.concatenate([cross[:, :K] + cross[:, K:] * reach, cross[:, K:] * keep], axis=1)
         covariance += np.kron([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]], Q)
-        return Link(before, Belief(at, covariance), cross)
+        return Transition(before, Estimate(at, covariance), cross)
 
 
-def predict(
-    world_T_segment_before: Array, world_T_segment: Array, before_s: float, ahead_s: float, settings: MotionSettings
-) -> Array:
+def predict(world_T_segment_before: Array, world_T_segment: Array, before_s: float, ahead_s: float) -> Array:
     """Poses (S, 4, 4) at the fading velocity of poses at two instants.
 
     Args:
@@ -133,10 +129,9 @@ def predict(
         world_T_segment: (S, 4, 4) the later poses.
         before_s: time between the two [s].
         ahead_s: time to predict [s].
-        settings: how a velocity fades.
     """
     velocity = log_se3(inverse(world_T_segment_before) @ world_T_segment) / before_s
-    return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / settings.velocity_time) * velocity))
+    return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / FADE_S) * velocity))
 
 
 def motion_sigmas(dt_s: float | Array, previous_dt_s: float | Array, settings: MotionSettings) -> Array:
@@ -225,12 +220,11 @@ lessen it.
 """
 
 
-def turns_since(
+def measured_turns(
     body: BodyModel,
     matches: Iterable[LandmarkMatches],
     before_ns: Mapping[str, int],
-    unseen: Callable[[str, int], bool],
-    sigma: float,
+    needs_turn: Callable[[str, int], bool],
 ) -> list[SegmentTurn]:
     """The rotations that cameras measured since the instant before.
 
@@ -238,8 +232,7 @@ def turns_since(
         body: that carries them.
         matches: of their images.
         before_ns: camera -> stamp of its image at the instant before; by their own stamps, for each may run freely.
-        unseen: whether a camera's segment, in a row, needs its turn.
-        sigma: of a rotation [rad].
+        needs_turn: whether the rotation of a camera's segment, in a row, is used.
     """
     turns = []
     for each in matches:
@@ -247,13 +240,13 @@ def turns_since(
         if mount is None or each.rotation_inliers == 0 or before_ns.get(each.camera) != each.previous_stamp_ns:
             continue
         row = body.segment_index[mount.segment]
-        if unseen(each.camera, row):
+        if needs_turn(each.camera, row):
             segment_R_camera = mount.segment_T_camera[:3, :3]
-            turns.append(SegmentTurn(row, segment_R_camera @ each.current_R_previous.T @ segment_R_camera.T, sigma))
+            turns.append(SegmentTurn(row, segment_R_camera @ each.current_R_previous.T @ segment_R_camera.T, _TURN_RAD))
     return turns
 
 
-def freed(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Link:
+def loosen_joints(link: Transition, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Transition:
     """The same, but how the joints beside segments whose turns are measured move is told by these alone.
 
     Smooth motion of joints, and turns of both of their segments, would tell the angle between them (as of a hand and
@@ -267,10 +260,10 @@ def freed(link: Link, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Lin
         if tangent.tree.segment_index[joint.child] in rows or tangent.tree.segment_index[joint.parent] in rows:
             columns = np.arange(*tangent.columns[row].indices(tangent.count))
             covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
-    return Link(link.before, Belief(link.after.at, covariance), link.cross)
+    return Transition(link.before, Estimate(link.after.at, covariance), link.cross)
 
 
-def given(link: Link, measured: Sequence[Between], tangent: TreeTangent) -> Link:
+def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangent) -> Transition:
     """The same two instants given what is measured between them (iterated extended Kalman update of both).
 
     It is repeated about its outcome: a limb that is seen again may be far from where it was expected, and what is
@@ -298,8 +291,8 @@ def given(link: Link, measured: Sequence[Between], tangent: TreeTangent) -> Link
         after = link.after.at.moved(tangent, step := of_after @ scaled)
         if np.abs(step[:K]).max() < _NEAR:
             break
-    return Link(
-        Belief(before, link.before.covariance - gain_before @ of_before.T),
-        Belief(after, link.after.covariance - gain_after @ of_after.T),
+    return Transition(
+        Estimate(before, link.before.covariance - gain_before @ of_before.T),
+        Estimate(after, link.after.covariance - gain_after @ of_after.T),
         link.cross - gain_after @ of_before.T,
     )

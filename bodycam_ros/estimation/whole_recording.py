@@ -8,13 +8,12 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.estimation.belief import Belief
+from bodycam_ros.estimation.chain import ChainState, Step, smooth
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.equipment_motion import coasting
-from bodycam_ros.estimation.equipment_motion import on_the_way as on_the_way_of
-from bodycam_ros.estimation.instant import Instant, Step, smoothed
-from bodycam_ros.estimation.measurements import InstantFit, JointRotations
-from bodycam_ros.estimation.motion_model import MotionModel, SegmentTurn, freed, given
+from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
+from bodycam_ros.estimation.estimate import Estimate
+from bodycam_ros.estimation.measurements import JointRotations, StateFit
+from bodycam_ros.estimation.motion_model import MotionModel, SegmentTurn, condition, loosen_joints
 from bodycam_ros.estimation.pose_prior import PosePrior, RecordedPoses
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -37,79 +36,79 @@ class WholeRecording:
         body: BodyModel,
         tangent: TreeTangent,
         motion: MotionModel,
-        fit: InstantFit,
+        fit: StateFit,
         prior: PosePrior,
         on_progress: Callable[[float], None],
     ) -> None:
         self._body, self._tangent, self._motion, self._fit = body, tangent, motion, fit
         self._prior, self._on_progress = prior, on_progress
-        self.begin_anew()
+        self.reset()
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """After a pause nothing goes on from what was before."""
-        self._before: Instant | None = None
+        self._before: ChainState | None = None
         self._recorded = RecordedPoses(self._prior)
 
-    def solve(self, instants: Sequence[Instant], count: int, coupling: Coupling | None) -> list[Belief]:
+    def solve(self, instants: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
         """What is known of the first ``count`` instants by all of them."""
-        beliefs = smoothed(instants, self._tangent)
-        turned_on = self._turned_on(instants, beliefs, coupling) if coupling else {}
-        expected = self._expected(instants, beliefs)
+        estimates = smooth(instants, self._tangent)
+        coasted = self._coast(instants, estimates, coupling) if coupling else {}
+        expected = self._expected(instants, estimates)
         self._recorded.keep(count)
-        again: list[Instant] = []
-        for number, (instant, belief, better) in enumerate(zip(instants, beliefs, expected, strict=True)):
+        again: list[ChainState] = []
+        for number, (instant, estimate, better) in enumerate(zip(instants, estimates, expected, strict=True)):
             self._on_progress(number / len(instants))
             before = again[-1] if again else self._before
-            step = self._step(instant, before, belief)
-            measured = replace(instant.measured, expected=better + turned_on.get(number, JointRotations.nothing()))
-            fitted = self._fit.fit(step.after, measured, belief.at)
-            again.append(replace(instant, belief=fitted, step=step, measured=measured))
+            step = self._step(instant, before, estimate)
+            measured = replace(instant.measured, expected=better + coasted.get(number, JointRotations.nothing()))
+            fitted = self._fit.fit(step.after, measured, estimate.at)
+            again.append(replace(instant, estimate=fitted, step=step, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
-        return smoothed(again, self._tangent)[:count]
+        return smooth(again, self._tangent)[:count]
 
-    def _turned_on(
-        self, instants: Sequence[Instant], beliefs: list[Belief], coupling: Coupling
+    def _coast(
+        self, states: Sequence[ChainState], estimates: list[Estimate], coupling: Coupling
     ) -> dict[int, JointRotations]:
-        """Where hinges must have turned on by themselves; the beliefs are moved there, in place."""
-        on_the_way: dict[int, JointRotations] = {}
-        stamps_s = 1e-9 * np.array([instant.stamp_ns - instants[0].stamp_ns for instant in instants])
-        for row in coupling.keeping():
+        """Rotations of coasting hinges where nothing drove them, by state; the estimates are moved there, in place."""
+        coasted: dict[int, JointRotations] = {}
+        stamps_s = 1e-9 * np.array([state.stamp_ns - states[0].stamp_ns for state in states])
+        for row in coupling.motion.coasting_rows:
             joint = self._body.tree_joints[row]
-            driven = np.array([coupling.drives(joint, instant.holding) for instant in instants], bool)
-            turned = np.array([belief.at.motion[row, :3, :3] for belief in beliefs])
-            angles = on_the_way_of(np.unwrap(hinge_angle(turned, joint.axis)), stamps_s, driven)
+            driven = np.array([coupling.motion.is_driven(row, state.active) for state in states], bool)
+            turned = np.array([estimate.at.motion[row, :3, :3] for estimate in estimates])
+            angles = coasting_trajectory(np.unwrap(hinge_angle(turned, joint.axis)), stamps_s, driven)
             rotations = joint.hinge_rotation(angles)
             for place in np.flatnonzero(~driven).tolist():
-                motion = beliefs[place].at.motion.copy()
+                motion = estimates[place].at.motion.copy()
                 motion[row, :3, :3] = rotations[place]
-                beliefs[place] = replace(beliefs[place], at=replace(beliefs[place].at, motion=motion))
+                estimates[place] = replace(estimates[place], at=replace(estimates[place].at, motion=motion))
                 pin = coasting([row], rotations[place][None])
-                on_the_way[place] = on_the_way.get(place, JointRotations.nothing()) + pin
-        return on_the_way
+                coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
+        return coasted
 
-    def _step(self, instant: Instant, before: Instant | None, belief: Belief) -> Step:
+    def _step(self, instant: ChainState, before: ChainState | None, estimate: Estimate) -> Step:
         """From the instant before, by all that is known of that."""
         if before is None:
-            return Step(0.0, self._motion.begin(belief.at.root, belief.at.motion))
+            return Step(0.0, self._motion.initial(estimate.at.root, estimate.at.motion))
         step = instant.step
         dt_s = 1e-9 * (instant.stamp_ns - before.stamp_ns)
-        link = self._motion.predict(before.belief, dt_s, step.density, step.fade_s)
+        link = self._motion.predict(before.estimate, dt_s, step.density, step.fade_s)
         turns = [each for each in step.between if isinstance(each, SegmentTurn)]
-        return step.linked(given(freed(link, turns, self._tangent), step.between, self._tangent))
+        return step.linked(condition(loosen_joints(link, turns, self._tangent), step.between, self._tangent))
 
-    def _expected(self, instants: Sequence[Instant], beliefs: Sequence[Belief]) -> list[JointRotations]:
+    def _expected(self, instants: Sequence[ChainState], estimates: Sequence[Estimate]) -> list[JointRotations]:
         """Where unseen joints are expected, by all that is known of the recording by now."""
-        rotations = np.array([self._body.joint_rotations(belief.at.poses(self._tangent)) for belief in beliefs])
+        rotations = np.array([self._body.joint_rotations(estimate.at.poses(self._tangent)) for estimate in estimates])
         stamps_ns = np.array([instant.stamp_ns for instant in instants])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
         by_prior = [
-            self._prior.expect(R, instant.joints_seen, instant.turning, float(dt_s))
+            self._prior.expect(R, instant.joints_observed, instant.turning, float(dt_s))
             if instant.is_observed
             else JointRotations.nothing()
             for R, instant, dt_s in zip(rotations, instants, lasting_s, strict=True)
         ]
-        seen = np.array([instant.joints_seen for instant in instants])
+        seen = np.array([instant.joints_observed for instant in instants])
         better = self._recorded.expect(stamps_ns, rotations, seen, by_prior)
         return [
             each.replaced(instant.told.which, instant.told.rotations, instant.told.sigma)
@@ -135,31 +134,11 @@ class SmootherSettings:
         reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides; "
         "'offline' solves the whole recording together, and is for recordings only",
     )
-    block: float = setting(
-        15.0,
-        unit="s",
-        limits=(1.0, 600.0),
-        reason="offline, so much of a recording is solved together: memory for an hour of it at once is nobody's",
-    )
-    overlap: float = setting(
-        1.5,
-        unit="s",
-        limits=(0.1, 60.0),
-        reason="offline, so much of what follows a block is solved with it, and again with the next; what comes later "
-        "changes nothing",
-    )
     max_pause: float = setting(
         1.0,
         unit="s",
         limits=(0.05, 10.0),
         reason="a silence of all cameras up to this long is bridged; after a longer one the body begins anew",
-    )
-    blind_hold: float = setting(
-        10.0,
-        unit="s",
-        limits=(0.0, 60.0),
-        reason="offline, what is published waits this long at most for a blind limb to be seen again, so that its "
-        "rotation can be averaged from both sides; 0 never waits, as live",
     )
 
     @property

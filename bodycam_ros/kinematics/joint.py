@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, adjoint, hat, inverse
+from bodycam_ros.geometry import Array, adjoint, hat, inverse, rigid
 from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld", "free"]
@@ -143,25 +143,16 @@ class Joint:
         return inverse(self.child_T_joint)
 
     @cached_property
-    def square_root_information(self) -> Array:
-        """(6, 6) matrix A with ``A.T @ A == information``; it need not be triangular.
-
-        A tangent of the child segment, carried to the joint's frame, along the hinge's axis, in units of sigma.
-        """
-        joint_xi_child = adjoint(self.joint_T_child)
-        along_axis = np.eye(6)
-        along_axis[:3, :3] = self.axes_of_rotation
-        A: Array = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ joint_xi_child
-        return A
-
-    @cached_property
     def information(self) -> Array:
         """(6, 6) Ad' diag(1 / sigma^2) Ad with Ad = Ad(child_T_joint^-1) (DESIGN 4.2), of the joint's residual.
 
         The residual is ``log_se3(inverse(measured) @ parent_T_child)``, a tangent of the child segment: rotation first,
-        gtsam's ``BetweenFactorPose3``.
+        gtsam's ``BetweenFactorPose3``. A hinge's sigmas are along its axis first, then across.
         """
-        information: Array = self.square_root_information.T @ self.square_root_information
+        along_axis = np.eye(6)
+        along_axis[:3, :3] = self.axes_of_rotation
+        whitened = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ adjoint(self.joint_T_child)
+        information: Array = whitened.T @ whitened
         return information
 
     def measured_relative_pose(self, parent_T_child: Array) -> Array:
@@ -175,17 +166,8 @@ class Joint:
         """
         if self.type == "free":
             return parent_T_child.copy()
-        if self.type == "weld":
-            return np.broadcast_to(self._welded_pose, parent_T_child.shape).copy()
-        measured = np.zeros_like(parent_T_child)
-        if self.type == "ball":
-            parent_R_child = parent_T_child[..., :3, :3]
-        else:
-            rotation = self.permitted_rotation(self.joint_rotation(parent_T_child[..., :3, :3]))
-            parent_R_child = self.parent_T_joint[:3, :3] @ rotation @ self.joint_T_child[:3, :3]
-        measured[..., :3, :3] = parent_R_child
-        measured[..., :3, 3] = self.parent_T_joint[:3, 3] - parent_R_child @ self.child_T_joint[:3, 3]
-        measured[..., 3, 3] = 1.0
+        rotation = self.permitted_rotation(self.joint_rotation(parent_T_child[..., :3, :3]))
+        measured: Array = self.parent_T_joint @ rigid(rotation, np.zeros(3)) @ self.joint_T_child
         return measured
 
     def joint_rotation(self, parent_R_child: Array) -> Array:
@@ -213,11 +195,6 @@ class Joint:
     def _axis_generator(self) -> tuple[Array, Array]:
         K = hat(self.axis)
         return K, K @ K
-
-    @cached_property
-    def _welded_pose(self) -> Array:
-        pose: Array = self.parent_T_joint @ self.joint_T_child
-        return pose
 
     @cached_property
     def axes_of_rotation(self) -> Array:

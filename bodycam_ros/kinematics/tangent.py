@@ -79,12 +79,14 @@ class TreeTangent:
         tree: as given.
         twists: of each joint of the tree, (6, F) in its frame.
         columns: of each joint of the tree, its columns of an increment; the root's are the first six.
+        slides: (J, 3) along which axes joints slide.
         count: K.
     """
 
     def __init__(self, tree: KinematicTree, slide_m: float = LOOSE_M) -> None:
         self.tree = tree
         self.twists = [joint.free_twists(slide_m) for joint in tree.tree_joints]
+        self.slides = np.array([xi[3:].any(axis=1) for xi in self.twists], bool).reshape(-1, 3)
         ends = 6 + np.cumsum([0, *(twists.shape[1] for twists in self.twists)])
         self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
         self.count = int(ends[-1])
@@ -126,14 +128,6 @@ class TreeTangent:
     def segment_jacobians(self, world_T_segment: Array) -> Array:
         """(..., S, 6, K) how the poses (..., S, 4, 4) change: tangents in the segments' own axes."""
         return segment_tangents(world_T_segment, self.world_twists(world_T_segment), self._moves)
-
-    def point_jacobians(self, world_T_segment: Array, segment_row: int, points: Array) -> Array:
-        """(..., N, 3, K) how points (N, 3) of a segment move in the world [m], at poses (..., S, 4, 4)."""
-        pose = world_T_segment[..., segment_row, :, :]
-        world = points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
-        twists = (self.world_twists(world_T_segment) * self._moves[segment_row])[..., None, :, :]
-        jacobians: Array = twists[..., 3:, :] - hat(world) @ twists[..., :3, :]
-        return jacobians
 
     def gap(self, joint: Joint, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
         """The gap (..., 6) of a joint that closes a loop (``tangent``), and its Jacobian (..., 6, K).

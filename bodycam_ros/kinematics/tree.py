@@ -143,28 +143,14 @@ class KinematicTree:
             joint_motion: (..., J, 3, 3) parent_joint_R_child_joint, in the order of ``tree_joints``, or (..., J, 4, 4)
                 with translations; without, the children of free joints sit where the joint is on the parent.
         """
-        poses = np.empty((*joint_motion.shape[:-3], len(self.segments), 4, 4))
-        poses[..., self.segment_index[self.root], :, :] = world_T_root
-        return self._hang(poses, joint_motion, None)
-
-    def hang(self, world_T_segment: Array, joint_motion: Array, fixed: NDArray[np.bool_] | None = None) -> Array:
-        """Poses (..., S, 4, 4) in which all segments but the root, and some that are fixed, follow from their parents.
-
-        Args:
-            world_T_segment: (..., S, 4, 4) poses, of which those of the root and of fixed segments are used.
-            joint_motion: (..., J, 3, 3) or (..., J, 4, 4) as in ``forward_kinematics``.
-            fixed: (S) which segments keep their pose; None: the root alone.
-        """
-        return self._hang(world_T_segment.copy(), joint_motion, fixed)
-
-    def _hang(self, poses: Array, joint_motion: Array, fixed: NDArray[np.bool_] | None) -> Array:
         if joint_motion.shape[-1] == 3:
             joint_motion = rigid(joint_motion, np.zeros(3))
+        poses = np.empty((*joint_motion.shape[:-3], len(self.segments), 4, 4))
+        poses[..., self.segment_index[self.root], :, :] = world_T_root
         _, _, parent_T_joint, joint_T_child = self._frames
         parent_T_child = parent_T_joint @ joint_motion @ joint_T_child
         for row, (parent, child) in enumerate(self.joint_ends.tolist()):
-            if fixed is None or not fixed[child]:
-                poses[..., child, :, :] = poses[..., parent, :, :] @ parent_T_child[..., row, :, :]
+            poses[..., child, :, :] = poses[..., parent, :, :] @ parent_T_child[..., row, :, :]
         return poses
 
     def n_pose(self, world_T_root: Array) -> Array:

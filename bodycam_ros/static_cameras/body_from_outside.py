@@ -192,7 +192,7 @@ class OutsideMeasurement:
                 poses = tracker.begin(instant.images, self._placed(body))
             else:
                 previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
-                expected = predict(before, poses, previous_s, dt_s, self._motion) if len(before) else poses
+                expected = predict(before, poses, previous_s, dt_s) if len(before) else poses
                 found = tracker.look(instant.images, followed(expected, dt_s, self._motion, previous_s))
                 before, poses = poses, found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))

@@ -189,11 +189,11 @@ class CarriedBody:
             if before is None:
                 return poses, ahead_s
             before_s = 1e-9 * (latest_ns - before.stamp_ns)
-            return predict(before.world_T_segment, poses, before_s, ahead_s, self._motion), ahead_s
+            return predict(before.world_T_segment, poses, before_s, ahead_s), ahead_s
         if not self._steps:
             return poses, ahead_s
         step = self._steps[-1]
-        return predict(poses @ inverse(step.motion), poses, step.seconds, ahead_s, self._motion), ahead_s
+        return predict(poses @ inverse(step.motion), poses, step.seconds, ahead_s), ahead_s
 
     def _latest(self, stamp_ns: int) -> tuple[int, Array] | None:
         """The latest time up to this one of which something is known, and the poses (S, 4, 4) then."""

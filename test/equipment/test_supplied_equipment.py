@@ -133,7 +133,7 @@ class Holding:
         for joint in self.own_loops:
             parent_T_child = inverse(poses[index[joint.parent]]) @ poses[index[joint.child]]
             off = log_se3(inverse(joint.measured_relative_pose(parent_T_child)) @ parent_T_child)
-            parts.append(joint.square_root_information @ off)
+            parts.append(np.linalg.cholesky(joint.information).T @ off)
         for turn, joint in zip(x.reshape(-1, 6)[:, :3], self.coupled.tree_joints, strict=True):
             if bends := BENDS.get(joint.name.partition("_")[0]):
                 beyond = turn[1] - np.clip(turn[1], *bends)

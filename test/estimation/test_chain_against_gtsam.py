@@ -9,11 +9,11 @@ from moving_body import STEP_NS, body_with_cameras, lenses, seen_by
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame
-from bodycam_ros.estimation.belief import Belief, Coordinates
+from bodycam_ros.estimation.chain import ChainState, smooth
+from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.instant import Instant, smoothed
 from bodycam_ros.estimation.measurements import KERNEL, SLIDES_M
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionSettings
+from bodycam_ros.estimation.motion_model import FADE_S, LASTS_S, MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import hinge_angle
@@ -27,7 +27,7 @@ Place = gtsam.Pose3 | gtsam.Rot3 | Array
 class Graph:
     """Instants as gtsam has them: the root's ``Pose3``, balls as ``Rot3``, hinges as angles, and the velocities."""
 
-    def __init__(self, body: BodyModel, instants: list[Instant]) -> None:
+    def __init__(self, body: BodyModel, instants: list[ChainState]) -> None:
         self.body, self.instants, self.joints = body, instants, body.tree_joints
         self.K = 6 + sum(3 if joint.type == "ball" else 1 for joint in self.joints)
         self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -50,7 +50,7 @@ class Graph:
             if t == 0:
                 self._begin(at)
             else:
-                self._go_on(t, self._accelerations(tangent, instants[t - 1].belief))
+                self._go_on(t, self._accelerations(tangent, instants[t - 1].estimate))
 
     def keys(self, t: int) -> list[int]:
         """Of the coordinates of an instant."""
@@ -87,7 +87,7 @@ class Graph:
         self._add([*self.keys(0), V(0)], noise, lambda q, v: np.concatenate([self._step(start, q), v[0]]))
 
     def _go_on(self, t: int, density: Array) -> None:
-        fade_s = MotionSettings().velocity_time
+        fade_s = FADE_S
         keep = np.exp(-DT_S / fade_s)
         Q = np.block([[density * DT_S**3 / 3.0, density * DT_S**2 / 2.0], [density * DT_S**2 / 2.0, density * DT_S]])
         n = 1 + len(self.joints)
@@ -103,7 +103,7 @@ class Graph:
         """The increment from one place to another; joints turn in their own frame."""
         return np.concatenate([_between(a, b) for a, b in zip(start, end, strict=True)])
 
-    def _accelerations(self, tangent: TreeTangent, belief: Belief) -> Array:
+    def _accelerations(self, tangent: TreeTangent, belief: Estimate) -> Array:
         """Density (K, K) of accelerations that cost what those of all segments cost, by differences."""
         settings, at = MotionSettings(), belief.at
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
@@ -166,12 +166,12 @@ def estimator(body: BodyModel) -> BodyEstimator:
 
 
 def test_the_chain_is_the_graph_that_gtsam_solves(body: BodyModel, estimator: BodyEstimator) -> None:
-    instants, tangent = estimator._instants, TreeTangent(body, SLIDES_M)
+    instants, tangent = estimator._chain, TreeTangent(body, SLIDES_M)
     assert not any(len(instant.measured.expected.rows) for instant in instants)
     graph = Graph(body, instants)
     values = graph.solve()
     marginals = gtsam.Marginals(graph.graph, values)
-    beliefs = smoothed(instants, tangent)
+    beliefs = smooth(instants, tangent)
     for t, belief in enumerate(beliefs):
         # The chain is linearised once, going forwards: far below the cameras' 4 mm.
         for key, place in zip(graph.keys(t), graph.places(belief.at), strict=True):
@@ -180,7 +180,7 @@ def test_the_chain_is_the_graph_that_gtsam_solves(body: BodyModel, estimator: Bo
             assert np.abs(apart).max() < 4e-4
         assert np.abs(belief.at.velocity - values.atVector(V(t))).max() < 0.02
     # Only the last instant of a chain has the covariance of all.
-    last = instants[-1].belief.covariance
+    last = instants[-1].estimate.covariance
     gap = marginals.marginalCovariance(X(FRAMES - 1)) / last[:6, :6]
     assert np.abs(np.diag(gap) - 1.0).max() < 1e-3
     velocities = np.diag(marginals.marginalCovariance(V(FRAMES - 1))) / np.diag(last)[graph.K :]

@@ -6,7 +6,7 @@ from known_motion import BODY
 
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion, UnknownLengths
-from bodycam_ros.estimation.equipment_motion import EquipmentChain
+from bodycam_ros.estimation.equipment_chain import EquipmentChain
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, TIGHT_RAD, Joint
 
@@ -59,7 +59,7 @@ def chain() -> EquipmentChain:
 def moving(chain: EquipmentChain) -> tuple[Array, Array, Array]:
     """Root (T, 4, 4), joint motions (T, J, 4, 4), and lengths (L)."""
     random = np.random.default_rng(7)
-    motions = [exp_se3(random.normal(0.0, 0.8, (INSTANTS, f.twists.shape[1])) @ f.twists.T) for f in chain.freedoms]
+    motions = [exp_se3(random.normal(0.0, 0.8, (INSTANTS, xi.shape[1])) @ xi.T) for xi in chain.twists]
     return exp_se3(random.normal(0.0, 1.0, (INSTANTS, 6))), np.stack(motions, axis=1), random.normal(0.0, 0.05, 5)
 
 
@@ -68,7 +68,7 @@ def test_poses_are_those_of_the_coupled_body(chain: EquipmentChain, moving: tupl
     poses, _ = chain.poses(root, motions, np.zeros(5))
     coupled = coupled_body(BODY, MACHINE)
     joint_poses = np.tile(np.eye(4), (INSTANTS, len(coupled.tree_joints), 1, 1))
-    stand = {"machine": root, **{f.joint.name: motions[:, row] for row, f in enumerate(chain.freedoms)}}
+    stand = {"machine": root, **{joint.name: motions[:, row] for row, joint in enumerate(chain.tree.tree_joints)}}
     by_name = coupled.joint_row
     for name in ("machine", "axle", "knob", "beside"):
         joint_poses[:, by_name[name]] = stand[name]

@@ -7,12 +7,13 @@ from moving_body import STEP_NS, body_with_cameras, lenses, position_errors, see
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.estimation import estimator
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import log_so3
 
 OFFLINE = SmootherSettings(output_delay="offline")
-IN_BLOCKS = SmootherSettings(output_delay="offline", block=1.0, overlap=0.5)
+BLOCK_S, OVERLAP_S = 1.0, 0.5
 FRAMES = 120
 
 
@@ -65,26 +66,36 @@ def test_knows_more_than_what_came_before(body, cameras) -> None:
     assert all(state.cameras_used == 4 for state in whole.values())
 
 
-def test_blocks_are_the_whole(body, cameras) -> None:
+@pytest.fixture
+def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(estimator, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(estimator, "_OVERLAP_S", OVERLAP_S)
+
+
+def test_blocks_are_the_whole(body, cameras, monkeypatch) -> None:
     """Published one after the other, and not kept until the recording is over."""
-    whole, blocks = run(body, cameras, OFFLINE), run(body, cameras, IN_BLOCKS)
+    whole = run(body, cameras, OFFLINE)
+    monkeypatch.setattr(estimator, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(estimator, "_OVERLAP_S", OVERLAP_S)
+    blocks = run(body, cameras, OFFLINE)
     gaps = np.array([np.abs(whole[f].world_T_segment - blocks[f].world_T_segment).max() for f in range(FRAMES)])
     scatter = position_errors(body, whole).mean()
     assert gaps.max() < 0.05 * scatter
-    smoother = BodyEstimator(body, cameras, IN_BLOCKS, offline=True)
+    smoother = BodyEstimator(body, cameras, OFFLINE, offline=True)
     rng = np.random.default_rng(3)
     frames = (BodyFrame((f + 1) * STEP_NS, {c: seen_by(body, c, f, rng) for c in body.mounts}) for f in range(FRAMES))
     waiting = np.cumsum([1 - len(smoother.update(frame)) for frame in frames])
-    assert waiting.max() < 1.1 * 30 * (IN_BLOCKS.block + 2 * IN_BLOCKS.overlap) and waiting.min() < 40
+    assert waiting.max() < 1.1 * 30 * (BLOCK_S + 2 * OVERLAP_S) and waiting.min() < 40
 
 
+@pytest.mark.usefixtures("short_blocks")
 def test_a_border_is_no_jump(body, cameras) -> None:
     """Blind from before the border until after it, where a block knows least of what follows."""
 
     def lost(camera: str, frame: int) -> bool:
         return camera == "wrist" and 25 <= frame < 80
 
-    states = run(body, cameras, IN_BLOCKS, lost=lost)
+    states = run(body, cameras, OFFLINE, lost=lost)
     wrist = body.segment_index["forearm"]
     steps = [
         states[f].world_T_segment[wrist, :3, :3].T @ states[f + 1].world_T_segment[wrist, :3, :3]
@@ -97,12 +108,13 @@ def test_a_border_is_no_jump(body, cameras) -> None:
     assert errors[25:80].max() < 0.02
 
 
-def test_a_blind_limb_is_held_from_both_sides(body, cameras) -> None:
+def test_a_blind_limb_is_held_from_both_sides(body, cameras, monkeypatch) -> None:
     def lost(camera: str, frame: int) -> bool:
         return camera == "wrist" and 30 <= frame < 90
 
-    forward = run(body, cameras, SmootherSettings(blind_hold=0.0), lost=lost)
     whole = run(body, cameras, OFFLINE, lost=lost)
+    monkeypatch.setattr(estimator, "_BLIND_WAIT_S", 0.0)
+    forward = run(body, cameras, SmootherSettings(), lost=lost)
     row, blind = body.segment_index["forearm"], range(30, 90)
     smoothed = turned_wrong(body, whole, row, blind)
     assert smoothed.mean() < 0.85 * turned_wrong(body, forward, row, blind).mean()

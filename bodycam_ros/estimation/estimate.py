@@ -45,7 +45,7 @@ class Coordinates:
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Estimate:
     """A Gaussian over the increments (2K) about coordinates: ``covariance`` is (2K, 2K)."""
 
     at: Coordinates
@@ -53,7 +53,7 @@ class Belief:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class Transition:
     """Two instants that follow each other, both as they were known before the later one was measured.
 
     Attributes:
@@ -61,19 +61,19 @@ class Link:
         cross: (2K, 2K) covariance of the later with the earlier.
     """
 
-    before: Belief
-    after: Belief
+    before: Estimate
+    after: Estimate
     cross: Array
 
     @cached_property
     def _gain(self) -> Array:
         return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
-    def fitted(self, tangent: TreeTangent, after: Belief) -> "Link":
+    def fitted(self, tangent: TreeTangent, after: Estimate) -> "Transition":
         """The same two instants when the later one was measured."""
-        return Link(self.smoothed(tangent, after), after, after.covariance @ self._gain.T)
+        return Transition(self.smoothed(tangent, after), after, after.covariance @ self._gain.T)
 
-    def smoothed(self, tangent: TreeTangent, after: Belief, covariance: bool = True) -> Belief:
+    def smoothed(self, tangent: TreeTangent, after: Estimate, covariance: bool = True) -> Estimate:
         """The earlier instant given what is known of the later one by now (Rauch, Tung, Striebel 1965).
 
         It is the back-substitution of a factor graph that is a chain of instants.
@@ -83,7 +83,7 @@ class Link:
         if not covariance:
             return replace(self.before, at=at)
         change = self._gain @ (after.covariance - self.after.covariance) @ self._gain.T
-        return Belief(at, self.before.covariance + change)
+        return Estimate(at, self.before.covariance + change)
 
 
 _ALIKE_S = 0.3
@@ -93,17 +93,17 @@ _BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)
 """[rad], [m] error of the calibrated body itself, which no registration knows of, the same at all instants."""
 
 
-def body_uncertainty(belief: Belief, tangent: TreeTangent, dt_s: float, root_seen: bool) -> BodyUncertainty:
-    """Covariances of a belief.
+def body_uncertainty(estimate: Estimate, tangent: TreeTangent, dt_s: float, root_seen: bool) -> BodyUncertainty:
+    """Covariances of a estimate.
 
     Args:
-        belief: of the instant.
+        estimate: of the instant.
         tangent: its coordinates.
         dt_s: since the instant before [s]; 0 where there is none.
         root_seen: whether a camera on the root is believed.
     """
-    K, P = tangent.count, belief.covariance
-    J = tangent.segment_jacobians(belief.at.poses(tangent))
+    K, P = tangent.count, estimate.covariance
+    J = tangent.segment_jacobians(estimate.at.poses(tangent))
     segments = (J.reshape(-1, K) @ P[:K, :K]).reshape(J.shape) @ np.swapaxes(J, -1, -2) + _BODY
     joints = np.zeros((len(tangent.twists), 3, 3))
     for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):

@@ -1,0 +1,127 @@
+"""One state of the chain: its measurements, its estimate, and what its publication waits for."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyUncertainty, SegmentPose
+from bodycam_ros.estimation.attachments import ActiveAttachments
+from bodycam_ros.estimation.estimate import Estimate, Transition
+from bodycam_ros.estimation.looking_on import ToldJoints
+from bodycam_ros.estimation.measurements import Measurements
+from bodycam_ros.estimation.motion_model import Between
+from bodycam_ros.geometry import Array, inverse, nearest_rotation
+from bodycam_ros.kinematics.tangent import TreeTangent
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Prediction of a state from the one before, without its own measurements.
+
+    Attributes:
+        dt_s: between the two [s]; 0 at the first.
+        after: the predicted state.
+        link: both states; None at the first.
+        density, fade_s: of the motion between them, as ``MotionModel.predict`` takes them.
+        between: measurements of both.
+    """
+
+    dt_s: float
+    after: Estimate
+    link: Transition | None = None
+    density: Array | None = None
+    fade_s: Array | None = None
+    between: Sequence[Between] = ()
+
+    def linked(self, link: Transition) -> "Step":
+        """The same with another transition."""
+        return replace(self, link=link, after=link.after)
+
+
+@dataclass(eq=False)
+class ChainState:
+    """One state of the chain.
+
+    Attributes:
+        stamp_ns: its time [ns].
+        stamps_ns: camera -> stamp of its own image [ns].
+        estimate: given all measurements until then.
+        step: from the state before.
+        measured: measurements of this state.
+        joints_observed: (J,) whether body cameras observe both segments.
+        turning: (J,) whether the rotations of both are measured at least.
+        told: joints that static cameras observe.
+        observed: (S,) whether a body camera on the segment, or a static camera, observes it.
+        cameras_used: accepted cameras.
+        uncertainty: of the estimate.
+        active: which attachments of equipment are; None without equipment, or before it is placed.
+        unobserved: (J,) joints that a later frame may still determine, by the rotations measured until then.
+        is_unmeasured: whether neither this state nor a later one was observed.
+        is_published: whether it has been published.
+    """
+
+    stamp_ns: int
+    stamps_ns: Mapping[str, int]
+    estimate: Estimate
+    step: Step
+    measured: Measurements
+    joints_observed: Mask
+    turning: Mask
+    told: ToldJoints
+    observed: Mask
+    cameras_used: int
+    uncertainty: BodyUncertainty
+    active: ActiveAttachments | None
+    unobserved: Mask = field(init=False)
+    is_unmeasured: bool = field(init=False)
+    is_published: bool = False
+
+    def __post_init__(self) -> None:
+        self.unobserved, self.is_unmeasured = ~self.joints_observed, not self.is_observed
+
+    @property
+    def is_observed(self) -> bool:
+        """Whether any camera was accepted."""
+        return bool(self.observed.any())
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether later frames may still determine what was not observed."""
+        return self.is_unmeasured or bool(self.unobserved.any())
+
+    def follow(self, latest: "ChainState") -> None:
+        """Update what it waits for by a later state."""
+        self.unobserved &= latest.turning & ~latest.joints_observed
+        self.is_unmeasured = self.is_unmeasured and not latest.is_observed
+
+
+def smooth(states: Sequence[ChainState], tangent: TreeTangent) -> list[Estimate]:
+    """Estimates of states given all of them: the last one, carried back to the first (Rauch, Tung, Striebel 1965)."""
+    estimates = [states[-1].estimate]
+    for later in reversed(states[1:]):
+        assert later.step.link is not None  # only the first has none
+        estimates.append(later.step.link.smoothed(tangent, estimates[-1], covariance=False))
+    return estimates[::-1]
+
+
+def first_poses(body: BodyModel, evidence: Collection[SegmentPose]) -> Array:
+    """Poses (S, 4, 4) of a body of which some segments are measured; joints between these need not be closed."""
+    poses: dict[str, Array] = {}
+    for seen in evidence:
+        poses.setdefault(seen.segment, seen.world_T_segment)
+    joints = body.tree_joints
+    while len(poses) < len(body.segments):
+        for joint in (*joints, *reversed(joints)):
+            parent_T_child = joint.parent_T_joint @ joint.joint_T_child
+            if joint.parent in poses and joint.child not in poses:
+                poses[joint.child] = poses[joint.parent] @ parent_T_child
+            elif joint.child in poses and joint.parent not in poses:
+                poses[joint.parent] = poses[joint.child] @ inverse(parent_T_child)
+    all_poses = np.stack([poses[segment] for segment in body.segments])
+    all_poses[:, :3, :3] = nearest_rotation(all_poses[:, :3, :3])
+    return all_poses
