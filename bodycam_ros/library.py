@@ -60,7 +60,7 @@ def replay(
     """Solve a recording in this process, and yield states as they are solved, in order of time.
 
     They follow their images by some seconds, in which later images tell of clocks (``clock.window``,
-    ``clock.lookahead``) and of limbs that were blind (``smoother.blind_hold``).
+    ``clock.lookahead``) and of limbs that were blind.
 
     Args:
         images: a ros2 bag folder or .mcap file, or images in order of their stamps.

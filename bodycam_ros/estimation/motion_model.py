@@ -181,14 +181,14 @@ class SegmentTurn:
 
 
 @dataclass(frozen=True, eq=False)
-class StandingPoint:
-    """A point of a sole that is where it was at the instant before, or where it came to stand.
+class RestingPoint:
+    """A point of a sole that is where it was in the state before, or where it came to rest.
 
     Attributes:
         row: of the foot.
         place: (3,) of the point in the foot [m].
-        whitening: (3, 3) of its way in the world [1/m].
-        anchor: (3,) where it stands in the world [m]; None for where it was.
+        whitening: (3, 3) of its displacement in the world [1/m].
+        anchor: (3,) where it rests in the world [m]; None: where it was.
     """
 
     row: int
@@ -212,7 +212,7 @@ class StandingPoint:
         return moves
 
 
-Between = SegmentTurn | StandingPoint
+Between = SegmentTurn | RestingPoint
 """A measurement of one segment at two instants.
 
 Its residual (M) is in sigmas. With it come the rows (M, 6) by which tangents of the later pose, and of the earlier one,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.estimation.motion_model import Between, SegmentTurn, StandingPoint
+from bodycam_ros.estimation.motion_model import Between, RestingPoint, SegmentTurn
 from bodycam_ros.geometry import exp_se3, exp_so3
 
 SMALL = 1e-6
@@ -16,8 +16,8 @@ BEFORE, STEP = exp_se3(RNG.normal(size=6)), RNG.normal(scale=0.2, size=6)
     "measured",
     [
         SegmentTurn(0, exp_so3(STEP[:3]), 0.01),
-        StandingPoint(0, PLACE, WHITENING, None),
-        StandingPoint(0, PLACE, WHITENING, RNG.normal(size=3)),
+        RestingPoint(0, PLACE, WHITENING, None),
+        RestingPoint(0, PLACE, WHITENING, RNG.normal(size=3)),
     ],
 )
 def test_residuals_lessen_as_their_jacobians_say(measured: Between) -> None:

@@ -97,7 +97,7 @@ def test_a_body_without_feet_has_nothing_that_stands(body: BodyModel) -> None:
 
 @pytest.mark.parametrize("name", ["foot_lef", "shin_left"])
 def test_what_cannot_stand_is_named(body: BodyModel, name: str) -> None:
-    with pytest.raises(BodyError, match=rf"contact\.segments: '?{name}'? cannot stand on body leg.*: foot_left"):
+    with pytest.raises(BodyError, match=rf"contact\.segments: '?{name}'? is no foot of body leg.*: foot_left"):
         FootContacts(body, ContactSettings(segments=f"foot_left {name}"))
 
 
