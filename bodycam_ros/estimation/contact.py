@@ -3,9 +3,9 @@
 A foot rests on its heel, on its ball or on both, so each point rests or not by itself: where the solved motion is slow
 there and near the floor.
 
-The rotation of an unobserved foot is a prediction. There the ankle decides: a foot lands flat, and later the ankle moves
-on a circle about the point. Such a sole constrains how the foot turns, and not how far the ankle is from it: a predicted
-rotation must not drag the leg.
+The rotation of an unobserved foot is a prediction. There the ankle decides: a foot lands flat, and later the ankle
+moves on a circle about the point. Such a sole constrains how the foot turns, and not how far the ankle is from it: a
+predicted rotation must not drag the leg.
 """
 
 from collections import deque
@@ -29,9 +29,7 @@ REST, LEAVE = 0.06, 0.12  # [m/s] a slower point of the sole comes to rest and m
 MAX_HEIGHT_M = 0.1  # of a point that just became slow, over the level that feet rested on last: pedals are higher
 _BLIND_REST, _BLIND_LEAVE = 0.1, 0.15  # [m/s] the same of the ankle of an unobserved foot
 _SPEED_S = 0.04  # speeds are over this time, or from one frame to the next
-_FIRM_NS = (
-    200_000_000  # a point that was slow for so long rests, at any level; a foot that turns back in the air is not
-)
+_FIRM_NS = 200_000_000  # a point that was slow for so long rests at any level; feet in the air are not
 _BLIND_M = 0.02  # sigma of the resting point of an unobserved foot: shoes are not flat
 _UNKNOWN_M = 0.1  # sigma along the arm, which its resting point does not constrain
 _LEAST_SHIN_M = 0.05  # a foot whose parent starts at the ankle has no known size

@@ -9,6 +9,7 @@ or the whole recording differ in how far back that goes.
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from statistics import median
 
 import numpy as np
@@ -87,7 +88,7 @@ class BodyEstimator:
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
-        refused: camera -> states in which its registration was down-weighted or rejected.
+        refused: camera -> states in which its registration was rejected.
         bridged: states without any image that were filled in.
         lately: the body in the latest two states, oldest first, before later ones improved it.
 
@@ -120,8 +121,7 @@ class BodyEstimator:
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
         self._prior = PosePrior(body, coupled)
-        self._own_joints = np.array([joint.name not in coupled for joint in body.tree_joints], bool)
-        self._fit = StateFit(self._tangent, lambda: self._prior.limits, coupled)
+        self._fit = StateFit(self._tangent, coupled)
         self._gaps = FrameGaps(self.settings.max_pause)
         self._whole = WholeRecording(body, self._tangent, self._motion, self._fit, self._prior, on_progress)
         self._root = body.segment_index[body.root]
@@ -210,7 +210,7 @@ class BodyEstimator:
         expected = self._prior.expect(
             self.body.joint_rotations(poses), joints_observed, joints_turning, step.dt_s or _FIRST_S
         ).replaced(by_static.which, by_static.rotations, by_static.sigma)
-        measured = Measurements(cameras, expected, ~joints_turning & self._own_joints & observed.any())
+        measured = Measurements(cameras, expected)
         if self._coupling:
             measured, step, start = self._couple(frame.stamp_ns, accepted, measured, step, start, poses)
         # The state that fits them best (A eq. 8, B eq. 15).
@@ -246,11 +246,8 @@ class BodyEstimator:
         unobserved = self._unobserved_columns()
         poses = SegmentPoses.from_evidence(self.body, registered.values())
         gated = gate_cameras(step.after, poses, self._tangent, unobserved)
-        accepted = {}
-        for (name, pose), weight in zip(registered.items(), gated.weights.tolist(), strict=True):
-            self.refused[name] += int(weight < 1.0)
-            if weight > 0.0:
-                accepted[name] = replace(pose, covariance=pose.covariance / weight)
+        accepted = dict(compress(registered.items(), gated.accepted))
+        self.refused.update(registered.keys() - accepted.keys())
         apart = step.after.at.step_to(self._tangent, gated.at)
         restarted, motion = np.zeros(self._tangent.count, bool), step.after.at.motion.copy()
         both_ends = self.body.named(pose.segment for pose in accepted.values())[self.body.joint_ends].all(axis=1)

@@ -1,14 +1,11 @@
-"""What is measured at one instant, and the instant that fits it best: iterated, robust, with covariance.
+"""The measurements of one state, and the state that fits them best: iterated, robust, with covariance.
 
-Every measurement is linear in the increments (K) of the body's coordinates once it is linearised: poses of segments by
-their cameras (A eq. 8), rotations of joints that nothing sees, gaps of joints that hold equipment (B eq. 15). The
-prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the
-covariance (the elimination of one instant in a chain of them).
-
-A registered camera gives an absolute pose (A eq. 8, first term).
+Every measurement is linearised in the increments (K) of the body's coordinates: poses of segments by their cameras (A
+eq. 8, first term), expected rotations of unobserved joints, gaps of joints that close loops (B eq. 15). The prediction
+is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the covariance.
 """
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,26 +16,14 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
-from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
 _STEPS = 10
-_NEAR = 0.1  # [rad], [m] of a step after which residuals tell wrong measurements from a start that is far off
-_SETTLED = 1e-4  # [rad], [m]
-
-KERNEL = 8.0
-"""Sigmas from which on a measurement counts less and less (Cauchy): a wrong one must not bend the limb."""
-
-
-_LIMIT_RAD = 0.1
-"""How far beyond its limits a joint may be that nothing sees: what is known of them errs by a few degrees."""
-
-_BEYOND = 1e-9
-
-SLIDES_M = 10.1 * TIGHT_M
-"""A joint does not slide at all along what its sigmas hold tighter."""
+_NEAR, _SETTLED = 0.1, 1e-4  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
+KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
+SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +43,11 @@ class SegmentPoses:
     @staticmethod
     def from_evidence(body: BodyModel, evidence: Iterable[SegmentPose]) -> "SegmentPoses":
         """Stacked measurements."""
-        seen = list(evidence)
+        poses = list(evidence)
         return SegmentPoses(
-            np.array([body.segment_index[each.segment] for each in seen], np.int64),
-            np.array([each.world_T_segment for each in seen]).reshape(-1, 4, 4),
-            np.array([each.covariance for each in seen]).reshape(-1, 6, 6),
+            np.array([body.segment_index[each.segment] for each in poses], np.int64),
+            np.array([each.world_T_segment for each in poses]).reshape(-1, 4, 4),
+            np.array([each.covariance for each in poses]).reshape(-1, 6, 6),
         )
 
     def __len__(self) -> int:
@@ -88,7 +73,7 @@ class SegmentPoses:
 
 @dataclass(frozen=True, eq=False)
 class JointRotations:
-    """Where U joints are expected that nothing sees.
+    """Expected rotations of U unobserved joints.
 
     Attributes:
         rows: (U) of the joints in ``tree_joints``.
@@ -113,7 +98,7 @@ class JointRotations:
         )
 
     def replaced(self, which: NDArray[np.bool_], rotations: Array, sigma: float) -> "JointRotations":
-        """The same, but some (J,) of the joints are where somebody else sees them, who has all (J, 3, 3)."""
+        """The same with some (J,) of the joints at other rotations (J, 3, 3)."""
         kept, rows = ~which[self.rows], np.flatnonzero(which)
         mine = JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept])
         return mine + JointRotations(rows, rotations[rows], np.full((len(rows), 3), sigma))
@@ -121,12 +106,12 @@ class JointRotations:
 
 @dataclass(frozen=True, eq=False)
 class ClosedJoint:
-    """A joint that closes a loop and holds.
+    """An active joint that closes a loop.
 
     Attributes:
         joint: between two segments of the tree.
         information: (6, 6) of its gap.
-        kernel: sigmas from which on it gives way; infinite where it never does.
+        kernel: sigmas from which on it counts less; infinite: never.
     """
 
     joint: Joint
@@ -136,39 +121,34 @@ class ClosedJoint:
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """All that is measured of the coordinates at an instant.
+    """All measurements of one state.
 
     Attributes:
         cameras: poses of segments.
-        expected: joints that nothing sees.
-        guessed: (J,) joints that stay within their limits, for nothing else holds them.
-        closed: joints that close loops and hold.
+        expected: rotations of unobserved joints.
+        closed: active joints that close loops.
     """
 
     cameras: SegmentPoses
     expected: JointRotations
-    guessed: NDArray[np.bool_]
     closed: Sequence[ClosedJoint] = ()
 
 
 class StateFit:
-    """Fits the coordinates of one instant.
+    """Fits the coordinates of one state.
 
     Args:
         tangent: the body's coordinates.
-        limits: of its joints, as they are known by now.
-        attachments: names of the joints that hold at times; other loops are closed at all times.
+        attachments: names of joints that are active at times; other loops are always closed.
     """
 
-    def __init__(
-        self, tangent: TreeTangent, limits: Callable[[], JointLimits], attachments: Collection[str] = ()
-    ) -> None:
-        self._tangent, self._limits = tangent, limits
+    def __init__(self, tangent: TreeTangent, attachments: Collection[str] = ()) -> None:
+        self._tangent = tangent
         joints = tangent.tree.tree_joints
         loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
         self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
         self._child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
-        # What slides, and is held softly.
+        # Axes along which joints slide, with a finite sigma.
         self._soft = {}
         for row, joint in enumerate(joints):
             sigmas = np.array(joint.sigmas)[list(joint.free_rows(SLIDES_M))]
@@ -177,12 +157,12 @@ class StateFit:
                 self._soft[row] = sigmas
 
     def fit(self, predicted: Estimate, measured: Measurements, start: Coordinates | None = None) -> Estimate:
-        """The body given a prediction and measurements.
+        """Estimate given a prediction and measurements.
 
         Args:
-            predicted: before them.
-            measured: of the instant.
-            start: where to begin.
+            predicted: estimate without them.
+            measured: of the state.
+            start: initial coordinates.
         """
         K, P = self._tangent.count, predicted.covariance
         prior = np.linalg.inv(P[:K, :K])
@@ -201,7 +181,7 @@ class StateFit:
             robust = robust or moved < _NEAR
         covariance = np.linalg.inv(information)
         covariance = 0.5 * (covariance + covariance.T)
-        # What was learned of the coordinates tells of their velocities, too.
+        # Velocities follow by their covariance with the coordinates.
         gain = P[K:, :K] @ prior
         both = np.empty_like(P)
         both[:K, :K], both[K:, :K] = covariance, gain @ covariance
@@ -234,8 +214,6 @@ class StateFit:
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
-        if measured.guessed.any():
-            self._add_limits(A, b, motion[:, :3, :3], measured.guessed)
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
@@ -246,15 +224,6 @@ class StateFit:
             A += weight * (J.T @ each.information @ J)
             b -= weight * (J.T @ (each.information @ gap))
         return A, b
-
-    def _add_limits(self, A: Array, b: Array, rotations: Array, guessed: NDArray[np.bool_]) -> None:
-        """Pull joints (J,) that are beyond their limits back into them, in place."""
-        within = self._limits().clamp(rotations)
-        beyond = guessed & (np.abs(within - rotations).max(axis=(1, 2)) > _BEYOND)
-        for row in np.flatnonzero(beyond).tolist():
-            columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3] / _LIMIT_RAD
-            A[columns, columns] += turns.T @ turns
-            b[columns] += turns.T @ log_so3(rotations[row].T @ within[row]) / _LIMIT_RAD
 
 
 def cauchy(squared: Array, kernel: float) -> Array:
@@ -270,13 +239,13 @@ def _squared(information: Array, residuals: Array) -> Array:
 
 @dataclass(frozen=True)
 class EvidenceSettings:
-    """How far a camera is trusted."""
+    """Accuracy of body cameras."""
 
     mount_rotation_sigma: float = setting(
         0.0004,
         unit="rad",
         limits=(0.0, 0.1),
-        reason="map, lens and strap err together, however many landmarks agree: the floor of a registration's rotation",
+        reason="least sigma of a registration's rotation: errors that map, lens and strap share, at any count",
     )
     mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
 
@@ -287,11 +256,11 @@ def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:
 
 
 class MountedCameras:
-    """What registered cameras say about their segments, all of an instant at once.
+    """Poses of segments by registered cameras, all of a frame at once.
 
     Args:
         body: whose mounts are used.
-        settings: how far cameras are trusted.
+        settings: accuracy of cameras.
     """
 
     def __init__(self, body: BodyModel, settings: EvidenceSettings) -> None:
@@ -303,7 +272,7 @@ class MountedCameras:
         self._segment_xi_camera = adjoint(segment_T_camera)
 
     def absolute_evidence(self, matches: Iterable[LandmarkMatches]) -> dict[str, SegmentPose]:
-        """Camera -> what it says of its segment, of those that the body carries and that are registered."""
+        """Camera -> measured pose of its segment, of registered cameras on the body."""
         poses, covariances, rows = [], [], []
         for said in matches:
             if said.world_T_camera is not None and said.camera in self._row:
@@ -322,9 +291,11 @@ class MountedCameras:
         }
 
 
-def measured_poses(body: BodyModel, path: NDArray[np.float64], evidence: Iterable[SegmentPose]) -> NDArray[np.float64]:
-    """A path (S, 4, 4) with segments where the surest of their cameras has them."""
-    poses = path.copy()
+def measured_poses(
+    body: BodyModel, predicted: NDArray[np.float64], evidence: Iterable[SegmentPose]
+) -> NDArray[np.float64]:
+    """Poses (S, 4, 4) with segments where the camera of the least covariance measured them."""
+    poses = predicted.copy()
     surest: dict[int, float] = {}
     for seen in evidence:
         row, spread = body.segment_index[seen.segment], float(np.trace(seen.covariance))
