@@ -17,11 +17,11 @@ RUN apt-get update \
  && rm -rf /var/lib/apt/lists/* ~/.ros
 
 # What neither has, beside apt's packages.
-COPY requirements-ubuntu.txt constraints-ubuntu.txt src/bodycam_ros/
+COPY pyproject.toml src/bodycam_ros/
 RUN python3 -m venv --system-site-packages venv \
  && touch venv/COLCON_IGNORE \
- && venv/bin/python -m pip install --no-cache-dir \
-      -r src/bodycam_ros/requirements-ubuntu.txt -c src/bodycam_ros/constraints-ubuntu.txt
+ && venv/bin/python -m pip install --no-cache-dir "pip>=25.1" \
+ && venv/bin/python -m pip install --no-cache-dir --group src/bodycam_ros/pyproject.toml:ubuntu "numpy<2"
 
 COPY . src/bodycam_ros/
 RUN . /opt/ros/jazzy/setup.bash \

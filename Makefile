@@ -1,41 +1,33 @@
-# One entry for everything. Each target makes what it needs first: the virtual environment .venv, with pinned packages.
-#   make demo    a body from a range of motion, then a walk solved and judged (needs no ROS)
-#   make test    the tests that protect, the live graph on ROS 2's wheels included: some minutes
-#   make test-all  those and the long ones: fault campaign, browser, shared recordings, Snakemake, more of the live graph
+# One entry for everything. Each target makes what it needs first: the virtual environment .venv, at the versions of uv.lock.
+#   make demo      a body from a range of motion, then a walk solved and judged (needs no ROS)
+#   make test      the tests that protect, the live graph on ROS 2's wheels included: some minutes
+#   make test-all  those and the long ones: fault campaign, browser, shared recordings, studies, more of the live graph
 #   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
-#   make readers exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
-#   make faults  everything that a user can give is damaged; what comes of it is counted
-#   make lint    ruff, mypy, and hadolint for the Dockerfile
-#   make docs    the pages of docs/ as a site: out/site/index.html
-#   make figures the table that nothing may worsen: accuracy, speed, memory; QUICK=1 for its main rows in 3 minutes
-#   make bench   CPU time of each stage of the pipeline
-#   make latency time from images to their joint state in the live graph
-#   make endure  time and memory of the solver over 10 minutes
-#   make wheels  what is released, in dist: archive of the sources, wheels of the package and of its messages
-#   make wheel-check     the same, installed and run in an environment that knows nothing of the sources
-#   make release-check   may this state be released? versions, changelog, sizes, lock, pages, and wheel-check
-#   make lock    lock.txt and lock_ros.txt anew: versions and hashes of all that is installed
-#   make audit   is anything known against what is locked? asks the package index
-#   make clean   remove what the others made
+#   make readers   exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
+#   make faults    everything that a user can give is damaged; what comes of it is counted
+#   make lint      ruff, mypy, and hadolint for the Dockerfile
+#   make docs      the pages of docs/ as a site: out/site/index.html
+#   make figures   the table that nothing may worsen: accuracy, speed, memory; QUICK=1 for its main rows in 3 minutes
+#   make bench     CPU time of each stage of the pipeline
+#   make latency   time from images to their joint state in the live graph
+#   make endure    time and memory of the solver over 10 minutes
+#   make clean     remove what the others made
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# uv, installed into .venv by pip, resolves and links packages ten times faster than pip does.
-INSTALL := VIRTUAL_ENV="$(CURDIR)/$(VENV)" $(BIN)/uv pip install --quiet -c constraints.txt
+UV := uv==0.13.9
+SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(BIN)/uv sync --quiet --frozen --inexact
 # What CMake needs to find ROS 2's wheels.
 FOR_ROS = VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	PATH="$(CURDIR)/$(BIN):$$PATH"
 DEMO := out/demo
 READERS := .venv-readers
-RELEASE := .venv-release
-DIST := dist
 
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
-unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
+unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH VIRTUAL_ENV
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test test-all test-ros figures readers faults lint docs bench latency endure wheels wheel-check release-check
-.PHONY: clean
+.PHONY: demo test test-all test-ros figures readers faults lint docs bench latency endure clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/runtime.stamp
@@ -59,7 +51,7 @@ test-all: $(VENV)/ros.stamp
 test-ros:
 	bash test_ros/run.sh
 
-readers: $(VENV)/test.stamp $(READERS)/blender.stamp $(READERS)/others.stamp
+readers: $(VENV)/ros.stamp $(READERS)/blender.stamp $(READERS)/readers.stamp
 	$(BIN)/python -m pytest test/export/test_readers.py
 
 faults: $(VENV)/ros.stamp
@@ -86,20 +78,8 @@ latency: $(VENV)/ros.stamp
 endure: $(VENV)/runtime.stamp
 	$(BIN)/python -m benchmarks.endurance bags/sample/bag --map bags/map --body bags/body.yaml
 
-wheels: $(VENV)/ros.stamp $(RELEASE)/release.stamp
-	rm -rf $(DIST)
-	$(RELEASE)/bin/python -m build --no-isolation --outdir $(DIST) .
-	$(FOR_ROS) $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps ./msg_defs -w $(DIST)
-	$(RELEASE)/bin/twine check --strict $(DIST)/*
-
-wheel-check: wheels
-	$(BIN)/python release/wheel_check.py $(DIST)
-
-release-check: docs wheel-check
-	$(BIN)/python release/release_check.py $(DIST)
-
 clean:
-	rm -rf $(VENV) .venv-ros $(READERS) $(RELEASE) $(LOCKING) $(DIST) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) .venv-ros $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:
@@ -109,65 +89,26 @@ $(VENV)/python.stamp:
 		{ echo "$(PYTHON) cannot make virtual environments; install them: sudo apt install python3-venv" >&2; exit 1; }
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt uv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV)
 	@touch $@
 
-$(VENV)/runtime.stamp: $(VENV)/python.stamp requirements.txt constraints.txt setup.py
-	$(INSTALL) -r requirements.txt
-	$(INSTALL) --no-build-isolation --no-deps -e .
+$(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py
+	$(SYNC)
 	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 
-$(VENV)/test.stamp: $(VENV)/runtime.stamp requirements-test.txt requirements-study.txt
-	$(INSTALL) -r requirements-test.txt -r requirements-study.txt
-	@touch $@
-
 # The site needs nothing of ours.
-$(VENV)/docs.stamp: $(VENV)/python.stamp requirements-docs.txt constraints.txt
-	$(INSTALL) -r requirements-docs.txt
+$(VENV)/docs.stamp: $(VENV)/python.stamp uv.lock
+	$(SYNC) --only-group docs
 	@touch $@
 
-$(VENV)/ros.stamp: $(VENV)/test.stamp requirements-ros.txt $(wildcard msg_defs/msg/*.msg msg_defs/action/*.action msg_defs/*.* msg_defs/tf2_msgs/*.*)
+$(VENV)/ros.stamp: $(VENV)/runtime.stamp $(wildcard msg_defs/msg/*.msg msg_defs/action/*.action msg_defs/*.* msg_defs/tf2_msgs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
-	$(INSTALL) -r requirements-ros.txt
-	$(FOR_ROS) $(BIN)/uv pip install --quiet -c constraints.txt --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
-	@touch $@
-
-# Programs that release bring much that nothing else needs.
-$(RELEASE)/release.stamp: $(VENV)/python.stamp requirements-release.txt constraints.txt
-	rm -rf $(RELEASE)
-	$(BIN)/python -m venv $(RELEASE)
-	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-release.txt
+	$(SYNC) --group test --group ros
+	$(FOR_ROS) $(BIN)/uv pip install --quiet --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
 	@touch $@
 
 # Not a part of .venv: Blender's numpy is another, and both are larger than all the rest.
-$(READERS)/blender.stamp: $(VENV)/python.stamp requirements-blender.txt
-	rm -rf $(READERS)/blender
-	$(BIN)/python -m venv $(READERS)/blender
-	$(READERS)/blender/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-blender.txt
-	@touch $@
-
-$(READERS)/others.stamp: $(VENV)/python.stamp requirements-readers.txt constraints.txt
-	rm -rf $(READERS)/others
-	$(BIN)/python -m venv $(READERS)/others
-	$(READERS)/others/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-readers.txt
-	@touch $@
-
-# Versions and hashes of all that is installed, and whether anything is known against them; see docs/security.md.
-LOCKING := .venv-lock
-COMPILE := $(LOCKING)/bin/uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate \
-	--python-version 3.11 --constraints constraints.txt
-
-.PHONY: lock audit
-lock: $(LOCKING)/stamp
-	$(COMPILE) requirements.txt --output-file lock.txt
-	$(COMPILE) requirements-ros.txt --output-file lock_ros.txt
-
-audit: $(LOCKING)/stamp
-	$(LOCKING)/bin/pip-audit --strict --require-hashes --disable-pip -r lock.txt -r lock_ros.txt
-
-$(LOCKING)/stamp: $(VENV)/python.stamp requirements-lock.txt constraints.txt
-	rm -rf $(LOCKING)
-	$(BIN)/python -m venv $(LOCKING)
-	$(LOCKING)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements-lock.txt
+$(READERS)/%.stamp: $(VENV)/python.stamp uv.lock
+	UV_PROJECT_ENVIRONMENT=$(READERS)/$* $(BIN)/uv sync --quiet --frozen --only-group $*
 	@touch $@

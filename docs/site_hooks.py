@@ -17,8 +17,8 @@ def on_files(site_files: Files, config: MkDocsConfig) -> Files:
 
 
 def _mermaid_path() -> Path:
-    """Where the wheel mmdc, which requirements-docs.txt pins, has it. It is not imported: only the script is wanted."""
+    """Path of the script in the wheel mmdc, which is not imported."""
     for path in files("mmdc") or ():
         if path.match("assets/mermaid.js"):
             return Path(str(path.locate()))
-    raise PluginError("the wheel mmdc carries no assets/mermaid.js; install requirements-docs.txt as pinned")
+    raise PluginError("the wheel mmdc carries no assets/mermaid.js; make docs installs the version that does")

@@ -10,10 +10,11 @@ if [ -e "$jazzy" ]; then
     setup=$jazzy
 elif [ -e "$maker" ]; then
     setup=$venv/setup.bash stamp=$venv/test_ros.stamp
-    if [ ! -e "$stamp" ] || [ requirements.txt -nt "$stamp" ] || [ requirements-ros.txt -nt "$stamp" ]; then
+    if [ ! -e "$stamp" ] || [ uv.lock -nt "$stamp" ]; then
         bash "$maker" "$venv"
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -r requirements.txt \
-            -r <(grep -h -E '^(colcon-|pytest==)' requirements-ros.txt requirements-test.txt)
+        make .venv/python.stamp
+        .venv/bin/uv export --quiet --frozen --no-hashes --no-emit-project > "$venv/runtime.txt"
+        .venv/bin/uv pip install --quiet --python "$venv" -r "$venv/runtime.txt" pytest colcon-bash colcon-core colcon-ros
         touch "$stamp"
     fi
 else

@@ -169,7 +169,7 @@ def check_snakemake(plugin: str | None = None) -> None:
         if importlib.util.find_spec(module) is None:
             raise StudyError(
                 f"this needs {module.replace('_', '-')}, which is not installed: pip install 'bodycam_ros[{extra}]', "
-                "or in the folder of the sources pip install -r requirements-study.txt -c constraints.txt"
+                "or in the folder of the sources make test"
             )
 
 

@@ -62,14 +62,14 @@ def for_opensim(exported: Exported) -> Path:
 
 def test_opensim_finds_the_angles_across_a_gap(walk: Walk, tmp_path: Path) -> None:
     out = write_solved(walk.without(list(range(20, 30))), tmp_path / "out")
-    said = read("others", "read_in_opensim.py", for_opensim(Exported.of(out, tmp_path)))
+    said = read("readers", "read_in_opensim.py", for_opensim(Exported.of(out, tmp_path)))
     for name, values in said["analysed"]["columns"].items():
         assert len(values) == 60
         np.testing.assert_allclose(said["inverse"]["columns"][name], values, rtol=0.0, atol=EXACT_DEG, err_msg=name)
 
 
 def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: Exported) -> None:
-    said = read("others", "read_in_opensim.py", for_opensim(exported))
+    said = read("readers", "read_in_opensim.py", for_opensim(exported))
     for segment in exported.solved.urdf.body_segments:
         ours = exported.places(segment) @ OPENSIM_R_OURS.T
         np.testing.assert_allclose(said["moved"]["bodies"][segment], ours, rtol=0.0, atol=JOINT_M)
@@ -83,7 +83,7 @@ def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: 
 
 
 def test_usd_moves_its_joints_and_its_skin(exported: Exported) -> None:
-    said = read("others", "read_in_usd.py", exported.file("usd"))
+    said = read("readers", "read_in_usd.py", exported.file("usd"))
     assert (said["up"], said["metres"], said["fps"]) == ("Z", 1.0, pytest.approx(30.0, abs=1e-4))
     for segment in exported.solved.urdf.body_segments:
         np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)

@@ -17,7 +17,7 @@ from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, rgb, segment_rg
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 from bodycam_ros.viewer.timeline import Motion, read_motion
 
-pytest.importorskip("playwright", reason="playwright is not installed: pip install -r requirements-test.txt")
+pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
 pytestmark = pytest.mark.long
