@@ -59,8 +59,8 @@ def replay(
 ) -> Iterator[BodyOutput]:
     """Solve a recording in this process, and yield states as they are solved, in order of time.
 
-    They follow their images by some seconds, in which later images tell of clocks (``clock.window``,
-    ``clock.lookahead``) and of limbs that were blind.
+    They follow their images by some seconds, in which later images give the clocks and the poses of limbs that were
+    blind.
 
     Args:
         images: a ros2 bag folder or .mcap file, or images in order of their stamps.

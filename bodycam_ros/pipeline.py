@@ -23,8 +23,9 @@ from bodycam_ros.estimation.measurements import evidence_floor
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.body_instants import BodyInstants
-from bodycam_ros.timing.frame_assembler import FrameAssembler
+from bodycam_ros.timing.clock_estimator import LOOKAHEAD_S
+from bodycam_ros.timing.frame_assembler import FIRST_WAIT_S, FrameAssembler
+from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
 
 
 class SkeletonPipeline:
@@ -44,7 +45,7 @@ class SkeletonPipeline:
 
     Attributes:
         body: with the equipment, if any.
-        instants: brings the cameras to common instants.
+        synchronizer: brings the cameras to common stamps.
         assembler: puts together what they say of one.
 
     Raises:
@@ -78,7 +79,7 @@ class SkeletonPipeline:
         awaited = on_body if self._untold else [*on_body, *stations]
         self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
-        self.instants = BodyInstants(body, self._cameras, settings.clock, floor, live, on_corrected)
+        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
         self._bridged = 0
         self._refused: Counter[str] = Counter()
@@ -123,38 +124,38 @@ class SkeletonPipeline:
         """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
         if camera in self.body.mounts:
-            self.instants.join(camera, model)
+            self.synchronizer.join(camera)
             self.assembler.join(camera)
             self._smoother.join(camera)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
-        return self._assemble(self.instants.add(matches))
+        return self._assemble(self.synchronizer.add(matches))
 
     def add_static(self, seen: CameraImage | SaidSegments) -> list[BodyOutput]:
         """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
         self._from_stations.append(seen)
-        longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else self._settings.clock.lookahead)
+        longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else LOOKAHEAD_S)
         return self._release(seen.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
 
     @property
     def _holds_stations(self) -> bool:
         """Whether static cameras wait for worn ones; live only while these speak, but go no further."""
-        return self.instants.watch.is_listening if self._live else self._waits_for_worn
+        return self.synchronizer.clocks.is_initialising if self._live else self._waits_for_worn
 
     def look(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
-        return self._solve(self.assembler.look())
+        return self._solve(self.assembler.complete())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        outputs = self._assemble(self.instants.flush()) + self._release(None)
+        outputs = self._assemble(self.synchronizer.flush()) + self._release(None)
         return outputs + self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
 
     def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
         outputs = []
         for matches in said:
-            if matches.camera not in self.instants.watch.strangers:
+            if matches.camera not in self.synchronizer.clocks.strangers:
                 outputs += self._release(matches.stamp_ns)
             outputs += self._solve(self.assembler.add(matches))
         return outputs if self._holds_stations else outputs + self._release(None)
@@ -177,7 +178,7 @@ class SkeletonPipeline:
             self._solved_ns = frame.stamp_ns
             outputs += self._outputs(self._smoother.update(frame))
             while self._untold and len(self._smoother.lately) > 1:
-                self.assembler.join(self._untold.pop(), self._settings.assembler.first_wait)
+                self.assembler.join(self._untold.pop(), FIRST_WAIT_S)
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:

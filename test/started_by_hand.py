@@ -11,8 +11,8 @@ from told_pose import told_pose
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
-from bodycam_ros.timing.clock_watch import ClockWatch
 
 Array = NDArray[np.float64]
 
@@ -122,8 +122,8 @@ def watched(
     settings: ClockSettings | None = None,
     live: bool = False,
     cameras: Iterable[str] = CAMERAS,
-) -> tuple[ClockWatch, list[LandmarkMatches]]:
+) -> tuple[ClockEstimator, list[LandmarkMatches]]:
     """A watch that has heard all images, and what it let pass."""
-    watch = ClockWatch(BODY, cameras, settings or ClockSettings(), FLOOR, live)
+    watch = ClockEstimator(BODY, cameras, settings or ClockSettings(), FLOOR, live)
     passed = [said for image in images for said in watch.add(image)]
     return watch, passed + watch.flush()

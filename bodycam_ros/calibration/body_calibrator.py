@@ -36,6 +36,8 @@ from bodycam_ros.registration.readout_time import ReadoutLog, ReadoutSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.timing.clock_state import ClockSettings
 
+_MOST_TURNS, _SETTLED_S = 3, 0.001  # of a calibration whose clock offsets moved; offsets that need no further turn
+
 
 @dataclass(frozen=True)
 class CalibrationSettings(SettingsGroups):
@@ -131,10 +133,10 @@ class BodyCalibrator:
         """
         delays_s = dict.fromkeys(self._logs, 0.0)
         # Joint centres and trust were found with clocks that were off; once those are known, all is asked anew.
-        for _ in range(self._clock.turns):
+        for _ in range(_MOST_TURNS):
             findings = self._found(name, delays_s, on_progress)
             delays_s = findings.delays_s
-            if np.abs(findings.refined.motion.delays).max() < self._clock.settled:
+            if np.abs(findings.refined.motion.delays).max() < _SETTLED_S:
                 break
         body = self._with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
         return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))

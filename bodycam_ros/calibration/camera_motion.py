@@ -10,8 +10,8 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
-from bodycam_ros.timing.clock_window import shared_beat
-from bodycam_ros.timing.instant_sampler import CameraPath
+from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.stamps import find_shared_stamps
 
 Array = NDArray[np.float64]
 
@@ -158,7 +158,7 @@ def camera_motion(
     registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
     own_stamps_ns = [np.array([m.stamp_ns for m in seen], dtype=np.int64) for seen in registered]
     delays_ns = [round(1e9 * (delays_s or {}).get(log.camera, 0.0)) for log in logs]
-    together = shared_beat({log.camera: own for log, own in zip(logs, own_stamps_ns, strict=True)}).together
+    together = find_shared_stamps({log.camera: own for log, own in zip(logs, own_stamps_ns, strict=True)}).cameras
     clock = max(range(len(logs)), key=lambda column: len(own_stamps_ns[column]))
     stamps_ns = own_stamps_ns[clock] - delays_ns[clock]
     shape = (len(stamps_ns), len(logs))
@@ -172,8 +172,8 @@ def camera_motion(
             own_stamps_ns[column] - delays_ns[column],
             np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None]),
         )
-        rows = np.flatnonzero(path.inside(stamps_ns, 1e9 * settings.max_gap))
-        points = path.at(stamps_ns[rows])
+        rows = np.flatnonzero(path.covers(stamps_ns, settings.max_gap))
+        points = path.interpolate(stamps_ns[rows])
         world_T_camera[rows, column] = points.poses
         twists[rows, column] = points.twists
         known[rows, column] = True

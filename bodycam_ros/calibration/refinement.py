@@ -17,7 +17,7 @@ from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, e
 from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
 from bodycam_ros.settings import setting
-from bodycam_ros.timing.clock_state import ClockSettings
+from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
 
 Array = NDArray[np.float64]
 
@@ -190,7 +190,7 @@ def _priors(
     # All clocks together may be off by anything: that of the first camera with a shared trigger is the body's, if any.
     held[motion.delay_columns.start + int(np.argmax(motion.triggered))] = True
     hessian[held, held] = _HELD
-    sigmas = np.where(motion.triggered, clock.trigger_sigma, clock.sigma)
+    sigmas = np.where(motion.triggered, TRIGGER_SIGMA_S, clock.sigma)
     delays = range(motion.delay_columns.start, motion.delay_columns.stop)
     hessian[delays, delays] += sigmas**-2.0
     gradient[delays] += motion.delays / sigmas**2

@@ -146,7 +146,8 @@ class SolverHealth:
         """How each camera goes with the others."""
         if pipeline is None:
             return []
-        assembler, silent, timings = pipeline.assembler, pipeline.assembler.silent, pipeline.instants.watch.timings
+        assembler, timings = pipeline.assembler, pipeline.synchronizer.clocks.histories
+        silent = assembler.silent
         return [
             timing_health(
                 camera,

@@ -215,7 +215,7 @@ class SolverStage(Stage[SolverParameters]):
         else:
             self._publish(self._live.look())
         if self._live.pipeline is not None:
-            self._timings.publish_clocks(self._live.pipeline.instants.watch.timings)
+            self._timings.publish_clocks(self._live.pipeline.synchronizer.clocks.histories)
 
     def _flush(self) -> int:
         """Publish the instants that wait for later ones; how many there were."""

@@ -125,8 +125,8 @@ def replay(
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         writer = stack.enter_context(write_recording(output_path, force))
-        watch = skeleton.instants.watch
-        out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, watch, coupling)
+        clocks = skeleton.synchronizer.clocks
+        out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, clocks, coupling)
         in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
         rows = ReadoutLog(cameras, settings.readout, in_its_mode)
         task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=readouts, slim=slim)
@@ -161,9 +161,9 @@ def replay(
         summary.images += unusable.skipped
         summary.readouts = rows.readouts()
         summary.timings = {
-            camera: history.with_readout(summary.readouts.get(camera)) for camera, history in watch.timings.items()
+            camera: history.with_readout(summary.readouts.get(camera)) for camera, history in clocks.histories.items()
         }
-        summary.jumps = tuple(watch.jumps)
+        summary.jumps = tuple(clocks.jumps)
         out.write_timings(summary.timings)
         agreement = log.agreement()
         summary.speeds = agreement.speeds()

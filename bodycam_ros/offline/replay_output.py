@@ -27,8 +27,8 @@ from bodycam_ros.quality.other_findings import SeenSegments
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockHistory, ClockJump, ClockState
-from bodycam_ros.timing.clock_watch import ClockWatch
 from bodycam_ros.verdict import VERDICT, Verdict, verdict_text
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
@@ -49,7 +49,7 @@ class ReplayOutput:
         health: RegistrationHealth,
         summary: ReplaySummary,
         log: AgreementLog,
-        watch: ClockWatch,
+        clocks: ClockEstimator,
         equipment: Equipment | None,
     ) -> None:
         self._writer = writer
@@ -57,7 +57,7 @@ class ReplayOutput:
         self._health = health
         self._summary = summary
         self._log = log
-        self._watch = watch
+        self._clocks = clocks
         self._equipment = equipment
         self._make = recorded_messages()
         self._health_due_ns = -1
@@ -109,7 +109,7 @@ class ReplayOutput:
 
     def write_health(self, stamp_ns: int, *more: Health) -> None:
         """How the cameras fared since the last report."""
-        clocks = {camera: timing.latest for camera, timing in self._watch.timings.items()}
+        clocks = {camera: timing.latest for camera, timing in self._clocks.histories.items()}
         health = [*self._health.report(clocks), *more]
         self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
 

@@ -1,4 +1,4 @@
-"""What is known of one camera's clock."""
+"""Offset and drift of one camera's clock, now and over a recording."""
 
 import math
 from collections.abc import Sequence
@@ -11,16 +11,42 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
+TRIGGER_SIGMA_S = 2e-4
+"""Standard deviation of the clock offset between cameras whose stamps coincide."""
+
+_SIGNIFICANT = 3.0  # sigmas
+_LEAST_S = 3e-4  # offsets below this are not reported: triggers are no better
+_LEAST_DRIFT = 5e-6
+
+
+@dataclass(frozen=True)
+class ClockSettings:
+    """Clocks of cameras that nothing triggers together."""
+
+    rate: float = setting(
+        0.0,
+        unit="Hz",
+        limits=(0.0, 480.0),
+        reason="states of the body per second; 0: at the stamps that most cameras share, or else at the cameras' rate",
+    )
+    sigma: float = setting(
+        0.02,
+        unit="s",
+        limits=(1e-6, 1.0),
+        reason="standard deviation of an unknown clock offset; raise it for cameras that are synchronised worse than "
+        "by sound, which leaves some milliseconds and a frame of video delay",
+    )
+
 
 @dataclass(frozen=True)
 class ClockState:
     """One camera's clock, from one stamp on.
 
     Attributes:
-        since_ns: first stamp that it holds for, by the camera's own clock [ns].
-        at_ns: stamp at which the offset holds [ns].
+        since_ns: first stamp that it is valid for, by the camera's own clock [ns].
+        at_ns: stamp at which the offset is given [ns].
         offset: by how much the camera's stamps are ahead [s].
-        drift: by which that grows per second.
+        drift: growth of the offset per second.
         offset_sigma: [s].
         drift_sigma: [s/s].
     """
@@ -46,99 +72,26 @@ class ClockJump:
     by_s: float
 
 
-def corrected(matches: LandmarkMatches, clocks: Sequence[ClockState], before: tuple[int, int]) -> LandmarkMatches:
-    """With stamps of the recording's time, by the clock that held then.
+def correct_stamps(
+    matches: LandmarkMatches, clocks: Sequence[ClockState], previous: tuple[int, int]
+) -> LandmarkMatches:
+    """An image with stamps of the recording's time, by the clock that was valid then.
 
     Args:
-        matches: what an image said.
+        matches: of one image.
         clocks: of its camera, in order of time.
-        before: the stamp of its image before, as given and as corrected [ns].
+        previous: the stamp of its image before, as given and as corrected [ns].
     """
     clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
     if clock is None:
         return matches
     previous_ns = matches.previous_stamp_ns
-    if previous_ns == before[0]:
-        previous_ns = before[1]  # Who looks for that image looks for its stamp, and more may be known of the clock now.
+    if previous_ns == previous[0]:
+        previous_ns = previous[1]  # the very stamp that was passed on, whatever is known of the clock by now
     elif previous_ns:
         previous_ns -= clock.offset_ns(previous_ns)
-    return replace(
-        matches, stamp_ns=matches.stamp_ns - clock.offset_ns(matches.stamp_ns), previous_stamp_ns=previous_ns
-    )
-
-
-@dataclass(frozen=True)
-class ClockSettings:
-    """Clocks of cameras that were started by hand."""
-
-    rate: float = setting(
-        0.0,
-        unit="Hz",
-        limits=(0.0, 480.0),
-        reason="instants of the body per second; 0: those that most cameras share, or else as many as they have images",
-    )
-    sigma: float = setting(
-        0.02,
-        unit="s",
-        limits=(1e-6, 1.0),
-        reason="how far a clock that nothing triggers with the others may be off: sound is some milliseconds off, and "
-        "pictures may lag a frame behind it",
-    )
-    trigger_sigma: float = setting(
-        0.0002, unit="s", limits=(1e-6, 0.1), reason="the same of cameras whose stamps are those of the others"
-    )
-    drift_sigma: float = setting(
-        1e-4,
-        limits=(0.0, 0.01),
-        reason="seconds per second; quartz is good to 20 ppm, to 50 when it is cold, and 100 must not be held back",
-    )
-    drift_walk: float = setting(
-        4e-8, limits=(0.0, 1e-4), reason="by how much a drift changes in a second: 1 ppm in ten minutes as cameras warm"
-    )
-    window: float = setting(
-        4.0,
-        unit="s",
-        limits=(0.5, 60.0),
-        reason="clocks are asked once in this time: 2 s left 2.7 ms where 4 s left 1.8; a jump shows in any case",
-    )
-    lookahead: float = setting(
-        8.0,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="offline, how far ahead of the body clocks are learned; four seconds of walking tell them to 2 or 3 ms",
-    )
-    instants: float = setting(
-        10.0,
-        unit="Hz",
-        limits=(1.0, 100.0),
-        reason="instants of a window at which cameras are compared; neighbours share their errors",
-    )
-    instants_alike: float = setting(
-        6.0, limits=(1.0, 100.0), reason="neighbouring instants that say the same, because tracks keep their errors"
-    )
-    jump: float = setting(
-        0.006,
-        unit="s",
-        limits=(0.0005, 10.0),
-        reason="set by less, a clock is not said to have jumped; off by more and by five sigmas, it is learned anew",
-    )
-    max_gap: float = setting(
-        0.12,
-        unit="s",
-        limits=(0.01, 1.0),
-        reason="a camera's pose is read off its path between two images this close; beyond, limbs do what they like",
-    )
-    settled: float = setting(
-        0.001, unit="s", limits=(1e-6, 0.1), reason="clocks that moved by less are not used to find a body anew"
-    )
-    turns: int = setting(3, limits=(1, 10), reason="how often a body is found anew with clocks that moved")
-
-
-_SIGNIFICANT = 3.0
-_LEAST_S = 3e-4
-"""Clocks that are off by less are called right: triggers are no better."""
-
-_LEAST_DRIFT = 5e-6
+    stamp_ns = matches.stamp_ns - clock.offset_ns(matches.stamp_ns)
+    return replace(matches, stamp_ns=stamp_ns, previous_stamp_ns=previous_ns)
 
 
 @dataclass(frozen=True)
@@ -147,8 +100,8 @@ class ClockHistory:
 
     Attributes:
         camera: name.
-        clocks: in order of ``since_ns``; one more for each time that it was set, or that more was known.
-        readout_time: from the first row's exposure to the last's [s]; NaN if nobody knows.
+        clocks: in order of ``since_ns``; one more after each jump or update.
+        readout_time: from the first row's exposure to the last's [s]; NaN if unknown.
         readout_sigma: its standard deviation [s]; 0 if it was given.
     """
 
@@ -164,7 +117,7 @@ class ClockHistory:
 
     @property
     def is_off(self) -> bool:
-        """Whether the clock is, or ever was, known not to be that of the recording."""
+        """Whether the clock is, or ever was, known to differ from that of the recording."""
         return any(
             abs(clock.offset) > max(_LEAST_S, _SIGNIFICANT * clock.offset_sigma)
             or abs(clock.drift) > max(_LEAST_DRIFT, _SIGNIFICANT * clock.drift_sigma)
@@ -172,13 +125,13 @@ class ClockHistory:
         )
 
     def with_readout(self, readout: Readout | None) -> "ClockHistory":
-        """With what is known in the end of how the camera's rows are read out, if anything is."""
+        """With the final estimate of the camera's read-out time, if there is one."""
         if readout is None:
             return self
         return replace(self, readout_time=readout.seconds, readout_sigma=readout.sigma)
 
     def corrected_ns(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Stamps (N,) of the camera as times of the recording [ns]; what came before the first clock goes by it."""
+        """Stamps (N,) of the camera as times of the recording [ns]; the first clock extends backwards."""
         since_ns = np.array([clock.since_ns for clock in self.clocks], np.int64)
         rows = np.maximum(np.searchsorted(since_ns, stamps_ns, side="right") - 1, 0)
         offsets_s, drifts = (np.array([getattr(c, name) for c in self.clocks]) for name in ("offset", "drift"))

@@ -102,9 +102,9 @@ def test_live_a_busy_machine_makes_nobody_silent(monkeypatch: pytest.MonkeyPatch
     now_s += 0.9
     assert fed(assembler, [heard("b", 0), heard("b", 40)]) == [(0, "ab"), (40, "ab")]
     assert fed(assembler, [heard("a", stamp) for stamp in range(2000, 4000, 40)]) == []
-    assert assembler.look() == []
+    assert assembler.complete() == []
     now_s += 1.1
-    assert named(assembler.look())[-1] == (3960, "a"), "but now it is"
+    assert named(assembler.complete())[-1] == (3960, "a"), "but now it is"
     assert fed(assembler, [heard("a", 4000)]) == [(4000, "a")], "and nothing waits for it"
 
 

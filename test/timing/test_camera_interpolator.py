@@ -5,7 +5,7 @@ from range_of_motion import START_NS, wide_cameras
 
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.instant_sampler import InstantSampler
+from bodycam_ros.timing.time_synchronizer import CameraInterpolator
 
 CAMERA = wide_cameras(["head"])["head"]
 FRAME_NS = 33_333_333
@@ -40,16 +40,16 @@ def image(number: int, known: bool = True, offset_px: float = 0.0) -> LandmarkMa
     )
 
 
-def said_of(instants_ns: list[int], images: list[LandmarkMatches], max_gap_s: float = 0.12) -> list[LandmarkMatches]:
-    sampler = InstantSampler(CAMERA, max_gap_s)
+def said_of(instants_ns: list[int], images: list[LandmarkMatches]) -> list[LandmarkMatches]:
+    sampler = CameraInterpolator()
     said = []
     waiting = sorted(instants_ns)
     for each in images:
         while waiting and waiting[0] <= each.stamp_ns:
-            said += sampler.add_instant(waiting.pop(0))
+            said += sampler.add_stamp(waiting.pop(0))
         said += sampler.add(each)
     for instant_ns in waiting:
-        said += sampler.add_instant(instant_ns)
+        said += sampler.add_stamp(instant_ns)
     return said + sampler.flush()
 
 
@@ -62,13 +62,6 @@ def test_a_constant_twist_is_followed_exactly() -> None:
         np.testing.assert_allclose(log_se3(inverse(pose_at(each.stamp_ns)) @ each.world_T_camera), 0.0, atol=1e-9)
 
 
-def test_landmarks_go_with_the_pose_residuals_and_all() -> None:
-    (said,) = said_of([START_NS + round(5.4 * FRAME_NS)], [image(number, offset_px=2.0) for number in range(10)])
-    assert said.world_T_camera is not None
-    projected = CAMERA.project(transform_points(inverse(said.world_T_camera), said.points_world.astype(float)))[0]
-    np.testing.assert_allclose(said.pixels - projected, 2.0, atol=2e-3)
-
-
 def test_the_rotation_since_the_instant_before_is_what_the_camera_turned() -> None:
     instants = [START_NS + round((number + 0.3) * FRAME_NS) for number in range(1, 8)]
     said = said_of(instants, [image(number) for number in range(10)])
@@ -79,15 +72,11 @@ def test_the_rotation_since_the_instant_before_is_what_the_camera_turned() -> No
         np.testing.assert_allclose(now.current_R_previous, turned, atol=1e-6)
 
 
-def test_an_unregistered_image_speaks_with_its_landmarks_turned_as_the_camera_did() -> None:
+def test_an_unregistered_image_keeps_its_rotation_alone() -> None:
     images = [image(number, known=number != 5) for number in range(10)]
     instant_ns = START_NS + round(5.2 * FRAME_NS)
     (said,) = said_of([instant_ns], images)
     assert said.world_T_camera is None and said.stamp_ns == instant_ns
-    truth = CAMERA.project(transform_points(inverse(pose_at(instant_ns)), said.points_world.astype(float)))[0]
-    # What is left is the way that the camera moved, 8 mm, before landmarks at 2 m and more.
-    assert np.median(np.linalg.norm(said.pixels - truth, axis=1)) < 1.0
-    assert np.median(np.linalg.norm(images[5].pixels - truth, axis=1)) > 2.0
 
 
 def test_into_a_gap_it_speaks_from_its_nearest_image_and_says_that_it_knows_less() -> None:

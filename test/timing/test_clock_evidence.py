@@ -1,19 +1,28 @@
 """The side problem of clocks: its normal equations against numbers, and what it says of a window."""
 
+from collections.abc import Generator
+
 import numpy as np
 from range_of_motion import START_NS
 from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.timing import clock_window
-from bodycam_ros.timing.clock_learner import at_once
-from bodycam_ros.timing.clock_window import CameraTrack, ClockEvidence, clock_evidence
-from bodycam_ros.timing.instant_sampler import CameraPath
+from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence, initial_motion
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
-MAX_GAP_S = 0.12
+PRIOR_S = 0.05
+
+
+def at_once(work: Generator[None, None, ClockEvidence | None]) -> ClockEvidence | None:
+    """All steps of the work; its result."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as done:
+            return done.value
 
 
 def tracks(recording: Recording) -> dict[str, CameraTrack]:
@@ -35,15 +44,15 @@ def evidence(recording: Recording, prior_s: float = 0.05, body: BodyModel = BODY
     known |= {camera: known["foot_left"] for camera in body.mounts if camera not in CAMERAS}
     sigmas = np.full(len(known), prior_s)
     sigmas[CAMERAS.index(REFERENCE)] = 1e-9
-    found = at_once(clock_evidence(body, known, STAMPS_NS, MAX_GAP_S, np.diag(1.0 / sigmas**2), np.zeros(len(known))))
+    found = at_once(clock_evidence(body, known, STAMPS_NS, np.diag(1.0 / sigmas**2), np.zeros(len(known))))
     assert found is not None
     return found
 
 
 def test_delay_columns_are_what_errors_change_by() -> None:
-    poses, twists, information = clock_window._at_instants(tracks(Recording(noise=0.1)), STAMPS_NS, MAX_GAP_S)
-    told = np.trace(information, axis1=2, axis2=3) > 0.0
-    motion = clock_window._follow(BODY, CAMERAS, poses, twists, told)
+    points = [track.path.interpolate(STAMPS_NS) for track in tracks(Recording(noise=0.1)).values()]
+    poses, twists = np.stack([p.poses for p in points], axis=1), np.stack([p.twists for p in points], axis=1)
+    motion = initial_motion(BODY, CAMERAS, poses, twists, np.ones(poses.shape[:2], bool))
     analytic = motion.delay_jacobians()
     step = 1e-6
     for column, camera in enumerate(CAMERAS):
@@ -57,12 +66,12 @@ def test_delay_columns_are_what_errors_change_by() -> None:
 def test_a_delay_is_found_however_cameras_are_phased() -> None:
     for runs in ({"foot_left": CameraRun(ahead_s=0.01)}, free_running(foot_left=CameraRun(ahead_s=0.01))):
         found = evidence(Recording(noise=0.02, runs=runs))
-        delays = dict(zip(found.cameras, found.delays.tolist(), strict=True))
+        delays = dict(zip(CAMERAS, found.delays.tolist(), strict=True))
         assert abs(delays.pop("foot_left") - 0.01) < 0.0006
         assert max(abs(delay) for delay in delays.values()) < 0.0003
 
 
 def test_too_few_instants_say_nothing() -> None:
     sigmas = np.ones(len(CAMERAS))
-    few = clock_evidence(BODY, tracks(Recording()), STAMPS_NS[:3], MAX_GAP_S, np.diag(sigmas), np.zeros(len(CAMERAS)))
+    few = clock_evidence(BODY, tracks(Recording()), STAMPS_NS[:3], np.diag(sigmas), np.zeros(len(CAMERAS)))
     assert at_once(few) is None

@@ -1,19 +1,19 @@
 """The instants at which a body is solved, and what its cameras say of them."""
 
 import numpy as np
-from range_of_motion import START_NS, range_of_motion, wide_cameras
+from range_of_motion import START_NS, range_of_motion
 from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
 
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.body_instants import BodyInstants
 from bodycam_ros.timing.clock_state import ClockSettings
+from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
 
 DURATION_S = 8.0
 
 
 def brought(recording: Recording, rate: float = 0.0) -> list[LandmarkMatches]:
-    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(rate=rate), FLOOR, live=False)
+    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(rate=rate), FLOOR, live=False)
     said = [each for image in recording.images() for each in instants.add(image)]
     return said + instants.flush()
 
@@ -24,7 +24,7 @@ def stamps_ns(said: list[LandmarkMatches]) -> np.ndarray:
 
 def test_triggered_cameras_are_passed_on_untouched() -> None:
     images = Recording(DURATION_S).images()
-    instants = BodyInstants(BODY, wide_cameras(CAMERAS), ClockSettings(), FLOOR, live=False)
+    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
     said = [each for image in images for each in instants.add(image)] + instants.flush()
     assert {id(each) for each in said} == {id(image) for image in images}
 

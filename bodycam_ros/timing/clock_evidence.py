@@ -1,0 +1,153 @@
+"""Clock offsets from some seconds of a moving body: the side problem of the solver.
+
+A camera whose clock is ahead by a delay shows its segment where it was that much earlier: its pose is off by its twist
+times the delay. Over a window of stamps the delays are the only lasting unknowns; the state of the body at each stamp,
+articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refinement of a calibration. What is left are
+the delays' normal equations, with as many rows as there are cameras.
+"""
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.articulation import ArticulatedMotion, articulated, distance_weights, eliminate_instants
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, inverse, log_se3
+from bodycam_ros.timing.camera_path import CameraPath
+
+MAX_GAP_S = 0.12
+"""Longest time between two images of a camera over which its pose is interpolated: beyond, limbs may do anything."""
+
+_ITERATIONS = 4
+_CONVERGED_S = 1e-5  # a hundredth of a window's standard deviation; the next step would be a tenth of that
+_OUTLIER_SIGMAS = 4.0
+_LEAST_STAMPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CameraTrack:
+    """A camera's registered images in a window.
+
+    Attributes:
+        path: through their poses, by the predicted clock.
+        covariances: (N, 6, 6) of the poses, floor included.
+    """
+
+    path: CameraPath
+    covariances: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClockEvidence:
+    """Measurement of the remaining delays in one window.
+
+    Attributes:
+        delays: (C) by how much the clocks are ahead of the prediction, the prior included [s].
+        information: (C, C) without the prior [1/s^2]; a shift of all clocks together changes nothing.
+    """
+
+    delays: Array
+    information: Array
+
+
+def clock_evidence(
+    body: BodyModel,
+    tracks: Mapping[str, CameraTrack],
+    stamps_ns: NDArray[np.int64],
+    prior_information: Array,
+    prior_delays: Array,
+) -> Generator[None, None, ClockEvidence | None]:
+    """Compare all cameras at some stamps (A eq. 3-5, 8), one iteration of some milliseconds at a time.
+
+    Args:
+        body: calibrated.
+        tracks: camera -> its images, in the order of the prior.
+        stamps_ns: (T) of the compared states [ns].
+        prior_information: (C, C) on the delays [1/s^2].
+        prior_delays: (C) their prior mean [s].
+
+    Returns:
+        None where too few cameras are registered.
+    """
+    cameras = tuple(tracks)
+    poses, twists, information = _interpolate(tracks, stamps_ns)
+    # Equipment moves by itself: it carries no information on the body, nor the body on a camera there.
+    information[:, [body.mounts[camera].segment in body.equipment_segments for camera in cameras]] = 0.0
+    known: NDArray[np.bool_] = np.trace(information, axis1=2, axis2=3) > 0.0
+    rows = np.flatnonzero(known.sum(axis=1) >= 2)
+    if len(rows) < _LEAST_STAMPS:
+        return None
+    poses, twists, information, known = poses[rows], twists[rows], information[rows], known[rows]
+    motion = initial_motion(body, cameras, poses, twists, known)
+    yield
+    for _ in range(_ITERATIONS):
+        errors = log_se3(inverse(poses) @ motion.world_T_camera())
+        gradients = (information @ errors[..., None])[..., 0]
+        weights = distance_weights(np.einsum("tci,tci->tc", gradients, errors), known, _OUTLIER_SIGMAS)
+        eliminated = eliminate_instants(
+            motion.moving_jacobians(),
+            motion.delay_jacobians(),
+            weights[..., None, None] * information,
+            weights[..., None] * gradients,
+        )
+        hessian, gradient = eliminated.hessians.sum(axis=0), eliminated.gradients.sum(axis=0)
+        step = -np.linalg.solve(
+            hessian + prior_information, gradient + prior_information @ (motion.delays - prior_delays)
+        )
+        lasting = np.zeros(motion.lasting_count)
+        lasting[motion.delay_columns] = step
+        motion = motion.moved(eliminated.moving(step), lasting)
+        yield
+        if np.abs(step).max() < _CONVERGED_S:
+            break
+    return ClockEvidence(motion.delays, 0.5 * (hessian + hessian.T))
+
+
+def _interpolate(tracks: Mapping[str, CameraTrack], stamps_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    """Poses (T, C, 4, 4), twists (T, C, 6) and information (T, C, 6, 6), which is zero where a camera is unknown."""
+    shape = len(stamps_ns), len(tracks)
+    poses, twists = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy(), np.zeros((*shape, 6))
+    information = np.zeros((*shape, 6, 6))
+    for column, track in enumerate(tracks.values()):
+        if not len(track.path.stamps_ns):
+            continue
+        rows = np.flatnonzero(track.path.covers(stamps_ns, MAX_GAP_S))
+        points = track.path.interpolate(stamps_ns[rows])
+        poses[rows, column], twists[rows, column] = points.poses, points.twists
+        information[rows, column] = np.linalg.inv(track.covariances[points.nearest])
+    return poses, twists, information
+
+
+def initial_motion(
+    body: BodyModel, cameras: tuple[str, ...], poses: Array, twists: Array, known: NDArray[np.bool_]
+) -> ArticulatedMotion:
+    """A motion whose segments turn as their cameras do, the root at the median of its places by all cameras.
+
+    Args:
+        body: calibrated.
+        cameras: (C) names.
+        poses: (T, C, 4, 4) world_T_camera.
+        twists: (T, C, 6).
+        known: (T, C) which of the poses are.
+    """
+    camera_R_segment = np.stack([body.mounts[camera].segment_T_camera[:3, :3].T for camera in cameras])
+    world_R_carrier = poses[..., :3, :3] @ camera_R_segment
+    rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
+    order = [(body.root, None), *((joint.child, joint.parent) for joint in body.tree_joints)]
+    for segment, parent in order:
+        row = body.segment_index[segment]
+        if parent is not None:
+            rotations[:, row] = rotations[:, body.segment_index[parent]]
+        columns = [c for c, camera in enumerate(cameras) if body.mounts[camera].segment == segment]
+        if known[:, columns].any():
+            # Of the first camera that is known, or as at the nearest stamp at which one is.
+            first = world_R_carrier[np.arange(len(poses)), np.take(columns, np.argmax(known[:, columns], axis=1))]
+            stamps = np.flatnonzero(known[:, columns].any(axis=1))
+            nearest = stamps[np.argmin(np.abs(np.arange(len(poses))[:, None] - stamps), axis=1)]
+            rotations[:, row] = first[nearest]
+    untriggered = np.zeros(len(cameras), bool)
+    motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, untriggered)
+    shifts = np.where(known[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
+    return replace(motion, root_positions=np.nanmedian(shifts, axis=1))

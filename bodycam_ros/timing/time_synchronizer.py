@@ -1,0 +1,205 @@
+"""From images of free-running cameras to common stamps of the body.
+
+Cameras that share their stamps pass as they are, and their stamps are the common ones. The others are interpolated to
+them; where no cameras share, the common stamps are equally spaced.
+
+The pose of an interpolated camera is that of its path between the image before and the image after; where one of them
+is missing, the nearest image moves on by its twist, if it is near. docs/architecture.md has the alternatives.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, adjoint, exp_se3, exp_so3, inverse, log_so3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.clock_estimator import ClockEstimator
+from bodycam_ros.timing.clock_evidence import MAX_GAP_S
+from bodycam_ros.timing.clock_state import ClockSettings
+
+_SAME_NS = 1_000_000  # stamps of one trigger differ by less
+_MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, common stamps are spaced equally
+_LONGEST_GAP_NS = 60_000_000_000  # no common stamps are made for a gap longer than this
+_KEPT_NS = 1_000_000_000  # of images: live, common stamps may be known only later
+_FORGOTTEN_NS = 30_000_000_000  # common stamps that a camera has no image near
+_ACCELERATION = np.repeat([60.0, 15.0], 3)  # [rad/s^2, m/s^2] of a limb: what its twist leaves open
+
+
+class TimeSynchronizer:
+    """Brings all cameras of a body to common stamps.
+
+    Args:
+        body: calibrated.
+        cameras: names; those of the body are used.
+        settings: of clocks.
+        floor: (6, 6) covariance that is added to every registration's.
+        live: whether images come while they are taken.
+        on_corrected: called with every image, its stamp corrected.
+
+    Attributes:
+        clocks: of the cameras.
+    """
+
+    def __init__(
+        self,
+        body: BodyModel,
+        cameras: Iterable[str],
+        settings: ClockSettings,
+        floor: Array,
+        live: bool,
+        on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+    ) -> None:
+        names = [name for name in cameras if name in body.mounts]
+        self._body, self._rate, self._on_corrected = body, settings.rate, on_corrected
+        self.clocks = ClockEstimator(body, names, settings, floor, live)
+        self._interpolators = {name: CameraInterpolator() for name in names}
+        self._last_ns = self._shared_ns = -1
+        self._moves = 0
+
+    def join(self, camera: str) -> None:
+        """Use one more camera."""
+        if camera in self._body.mounts:
+            self.clocks.join(camera)
+            self._interpolators.setdefault(camera, CameraInterpolator())
+
+    def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
+        """Add one camera's image; images at common stamps that are ready."""
+        return self._interpolate(self.clocks.add(matches))
+
+    def flush(self) -> list[LandmarkMatches]:
+        """What is left when the recording is over."""
+        left = self._interpolate(self.clocks.flush())
+        for interpolator in self._interpolators.values():
+            left += interpolator.flush()
+        return sorted(left, key=lambda matches: (matches.stamp_ns, matches.camera))
+
+    @property
+    def _sharing(self) -> frozenset[str]:
+        return frozenset() if self._rate > 0.0 else self.clocks.sharing
+
+    def _interpolate(self, corrected: Iterable[LandmarkMatches]) -> list[LandmarkMatches]:
+        ready = []
+        sharing = self._sharing
+        for matches in corrected:
+            self._on_corrected(matches)
+            if matches.camera in self.clocks.strangers:
+                ready.append(matches)  # no common stamps at its time
+                continue
+            for stamp_ns in self._new_stamps(matches.stamp_ns, matches.camera in sharing):
+                for camera, interpolator in self._interpolators.items():
+                    if camera not in sharing:
+                        ready += interpolator.add_stamp(stamp_ns)
+            ready += [matches] if matches.camera in sharing else self._interpolators[matches.camera].add(matches)
+        return ready
+
+    def _new_stamps(self, stamp_ns: int, shares: bool) -> list[int]:
+        """New common stamps up to that of an image."""
+        if self.clocks.moves > self._moves:
+            self._moves, self._last_ns, self._shared_ns = self.clocks.moves, -1, -1
+        if shares:
+            self._shared_ns = max(self._shared_ns, stamp_ns)
+            if stamp_ns <= self._last_ns + _SAME_NS:
+                return []
+            self._last_ns = stamp_ns
+            return [stamp_ns]
+        shared = self.clocks.shared
+        period_ns = round(1e9 / self._rate) if self._rate > 0.0 else shared.period_ns if shared else 0
+        if not period_ns or (self._sharing and not 0 <= self._shared_ns < stamp_ns - _MISSING_NS):
+            return []
+        if self._last_ns < 0 or stamp_ns - self._last_ns > _LONGEST_GAP_NS:
+            new = [stamp_ns // period_ns * period_ns]
+        else:
+            new = [*range(self._last_ns + period_ns, stamp_ns + 1, period_ns)]
+        self._last_ns = new[-1] if new else self._last_ns
+        return new
+
+
+class CameraInterpolator:
+    """Interpolates one camera to common stamps."""
+
+    def __init__(self) -> None:
+        self._images: deque[LandmarkMatches] = deque()
+        self._stamps: deque[int] = deque()
+        self._previous: tuple[int, int] | None = None
+
+    def add_stamp(self, stamp_ns: int) -> list[LandmarkMatches]:
+        """One more common stamp, later than those before; images that are ready."""
+        if not self._stamps or stamp_ns > self._stamps[-1]:
+            self._stamps.append(stamp_ns)
+        while self._stamps[0] < stamp_ns - _FORGOTTEN_NS:
+            self._stamps.popleft()
+        return self._ready()
+
+    def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
+        """The camera's next image; images that are ready."""
+        if self._images and matches.stamp_ns <= self._images[-1].stamp_ns:
+            # Its time goes back.
+            self._images.clear()
+            self._previous = None
+            self._stamps = deque(stamp for stamp in self._stamps if stamp >= matches.stamp_ns)
+        self._images.append(matches)
+        while self._images[0].stamp_ns < matches.stamp_ns - _KEPT_NS:
+            self._images.popleft()
+        return self._ready()
+
+    def flush(self) -> list[LandmarkMatches]:
+        """What is left when no more images come."""
+        return self._ready(last=True)
+
+    def _ready(self, last: bool = False) -> list[LandmarkMatches]:
+        ready = []
+        while self._stamps and self._images:
+            nearest = min(self._images, key=lambda image: abs(image.stamp_ns - self._stamps[0]))
+            # The image after the next one gives the twist at the next.
+            is_enclosed = len(self._images) > 1 and self._images[-2].stamp_ns >= self._stamps[0]
+            if not (is_enclosed or last or nearest.stamp_ns == self._stamps[0]):
+                break
+            if (image := self._interpolate(nearest, self._stamps.popleft())) is not None:
+                ready.append(image)
+        return ready
+
+    def _interpolate(self, nearest: LandmarkMatches, stamp_ns: int) -> LandmarkMatches | None:
+        """The camera at a common stamp; None without an image near it."""
+        off_s = 1e-9 * (stamp_ns - nearest.stamp_ns)
+        if off_s == 0.0:
+            return self._restamped(nearest, stamp_ns)
+        if abs(off_s) > MAX_GAP_S / 2.0:
+            return None
+        near_ns = round(2e9 * MAX_GAP_S)
+        known = [
+            (image.stamp_ns, image.world_T_camera)
+            for image in self._images
+            if image.world_T_camera is not None and abs(image.stamp_ns - stamp_ns) <= near_ns
+        ]
+        # Two on either side make the curve.
+        before = sum(own_ns <= stamp_ns for own_ns, _ in known)
+        known = known[max(0, before - 2) : before + 2]
+        if nearest.world_T_camera is None or len(known) < 2:
+            return self._restamped(nearest, stamp_ns, world_T_camera=None)
+        path = CameraPath(np.array([own_ns for own_ns, _ in known], np.int64), np.stack([pose for _, pose in known]))
+        wanted = np.array([stamp_ns], np.int64)
+        if path.covers(wanted, MAX_GAP_S)[0]:
+            return self._restamped(nearest, stamp_ns, world_T_camera=path.interpolate(wanted).poses[0])
+        twist = path.interpolate(np.array([nearest.stamp_ns], np.int64)).twists[0]
+        step = exp_se3(off_s * twist)
+        carried = adjoint(inverse(step))
+        covariance = carried @ nearest.pose_covariance @ carried.T + np.diag((0.5 * off_s**2 * _ACCELERATION) ** 2)
+        pose = nearest.world_T_camera @ step
+        return self._restamped(nearest, stamp_ns, world_T_camera=pose, pose_covariance=covariance)
+
+    def _restamped(self, image: LandmarkMatches, stamp_ns: int, **changes: Any) -> LandmarkMatches:
+        """An image without its landmarks at a common stamp, with the rotation since the one before, if known."""
+        previous, self._previous = self._previous, (stamp_ns, image.stamp_ns)
+        image = image.bare() if stamp_ns != image.stamp_ns else image
+        if previous is None or previous[1] != image.previous_stamp_ns:
+            return replace(image, stamp_ns=stamp_ns, previous_stamp_ns=0, rotation_inliers=0, **changes)
+        stretch = (stamp_ns - previous[0]) / (image.stamp_ns - image.previous_stamp_ns)
+        rotation = image.current_R_previous
+        if stretch != 1.0:
+            rotation = exp_so3(stretch * log_so3(rotation))
+        return replace(image, stamp_ns=stamp_ns, previous_stamp_ns=previous[0], current_R_previous=rotation, **changes)
