@@ -1,7 +1,7 @@
 """Every group of settings that there is: one file serves all commands and nodes, each of which reads its own of it."""
 
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
-from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -13,7 +13,7 @@ from bodycam_ros.static_cameras.stations_file import StationsSettings
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     MapSettings,
-    SoundSettings,
+    IngestSettings,
     MeasureSettings,
     StationsSettings,
     DoctorGroups,

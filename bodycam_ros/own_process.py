@@ -5,16 +5,7 @@ import os
 MOST_PIXELS = 200_000_000
 """Of an image: a few kilobytes of PNG can claim a thousand times as many, and OpenCV would allocate them."""
 
-_ours = False
-
 
 def bound_inputs() -> None:
     """Bound what a file can make this process allocate; before OpenCV is loaded, which reads its limit once."""
-    global _ours
-    _ours = True
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
-
-
-def is_ours() -> bool:
-    """Whether this process is a program of ours."""
-    return _ours

@@ -28,7 +28,7 @@ def write_tiny_bag(
         infos: cameras that get a camera_info with every image.
         alter: may append more messages.
     """
-    with write_recording(path) as writer:
+    with write_recording(path, command="a recorder") as writer:
         for frame in range(frames):
             stamp_ns = START_NS + frame * FRAME_NS
             for camera in CAMERAS:

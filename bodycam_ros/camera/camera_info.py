@@ -84,6 +84,22 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
         raise LensError(f"{path}: {error}") from error
 
 
+def scaled_camera(camera: CameraModel, scale: float) -> CameraModel:
+    """The camera of images that are reduced to a share of their size, in even numbers of pixels as video has them."""
+    width, height = (max(2, 2 * round(0.5 * scale * side)) for side in (camera.width, camera.height))
+    across, down = width / camera.width, height / camera.height
+    return type(camera)(
+        camera.name,
+        width,
+        height,
+        camera.fx * across,
+        camera.fy * down,
+        (camera.cx + 0.5) * across - 0.5,
+        (camera.cy + 0.5) * down - 0.5,
+        camera.distortion,
+    )
+
+
 def readout_time_from_yaml(path: Path) -> float | None:
     """``readout_time`` of a camera_info YAML: from the middle of the exposure of the first row to that of the last [s].
 

@@ -11,7 +11,7 @@ from rich.table import Column, Table
 
 from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
-from bodycam_ros.ingest.sound_settings import SoundSettings
+from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -30,7 +30,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=Path,
         nargs="+",
         metavar="FILES_OR_FOLDER",
-        help="a video per camera, named after it (chapters of a camera are joined), or folders with them",
+        help="a video per camera, named after it (chapters of a camera are joined), or folders with videos or images",
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="ros2 bag folder to write")
     parser.add_argument(
@@ -43,35 +43,52 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--report", type=Path, metavar="DIR", help="folder for table and picture of the clocks (default: BAG_timing)"
     )
+    times = parser.add_mutually_exclusive_group()
+    times.add_argument(
+        "--synchronous", action="store_true", help="cameras are genlocked: all files start with the same frame"
+    )
+    times.add_argument(
+        "--offsets", type=Path, metavar="YAML", help="start of each camera [s], as 'camera: 1.25' or a timing.yaml"
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="of folders with images that are not named by stamps")
+    parser.add_argument(
+        "--scale", type=float, default=1.0, help="reduce frames to this share of their size, lenses too (%(default)s)"
+    )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it, and its report")
     add_jobs(parser, "threads")
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, lambda: SoundSettings)
+    offer_settings(parser, lambda: IngestSettings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.ingest.clock_times import video_clocks
+    from bodycam_ros.ingest.camera_offsets import find_offsets
+    from bodycam_ros.ingest.given_offsets import read_offsets, synchronous_offsets
     from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
-    from bodycam_ros.ingest.timing_picture import timing_table, write_timing_report
+    from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
 
-    settings = settings_from_flags(arguments, SoundSettings, arguments.config)
+    settings = settings_from_flags(arguments, IngestSettings, arguments.config)
     report: Path = arguments.report or arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
-    cameras, faults = find_cameras(arguments.videos, arguments.cameras)
+    cameras, faults = find_cameras(arguments.videos, arguments.cameras, arguments.rate, arguments.scale)
     if rig is not None:
         there = {camera.name for camera in cameras}
         lacking = [camera for camera in rig.cameras if camera not in there]
         faults += [f"camera {camera}: is in {arguments.rig}, but has no video that can be used" for camera in lacking]
     with _shown_progress() as advance:
-        offsets = video_clocks(cameras, rig, settings, lambda step, done, of: advance(step, done / max(1, of)))
+        if arguments.synchronous:
+            offsets = synchronous_offsets([camera.name for camera in cameras])
+        elif arguments.offsets is not None:
+            offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
+        else:
+            offsets = find_offsets(cameras, rig, settings.clocks, lambda *of: advance(of[0], of[1] / max(1, of[2])))
         summary = ingest(
             cameras,
-            lambda _: offsets.times,
+            offsets.times,
             arguments.output,
             as_jpeg=arguments.jpeg,
             jobs=max(1, arguments.jobs),
@@ -97,12 +114,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     """Refuse what cannot be written, or must not be replaced, before the work."""
-    from bodycam_ros.recording.bag_writer import check_ingested
+    from bodycam_ros.recording.bag_writer import INGEST, check_replaceable
 
-    inputs = (*arguments.videos, arguments.cameras, arguments.rig, arguments.config)
+    inputs = (*arguments.videos, arguments.cameras, arguments.rig, arguments.config, arguments.offsets)
+    if not 0.05 <= arguments.scale <= 1.0:
+        raise OutputError(f"--scale must be from 0.05 to 1, not {arguments.scale:g}")
+    if arguments.rate is not None and not 0.0 < arguments.rate <= 1000.0:
+        raise OutputError(f"--rate must be above 0 and at most 1000 images a second, not {arguments.rate:g}")
     check_output(arguments.output, inputs)
     if arguments.output.exists():
-        check_ingested(arguments.force, arguments.output)
+        check_replaceable(arguments.force, arguments.output, INGEST)
     check_output(report, (*inputs, arguments.output))
     if report.exists() and not (report.is_dir() and arguments.force):
         raise OutputError(f"{report}: exists already; give another folder with --report, or replace it with --force")
@@ -126,13 +147,13 @@ def _shown_progress() -> Iterator[Advance]:
 def _table(summary: "IngestSummary") -> Table:
     table = Table(Column("camera", no_wrap=True), "frames", "per second", "size", "read-out [ms]", "in the bag")
     for camera in summary.cameras:
-        stream, facts = camera.stream, camera.stream.camera.video.facts
+        stream = camera.stream
         readout_s = stream.camera.readout_s
         table.add_row(
             stream.camera.name,
             str(stream.tally.frames),
             f"{_rate_hz(camera):.2f}",
-            f"{facts.width} x {facts.height}",
+            f"{stream.camera.written_lens.width} x {stream.camera.written_lens.height}",
             "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
             _how(camera),
             style="red" if camera.remarks else None,
@@ -149,7 +170,8 @@ def _how(camera: "IngestedCamera") -> str:
     stream, facts = camera.stream, camera.stream.camera.video.facts
     if stream.is_copied:
         return facts.codec
-    why = [f"turned by {facts.rotation_deg} deg"] if facts.rotation_deg else []
+    why = [f"at {stream.camera.scale:.0%} of its size"] if stream.camera.scale != 1.0 else []
+    why += [f"turned by {facts.rotation_deg} deg"] if facts.rotation_deg else []
     if not stream.as_jpeg and facts.has_b_frames:
         why.append("it had B-frames")
     return ", ".join(["jpeg" if stream.as_jpeg else "h264, made anew", *why])

@@ -23,7 +23,7 @@ from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay
 from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.recording.camera_video import video_writer
+from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.camera_record import CameraRecord
 from bodycam_ros.results.solved_recording import SolvedRecording

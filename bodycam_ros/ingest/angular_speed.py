@@ -1,4 +1,4 @@
-"""How fast a camera turns, from its images alone (A eq. 2): what cameras of one body have in common without sound."""
+"""Angular velocity of a camera from its images alone (A eq. 2)."""
 
 from array import array
 from collections.abc import Iterable
@@ -11,35 +11,15 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class AngularSpeedSettings:
-    """How many points of an image are followed, and at which size."""
-
-    image_width: int = setting(
-        320,
-        unit="px",
-        limits=(80, 4096),
-        reason="images are made this wide first: a rotation is the mean of a hundred bearings, so half degrees a "
-        "pixel leave some hundredths of a degree",
-    )
-    corners: int = setting(
-        160,
-        limits=(20, 5000),
-        reason="points followed; with half of them on the wearer and near things the rest hold a rotation to 0.1 deg",
-    )
-    refresh_interval: int = setting(
-        6,
-        unit="frames",
-        limits=(1, 300),
-        reason="new corners are looked for after so many images, or when half are lost; it costs as much as two images",
-    )
+_IMAGE_WIDTH = 320  # [px] images are reduced to: half a degree a pixel over a hundred bearings leaves hundredths
+_CORNERS = 160  # followed; with half of them on the wearer and near things the rest keep a rotation to 0.1 deg
+_REFRESH_INTERVAL = 6  # [frames] after which corners are detected anew, or when half are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +29,7 @@ class AngularSpeed:
     Attributes:
         camera: its name.
         media_s: (N,) media times half-way between two images [s], ascending.
-        omega: (N, 3) angular velocity between them [rad/s] in the camera's axes; NaN where the images do not tell.
+        omega: (N, 3) angular velocity between them [rad/s] in the camera's axes; NaN where unknown.
     """
 
     camera: str
@@ -64,26 +44,24 @@ class AngularSpeed:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(N,) where the images tell."""
+        """(N,) where it is known."""
         return np.asarray(np.isfinite(self.omega).all(axis=1))
 
     def part(self, chosen: NDArray[np.bool_]) -> "AngularSpeed":
-        """What was measured at chosen (N,) instants."""
+        """What was measured at chosen (N,) times."""
         return AngularSpeed(self.camera, self.media_s[chosen], self.omega[chosen])
 
 
 class AngularSpeedMeter:
-    """Measures how a camera turns, image by image; holds one image.
+    """Measures how a camera turns, image by image; keeps one image.
 
     Args:
         camera: its model, for bearings.
-        settings: effort.
     """
 
-    def __init__(self, camera: CameraModel, settings: AngularSpeedSettings | None = None) -> None:
+    def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
-        self._settings = settings or AngularSpeedSettings()
-        self._scale = min(1.0, self._settings.image_width / camera.width)
+        self._scale = min(1.0, _IMAGE_WIDTH / camera.width)
         self._flow = OpticalFlowSettings()
         self._rotation = RotationSettings()
         self._image: NDArray[np.uint8] | None = None
@@ -121,9 +99,7 @@ class AngularSpeedMeter:
             self._omegas.extend(self._turned(self._image, small) / seconds)
         self._image, self._media_s = small, media_s
         self._frames_since_refresh += 1
-        if self._frames_since_refresh >= self._settings.refresh_interval or (
-            len(self._pixels) < self._settings.corners // 2
-        ):
+        if self._frames_since_refresh >= _REFRESH_INTERVAL or (len(self._pixels) < _CORNERS // 2):
             self._refresh(small)
 
     def angular_speed(self) -> AngularSpeed:
@@ -150,7 +126,7 @@ class AngularSpeedMeter:
         return turned
 
     def _refresh(self, image: NDArray[np.uint8]) -> None:
-        corners = cv2.goodFeaturesToTrack(image, self._settings.corners, 0.01, 7.0, useHarrisDetector=False)
+        corners = cv2.goodFeaturesToTrack(image, _CORNERS, 0.01, 7.0, useHarrisDetector=False)
         self._frames_since_refresh = 0
         if corners is None:
             self._pixels, self._bearings = np.zeros((0, 2), np.float32), np.zeros((0, 3))
@@ -175,17 +151,13 @@ class AngularSpeedMeter:
         return full
 
 
-def angular_speed(
-    camera: CameraModel,
-    images: Iterable[tuple[float, NDArray[np.uint8]]],
-    settings: AngularSpeedSettings | None = None,
-) -> AngularSpeed:
+def angular_speed(camera: CameraModel, images: Iterable[tuple[float, NDArray[np.uint8]]]) -> AngularSpeed:
     """How a camera turned, of its media times [s] and grey images (H, W), which are taken one by one.
 
     Raises:
         RecordingError: an image has another size than the camera model.
     """
-    meter = AngularSpeedMeter(camera, settings)
+    meter = AngularSpeedMeter(camera)
     for media_s, image in images:
         meter.add(media_s, image)
     return meter.angular_speed()

@@ -1,127 +1,58 @@
-"""Each camera's start and drift: by claps, else by the sound as a whole, else by whoever else can tell.
+"""Start and drift of each camera's clock: by sound, else by motion, by satellites, or by the file's time of creation.
 
-Other sources (the motion of cameras, a GoPro's telemetry, a file's time of creation) are callables, asked in turn: for
-cameras that nobody has placed yet, and for their opinion about those that somebody has.
+Sources after the sound are used in turn, for the cameras that those before do not place.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from threading import Event
-from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.claps import CommonSound, find_claps
+from bodycam_ros.ingest.angular_speed import AngularSpeed, angular_speed
+from bodycam_ros.ingest.clock_fit import SOUND_SPEED, CameraTime, FoundTimes, TimeSource, relative_to
+from bodycam_ros.ingest.clock_settings import ClockSettings
 from bodycam_ros.ingest.frame_stream import for_each_camera
-from bodycam_ros.ingest.offset_agreement import SOUND_SPEED
-from bodycam_ros.ingest.sound_peaks import OWN_CLAP_SIGMA_M, CameraSound, scan_sound, travel_s
-from bodycam_ros.ingest.sound_settings import SoundSettings
-from bodycam_ros.ingest.whole_sound import compare_sounds
+from bodycam_ros.ingest.ingest_camera import IngestCamera
+from bodycam_ros.ingest.motion_sync import motion_times
+from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
+from bodycam_ros.ingest.sound_sync import CommonSound, sound_times
+from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.sound import SoundBlock, SoundSource
+from bodycam_ros.recording.video_file import grey_pixels
 
-_SIGMAS = 4.0
-
-
-def gap_s(one: CameraTime, other: CameraTime, at_media_s: float) -> tuple[float, float]:
-    """(by how much the other says later, its standard deviation) at a media time, all in seconds."""
-    gap = other.start_s - one.start_s + (other.drift - one.drift) * at_media_s
-    variances = [t.start_sigma_s**2 + (t.drift_sigma * at_media_s) ** 2 for t in (one, other)]
-    return gap, float(np.sqrt(sum(variances)))
-
-
-def agree(one: CameraTime, other: CameraTime, at_media_s: float) -> bool:
-    """Whether two clocks of one camera may both be true."""
-    gap, sigma = gap_s(one, other, at_media_s)
-    return abs(gap) <= _SIGMAS * sigma
-
-
-def combined(one: CameraTime, other: CameraTime) -> CameraTime:
-    """What both say together, each by its information; the source is that of the surer start."""
-    start_s, start_sigma_s = _mean(one.start_s, one.start_sigma_s, other.start_s, other.start_sigma_s)
-    drift, drift_sigma = _mean(one.drift, one.drift_sigma, other.drift, other.drift_sigma)
-    surer = min(one, other, key=lambda time: time.start_sigma_s)
-    return CameraTime(one.camera, start_s, drift, start_sigma_s, drift_sigma, surer.source)
-
-
-def in_time_of(times: Mapping[str, CameraTime], known: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
-    """Clocks of a source with a time of its own, shifted and stretched to the time of those already known.
-
-    Without a camera in common they stay as they are. ``recording = shift + (1 + rate) * own`` is taken from the
-    reference, of which nothing is uncertain, or else from the middle of the cameras in common.
-    """
-    common = [name for name in times if name in known]
-    if not common:
-        return dict(times)
-    common = [name for name in common if known[name].start_sigma_s == 0.0] or common
-    rate = float(np.median([known[name].drift - times[name].drift for name in common]))
-    moved = {
-        name: replace(time, start_s=(1.0 + rate) * time.start_s, drift=time.drift + rate)
-        for name, time in times.items()
-    }
-    shift = float(np.median([known[name].start_s - moved[name].start_s for name in common]))
-    return {name: replace(time, start_s=time.start_s + shift) for name, time in moved.items()}
-
-
-def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
-    """The same clocks in the time of another camera, which gets start 0, drift 0 and no uncertainty.
-
-    That of the others grows by the reference's own; what both have in common is counted twice.
-    """
-    zero = times[reference]
-    if zero.start_s == zero.drift == zero.start_sigma_s == zero.drift_sigma == 0.0:
-        return dict(times)
-    moved = {
-        name: CameraTime(
-            name,
-            (time.start_s - zero.start_s) / (1.0 + zero.drift),
-            (1.0 + time.drift) / (1.0 + zero.drift) - 1.0,
-            float(np.hypot(time.start_sigma_s, zero.start_sigma_s)),
-            float(np.hypot(time.drift_sigma, zero.drift_sigma)),
-            time.source,
-        )
-        for name, time in times.items()
-    }
-    return moved | {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, zero.source)}
-
-
-def _mean(one: float, one_sigma: float, other: float, other_sigma: float) -> tuple[float, float]:
-    if min(one_sigma, other_sigma) <= 0.0:
-        return (one, one_sigma) if one_sigma <= other_sigma else (other, other_sigma)
-    weights = one_sigma**-2.0, other_sigma**-2.0
-    return (weights[0] * one + weights[1] * other) / sum(weights), sum(weights) ** -0.5
-
-
+_SIGMAS = 4.0  # from which on two sources contradict each other
+_ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is off by no more
+_DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
-_ROUGH_S = 0.05
-"""The motion of the body finds the rest of a clock that is off by no more."""
+_OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # a clock that says less was never set: cameras begin at 1904, 1970 or 2000
+_SATELLITE_SIGMA_S = 0.1  # the reading is some way behind its payload, and not the same way in each camera
+_CREATION_SIGMA_S = 1.0
+_FILE_DRIFT_SIGMA = 5e-5
 
+_CLAP_DISTANCE_M: Mapping[str, float] = {
+    "hand": 0.1,
+    "forearm": 0.25,
+    "upper_arm": 0.45,
+    "torso": 0.4,
+    "head": 0.5,
+    "pelvis": 0.45,
+    "thigh": 0.65,
+    "shin": 1.05,
+    "foot": 1.35,
+}
+"""From hands that clap before the chest of a person of 1.75 m to the middle of each segment [m], by kind of segment."""
 
-class TimeSource(Protocol):
-    """Somebody else who can tell cameras' clocks."""
-
-    name: str
-    """As ``CameraTime.source`` has it."""
-
-    confidence: Mapping[str, float]
-    """After a call: camera -> 0 to 1, see ``Offsets``; 0 of one that is not in it."""
-
-    remarks: Sequence[str]
-    """After a call: what a person should know."""
-
-    def __call__(self, known: Mapping[str, CameraTime]) -> Mapping[str, CameraTime]:
-        """Clocks of the cameras that it can tell, in the time of those known, or in one of its own if none is.
-
-        Args:
-            known: what was found before, as a first guess; cameras that are not in it have none.
-        """
-        ...
-
+_CLAP_DISTANCE_SIGMA_M = 0.12  # left once it is corrected: size, bearing, and on which side the camera is
 
 Progress = Callable[[str, int, int], None]
-"""Told what is being done, how much of it is done, and of how much."""
+"""Called with what is done, how much of it is done, and of how much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +62,11 @@ class Offsets:
     Attributes:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
-        confidence: camera -> 0 to 1: how far ahead the chosen way to place it is of the second best;
-            1 if two sources agree.
-        sounds: that several cameras heard, in order of time, the claps among them.
+        confidence: camera -> 0 to 1: how far ahead the chosen offset is of the second best; 1 of a given one.
+        sounds: that several cameras recorded, in order of time, the claps among them.
         heard: camera -> what was kept of its sound.
-        unplaced: camera that nobody can place -> why; it is in neither ``times`` nor ``confidence``.
-        remarks: what a person should know, a line each; the camera's name comes first.
+        unplaced: camera without a clock -> why; it is in neither ``times`` nor ``confidence``.
+        remarks: for the user, a line each.
     """
 
     reference: str
@@ -153,84 +83,88 @@ class Offsets:
         return tuple(sound for sound in self.sounds if sound.clap)
 
 
+def find_offsets(
+    cameras: Sequence[IngestCamera],
+    rig: Rig | None,
+    settings: ClockSettings,
+    on_progress: Progress = lambda what, done, count: None,
+) -> Offsets:
+    """Find the clocks of all cameras from their files; see ``camera_times``."""
+    videos = [camera.video for camera in cameras]
+    sounds = {video.camera: video.sound for video in videos}
+    sources = [_motion(cameras, rig, on_progress), satellite_clock(videos), creation_clock(videos)]
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, settings, on_progress)
+
+
 def camera_times(
     sounds: Mapping[str, SoundSource],
     segments: Mapping[str, str] | None = None,
-    others: Sequence[TimeSource] = (),
-    settings: SoundSettings | None = None,
-    on_progress: Progress = lambda what, done, of: None,
+    sources: Sequence[TimeSource] = (),
+    settings: ClockSettings | None = None,
+    on_progress: Progress = lambda what, done, count: None,
 ) -> Offsets:
     """Find the clocks of all cameras.
 
     Args:
         sounds: camera -> its sound, opened once; no block at all is a camera without sound.
         segments: camera -> segment that it is strapped to, if that is known.
-        others: asked after the sound, in this order.
-        settings: of all steps.
-        on_progress: told how far it is, from the calling thread.
+        sources: used after the sound, in this order.
+        settings: whose time it is to be, and where claps come from.
+        on_progress: called from the calling thread.
 
     Raises:
-        RecordingError: nobody can place two cameras; the message says of each why, and what to do.
+        RecordingError: no two cameras can be placed; the message gives the reason for each, and what to do.
     """
-    settings = settings or SoundSettings()
+    settings = settings or ClockSettings()
+    if settings.reference and settings.reference not in sounds:
+        raise RecordingError(
+            f"clocks.reference: there is no camera '{settings.reference}' in the recording; there are "
+            f"{', '.join(sounds)}"
+        )
     if len(sounds) == 1:
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
-    heard, remarks = _scan(sounds, settings, on_progress)
-    remarks += [f"{name}: {fault}" for name, sound in heard.items() if (fault := _deaf(sound))]
-    settings = _with_reference(settings, segments, heard)
-
-    on_progress("looking for claps", 0, 1)
-    claps = find_claps(heard, settings.claps, settings.clocks)
-    on_progress("looking for claps", 1, 1)
-    times, confidence = dict(claps.times), dict(claps.confidence)
-    if segments and settings.clocks.wearer_claps:
-        times = _without_travel(times, claps.reference, travel_s(segments))
-
-    whole = compare_sounds(
-        heard,
-        times,
-        settings.whole_sound,
-        settings.clocks,
-        lambda done, of: on_progress("comparing sounds", done, of),
+    heard, remarks = _scan(sounds, on_progress)
+    without = {name: fault for name, sound in heard.items() if (fault := _silence(sound))}
+    remarks += [f"{name}: {fault}" for name, fault in without.items()]
+    # A camera in the middle of the body: claps reach it with the mean delay.
+    middle = next((n for n in heard if segments and segments.get(n) == "pelvis" and n not in without), "")
+    found = sound_times(
+        heard, settings.reference or middle, lambda done, count: on_progress("comparing sounds", done, count)
     )
-    remarks += [f"{name}: no clap fits, placed by its sound as a whole" for name in whole.times if times]
-    times |= whole.times
-    confidence |= whole.confidence
-    if not claps.times and whole.times:
+    times, confidence = dict(found.times), dict(found.confidence)
+    if segments and settings.wearer_claps:
+        times = _without_travel(times, segments)
+    if times and not any(sound.clap for sound in found.sounds):
         remarks.append("no clap was found; cameras are placed by their sound as a whole")
-
-    for other in others:
-        _ask(other, times, confidence, heard, remarks)
+    tried = []
+    for source in sources:
+        more = source(times)
+        tried.append(more.source)
+        remarks += [*more.remarks, *_added(more, times, confidence, heard)]
     placed = [name for name in sounds if name in times]
-    unplaced = {name: _why_not(heard[name], placed, others) for name in sounds if name not in times}
+    reasons = {name: _reason(name, without, placed, tried) for name in sounds if name not in times}
     if len(placed) < 2:
-        raise RecordingError(nobody_knows({name: _why_not(heard[name], (), others) for name in sounds}))
+        raise RecordingError(_unknown_clocks({name: _reason(name, without, (), tried) for name in sounds}))
     reference = next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0])
-    if settings.clocks.reference in placed:
-        reference = settings.clocks.reference
-    elif settings.clocks.reference:
-        remarks.append(f"{settings.clocks.reference}: cannot be the reference, it is not placed; {reference} is")
-    zero = times[reference]
+    if settings.reference in placed:
+        reference = settings.reference
+    elif settings.reference:
+        remarks.append(f"{settings.reference}: cannot be the reference, it is not placed; {reference} is")
     return Offsets(
         reference,
         relative_to(reference, {name: times[name] for name in placed}),
         {name: confidence[name] for name in placed},
-        tuple(sound.in_time_of(zero) for sound in claps.sounds),
+        tuple(sound.relative_to(times[reference]) for sound in found.sounds),
         heard,
-        unplaced,
-        tuple(remarks + _doubts(placed, times, confidence, claps.sounds)),
+        reasons,
+        tuple(remarks + _doubts(placed, times, confidence, found.sounds)),
     )
 
 
-def _scan(
-    sounds: Mapping[str, SoundSource], settings: SoundSettings, on_progress: Progress
-) -> tuple[dict[str, CameraSound], list[str]]:
-    """Listen to all cameras, as many at once as there are cores; of a sound that breaks off, what was heard counts."""
+def _scan(sounds: Mapping[str, SoundSource], on_progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:
+    """Scan all sounds, as many at once as there are cores; of a sound that breaks off, what was read counts."""
     faults: dict[str, str] = {}
-
-    def scan(name: str, ended: Event) -> CameraSound:
-        return scan_sound(blocks(name, ended), settings.sound_peaks)
 
     def blocks(name: str, ended: Event) -> Iterator[SoundBlock]:
         try:
@@ -241,78 +175,71 @@ def _scan(
         except RecordingError as error:
             faults[name] = str(error)
 
-    heard = for_each_camera(sounds, scan, lambda done, of: on_progress("listening", done, of))
+    heard = for_each_camera(
+        sounds,
+        lambda name, ended: scan_sound(blocks(name, ended)),
+        lambda done, count: on_progress("scanning sound", done, count),
+    )
     return heard, [f"{name}: {faults[name]}" for name in sounds if name in faults]
 
 
-def _deaf(sound: CameraSound) -> str:
-    """Why a camera's sound tells nothing; empty if it may."""
+def _silence(sound: CameraSound) -> str:
+    """Why a camera's sound is of no use; empty if it may be."""
     if sound.duration_s <= 0.0:
         return "has no sound"
     return "its sound is silence" if sound.loudest <= 0.0 else ""
 
 
-def _with_reference(
-    settings: SoundSettings, segments: Mapping[str, str] | None, heard: Mapping[str, CameraSound]
-) -> SoundSettings:
-    """The reference is a camera in the middle of the body, if one is known: claps reach it with the mean delay."""
-    wanted = settings.clocks.reference
-    if wanted:
-        if wanted not in heard:
-            raise RecordingError(
-                f"clocks.reference: there is no camera '{wanted}' in the recording; there are {', '.join(heard)}"
-            )
-        return settings
-    middle = next((n for n in heard if segments and segments.get(n) == "pelvis" and not _deaf(heard[n])), "")
-    return replace(settings, clocks=replace(settings.clocks, reference=middle))
-
-
-def _without_travel(
-    times: Mapping[str, CameraTime], reference: str, travel: Mapping[str, float]
-) -> dict[str, CameraTime]:
+def _without_travel(times: Mapping[str, CameraTime], segments: Mapping[str, str]) -> dict[str, CameraTime]:
     """Clocks from the wearer's own claps, without the nominal travel to each camera."""
-    if reference not in travel:
+    kinds = {name: segments.get(name, "").removesuffix("_left").removesuffix("_right") for name in times}
+    travel_s = {n: _CLAP_DISTANCE_M[kind] / SOUND_SPEED for n, kind in kinds.items() if kind in _CLAP_DISTANCE_M}
+    reference = next((name for name, time in times.items() if time.start_sigma_s == 0.0), "")
+    if reference not in travel_s:
         return dict(times)
-    ways_s = np.sqrt(2.0) * OWN_CLAP_SIGMA_M / SOUND_SPEED
+    sigma_s = float(np.hypot(np.sqrt(2.0) * _CLAP_DISTANCE_SIGMA_M / SOUND_SPEED, 1e-4))
     return {
         name: time
-        if name == reference or name not in travel
+        if name == reference or name not in travel_s
         else replace(
             time,
-            start_s=time.start_s + travel[name] - travel[reference],
-            start_sigma_s=min(time.start_sigma_s, float(np.hypot(ways_s, 1e-4))),
+            start_s=time.start_s + travel_s[name] - travel_s[reference],
+            start_sigma_s=min(time.start_sigma_s, sigma_s),
         )
         for name, time in times.items()
     }
 
 
-def _ask(
-    source: TimeSource,
+def _added(
+    found: FoundTimes,
     times: dict[str, CameraTime],
     confidence: dict[str, float],
     heard: Mapping[str, CameraSound],
-    remarks: list[str],
-) -> None:
-    """Let another source place who is not placed, and refine or contradict who is."""
-    told = in_time_of(source(dict(times)), times)
-    remarks += source.remarks
-    for name, time in told.items():
+) -> list[str]:
+    """Add the cameras that another source places; remarks on them, and on those that it contradicts."""
+    common = [name for name in found.times if name in times]
+    common = [name for name in common if times[name].start_sigma_s == 0.0] or common
+    if times and not common:
+        return []
+    shift_s = float(np.median([times[n].start_s - found.times[n].start_s for n in common])) if common else 0.0
+    remarks = []
+    for name, time in found.times.items():
+        time = replace(time, start_s=time.start_s + shift_s)
         if name not in heard:
             continue
         if name not in times:
-            times[name], confidence[name] = time, source.confidence.get(name, 0.0)
-            within = f"to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
-            remarks.append(f"{name}: sound does not tell when it started, {source.name} does {within}".strip())
+            times[name], confidence[name] = time, found.confidence.get(name, 0.0)
+            within = f" to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
+            remarks.append(f"{name}: its clock cannot be found by sound; found by {found.source}{within}")
             continue
-        middle_s = 0.5 * (heard[name].start_s + heard[name].end_s)
-        if agree(times[name], time, middle_s):
-            times[name], confidence[name] = combined(times[name], time), 1.0
-            continue
-        gap, sigma = gap_s(times[name], time, middle_s)
-        remarks.append(
-            f"{name}: {source.name} differs from {times[name].source} by {1e3 * gap:+.1f} ms, "
-            f"{abs(gap) / sigma:.0f} sigmas, and is left out"
-        )
+        gap_s = time.start_s - times[name].start_s
+        sigma_s = float(np.hypot(time.start_sigma_s, times[name].start_sigma_s))
+        if abs(gap_s) > _SIGMAS * sigma_s:
+            remarks.append(
+                f"{name}: its clock by {found.source} differs from that by {times[name].source} by "
+                f"{1e3 * gap_s:+.1f} ms, {abs(gap_s) / sigma_s:.0f} sigmas, and is not used"
+            )
+    return remarks
 
 
 def _doubts(
@@ -324,29 +251,94 @@ def _doubts(
     doubts = [
         f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})"
         for n in names
-        if confidence[n] < 0.3 and times[n].start_sigma_s <= _ROUGH_S
+        if confidence[n] < _DOUBTFUL and times[n].start_sigma_s <= _ROUGH_S
     ]
-    claps = [sound for sound in sounds if sound.clap]
     for name in names:
-        if times[name].source == "claps" and claps:
-            unheard = [f"{clap.recording_s:.2f} s" for clap in claps if name not in clap.heard_s]
-            if unheard:
-                doubts.append(f"{name}: does not have the clap at {', '.join(unheard[:_MOST_NAMED])}")
+        missing = [f"{s.recording_s:.2f} s" for s in sounds if s.clap and name not in s.heard_s]
+        if times[name].source == "claps" and missing:
+            doubts.append(f"{name}: does not have the clap at {', '.join(missing[:_MOST_NAMED])}")
     return doubts
 
 
-def _why_not(sound: CameraSound, placed: Sequence[str], others: Sequence[TimeSource]) -> str:
+def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Sequence[str]) -> str:
     whose = f"that of {placed[0]}" if placed else "another camera's"
-    reason = _deaf(sound) or f"its sound has too little in common with {whose}, or fits at several times alike"
-    asked = f"; {' and '.join(other.name for other in others)} cannot tell either" if others else ""
-    return reason + asked
+    reason = without.get(name) or f"its sound has too little in common with {whose}, or fits at several times alike"
+    return reason + (f"; {' and '.join(tried)} do not place it either" if tried else "")
 
 
-def nobody_knows(unplaced: Mapping[str, str]) -> str:
-    """A message about cameras that nobody can place (camera -> why), and what to do."""
-    named = "; ".join(f"{name}: {why}" for name, why in list(unplaced.items())[:_MOST_NAMED])
-    more = f"; and {len(unplaced) - _MOST_NAMED} more" if len(unplaced) > _MOST_NAMED else ""
+def _unknown_clocks(reasons: Mapping[str, str]) -> str:
+    named = "; ".join(f"{name}: {why}" for name, why in list(reasons.items())[:_MOST_NAMED])
+    more = f"; and {len(reasons) - _MOST_NAMED} more" if len(reasons) > _MOST_NAMED else ""
     return (
-        f"when these cameras started cannot be told. {named}{more}. Clap loudly once all cameras run and again "
-        "before the first is stopped, or leave out the files that have no sound"
+        f"the times at which these cameras started are unknown. {named}{more}. Clap loudly once all cameras run and "
+        "again before the first is stopped; or give the times with --offsets, or --synchronous for genlocked cameras"
     )
+
+
+def satellite_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
+    """By the satellites that a GoPro received."""
+    starts_s = {}
+    for video in videos:
+        try:
+            received = video.satellite_times()
+        except RecordingError:
+            continue  # named where its frames are read
+        if received:
+            starts_s[video.camera] = float(np.median([utc_s - media_s for media_s, utc_s in received]))
+    return _wall_clock("telemetry", starts_s, _SATELLITE_SIGMA_S)
+
+
+def creation_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
+    """By the time of creation that the camera's own clock gave its file, if that was ever set."""
+    created = {video.camera: plausible_time(video.created) for video in videos}
+    starts_s = {name: time.timestamp() for name, time in created.items() if time is not None}
+    return _wall_clock("given", starts_s, _CREATION_SIGMA_S)
+
+
+def plausible_time(created: datetime | None) -> datetime | None:
+    """A time of creation, unless the camera's clock was never set or is ahead of ours."""
+    if created is None or not _OLDEST < created < datetime.now(UTC) + timedelta(days=1):
+        return None
+    return created
+
+
+def _wall_clock(source: str, starts_s: Mapping[str, float], sigma_s: float) -> TimeSource:
+    """A source of clocks by the UTC at each camera's media time 0 [s since 1970], each with a standard deviation."""
+
+    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
+        first = next(iter(starts_s), "")
+        times = {
+            name: CameraTime(name, start_s - starts_s[first], 0.0, sigma_s, _FILE_DRIFT_SIGMA, source)
+            for name, start_s in starts_s.items()
+        }
+        if first and not known:
+            times[first] = CameraTime(first, 0.0, 0.0, 0.0, 0.0, source)
+        return FoundTimes(source, times)
+
+    return found
+
+
+def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, on_progress: Progress) -> TimeSource:
+    """By how the cameras turned; only where one is not placed yet, as all images have to be decoded."""
+    by_name = {camera.name: camera for camera in cameras}
+
+    def speed(name: str, ended: Event) -> AngularSpeed | None:
+        try:
+            return angular_speed(by_name[name].lens, _grey_images(by_name[name], ended))
+        except RecordingError:
+            return None  # a video that cannot be decoded is named when it is written
+
+    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
+        if all(name in known for name in by_name):
+            return FoundTimes("motion", {})
+        speeds = for_each_camera(by_name, speed, lambda done, count: on_progress("measuring rotation", done, count))
+        return motion_times({name: each for name, each in speeds.items() if each is not None}, rig)
+
+    return found
+
+
+def _grey_images(camera: IngestCamera, ended: Event) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    for media_s, frame in camera.video.frames(threads=1):
+        if ended.is_set():
+            return
+        yield media_s, grey_pixels(frame)

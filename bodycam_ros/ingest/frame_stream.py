@@ -3,37 +3,35 @@
 import heapq
 import math
 import os
-import queue
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from threading import Event
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_time import CameraTime
+from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, optical_frame, time_message
 from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.messages.timing import SaidTiming, timing_message
+from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
-from bodycam_ros.recording.video_decoder import h264_packets, jpegs
+from bodycam_ros.recording.video_encoder import h264_packets, jpegs
 from bodycam_ros.recording.video_file import TimedPacket
 
-_INFO_EVERY_NS = 1_000_000_000
-"""A reader that begins in the middle of a bag needs not wait for the lens."""
-
-_ASTRAY_S = 60.0
-"""A frame so far from the time of its file has a damaged time."""
-
+_INFO_EVERY_NS = 1_000_000_000  # a reader that starts in the middle of a bag finds the lens
+_ASTRAY_S = 60.0  # a frame so far from the time of its file has a damaged time
 _LONGEST_S = 1e6
-
 _FORMATS = {"h264": "h264", "hevc": "h265"}
+_BATCH = 8  # messages made ahead by a thread
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class StreamTally:
 
 @dataclass
 class FrameStream:
-    """One camera on its way into the bag.
+    """The messages of one camera.
 
     Attributes:
         camera: what is read.
@@ -89,7 +87,13 @@ class FrameStream:
     @property
     def is_copied(self) -> bool:
         """Whether the frames go into the bag as the camera compressed them."""
-        return not self.as_jpeg and self.camera.video.facts.is_upright_annex_b
+        return self.camera.is_copied and not (self.as_jpeg and not isinstance(self.camera.video, ImageFolder))
+
+    @property
+    def _size(self) -> tuple[int, int] | None:
+        """Width and height of scaled frames [px]; None: as they are."""
+        lens = self.camera.written_lens
+        return None if self.camera.scale == 1.0 else (lens.width, lens.height)
 
     def messages(self) -> Iterator[StampedMessage]:
         """Lens and timing first, then the frames; the lens once a second.
@@ -102,7 +106,7 @@ class FrameStream:
             self.tally.fault = str(error)
 
     def _stamped_frames(self) -> Iterator[StampedMessage]:
-        make, name = recorded_messages(), self.camera.name
+        make, name, lens = recorded_messages(), self.camera.name, self.camera.written_lens
         info_due_ns: int | None = None
         latest_s = (self.camera.video.duration_s or math.inf) + _ASTRAY_S
         for media_s, topic, message in self._frames():
@@ -118,52 +122,51 @@ class FrameStream:
                 yield _stamped(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
             if stamp_ns >= info_due_ns:
                 info_due_ns += _INFO_EVERY_NS
-                yield _stamped(stamp_ns, f"/{name}/camera_info", camera_info_message(make, self.camera.lens, stamp_ns))
+                yield _stamped(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
             self.tally.frames += 1
             self.tally.last_ns = stamp_ns
-            if self.as_jpeg:
-                message.header = header_message(make, stamp_ns, optical_frame(name))
-            else:
+            if message.__msgtype__ == COMPRESSED_VIDEO:
                 message.timestamp = time_message(make, stamp_ns)
-            yield _stamped(stamp_ns, topic, message)
+            else:
+                message.header = header_message(make, stamp_ns, optical_frame(name))
+            yield _stamped(stamp_ns, f"/{name}/image_raw/{topic}", message)
 
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
         readout = None if self.camera.readout_s is None else Readout(self.camera.readout_s, 0.0)
-        said = SaidTiming(stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma)
-        return timing_message(recorded_messages(), self.camera.name, said)
+        timing = SaidTiming(
+            stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma
+        )
+        return timing_message(recorded_messages(), self.camera.name, timing)
 
     def _frames(self) -> Iterator[tuple[float, str, Message]]:
-        """Media time [s], topic, and message without a stamp."""
-        make, name = recorded_messages(), self.camera.name
-        if self.as_jpeg:
-            facts = self.camera.video.facts
-            for media_s, file in jpegs(self.camera.video.frames(self.threads), facts.rotation_deg):
-                data = np.frombuffer(file, dtype=np.uint8)
-                image = make("sensor_msgs/msg/CompressedImage", format="jpeg", data=data)
-                yield media_s, f"/{name}/image_raw/compressed", image
-            return
-        for timed in self._packets():
-            yield (
-                timed.media_s,
-                f"/{name}/image_raw/compressed_video",
-                make(
-                    COMPRESSED_VIDEO,
-                    frame_id=optical_frame(name),
-                    data=np.frombuffer(timed.packet.data, dtype=np.uint8),
-                    format=_FORMATS[timed.packet.codec],
-                ),
-            )
+        """Media time [s], end of the topic, and message without a stamp."""
+        make, video, facts = recorded_messages(), self.camera.video, self.camera.video.facts
+        if isinstance(video, ImageFolder) and self.is_copied:
+            for media_s, kind, content in video.files():
+                data = np.frombuffer(content, dtype=np.uint8)
+                yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format=kind, data=data)
+        elif self.as_jpeg:
+            for media_s, content in jpegs(video.frames(self.threads), facts.rotation_deg, self._size):
+                data = np.frombuffer(content, dtype=np.uint8)
+                yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format="jpeg", data=data)
+        else:
+            frame_id = optical_frame(self.camera.name)
+            for timed in self._packets():
+                data, kind = np.frombuffer(timed.packet.data, dtype=np.uint8), _FORMATS[timed.packet.codec]
+                message = make(COMPRESSED_VIDEO, frame_id=frame_id, data=data, format=kind)
+                yield timed.media_s, "compressed_video", message
 
     def _packets(self) -> Iterator[TimedPacket]:
         video, facts = self.camera.video, self.camera.video.facts
-        if not self.is_copied:
-            yield from h264_packets(video.frames(self.threads), facts.rotation_deg, facts.rate_hz, self.threads)
+        if isinstance(video, ImageFolder) or not self.is_copied:
+            frames = video.frames(self.threads)
+            yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, self._size)
             return
-        has_begun = False
+        has_key = False
         for timed in video.packets():
-            has_begun = has_begun or timed.packet.is_key
-            if has_begun:
+            has_key = has_key or timed.packet.is_key
+            if has_key:
                 yield timed
             else:
                 self.tally.without_key += 1
@@ -174,82 +177,40 @@ def _stamped(stamp_ns: int, topic: str, message: Message) -> StampedMessage:
     return StampedMessage(stamp_ns, topic, message.__msgtype__, cdr)
 
 
-T = TypeVar("T")
-
-_QUEUE_LENGTH = 16
-_POLL_S = 0.2
-
-
 @contextmanager
 def merged_ahead(streams: Sequence[Iterator[T]], order: Callable[[T], int], jobs: int) -> Iterator[Iterator[T]]:
-    """Merge ordered streams, each made on a thread of its own.
+    """Merge ordered streams, of each of which the next items are made ahead on a thread.
 
-    The heavy work, to decode and to compress, leaves Python to the other threads meanwhile. An error in a stream is
-    raised where its item would have come; however the block ends, all threads have ended after it.
+    An error in a stream is raised where its items would have come; when the block is left, all threads have ended.
 
     Args:
-        streams: what to merge; each is used by one thread only.
+        streams: what to merge; each is used by one thread at a time.
         order: of an item.
         jobs: threads that may work at the same time.
     """
-    stopped = threading.Event()
-    turn = threading.Semaphore(jobs)
-    producers = [_Producer(stream, turn, stopped) for stream in streams]
-    try:
-        yield heapq.merge(*(producer.items() for producer in producers), key=order)
-    finally:
-        stopped.set()
-        for producer in producers:
-            producer.thread.join()
+    with ThreadPoolExecutor(jobs) as pool:
 
+        def items(stream: Iterator[T]) -> Iterator[T]:
+            batch = pool.submit(lambda: list(islice(stream, _BATCH)))
+            while ready := batch.result():
+                batch = pool.submit(lambda: list(islice(stream, _BATCH)))
+                yield from ready
 
-class _Producer(Generic[T]):
-    def __init__(self, stream: Iterator[T], turn: threading.Semaphore, stopped: threading.Event) -> None:
-        self._stream = stream
-        self._turn = turn
-        self._stopped = stopped
-        self._made: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_LENGTH)
-        self.thread = threading.Thread(target=self._make, daemon=True)
-        self.thread.start()
-
-    def items(self) -> Iterator[T]:
-        while True:
-            made = self._made.get()
-            if isinstance(made, BaseException):
-                raise made
-            if not made:
-                return
-            yield from made
-
-    def _make(self) -> None:
         try:
-            while not self._stopped.is_set():
-                with self._turn:
-                    item = next(self._stream, None)
-                self._put([] if item is None else [item])
-                if item is None:
-                    return
-        except BaseException as error:  # whatever it is, it is raised where the stream is read
-            self._put(error)
-
-    def _put(self, made: list[T] | BaseException) -> None:
-        while not self._stopped.is_set():
-            try:
-                return self._made.put(made, timeout=_POLL_S)
-            except queue.Full:
-                continue
+            yield heapq.merge(*(items(stream) for stream in streams), key=order)
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def for_each_camera(
     cameras: Iterable[str], work: Callable[[str, Event], T], on_done: Callable[[int, int], None]
 ) -> dict[str, T]:
-    """Camera -> what the work for it came to.
+    """Camera -> the result of its work.
 
     Args:
         cameras: names.
-        work: done in threads; it should look at the event now and then, and end once it is set: Ctrl-C must not wait
-            for two hours of video.
-        on_done: told how many are done, and of how many, from the calling thread.
+        work: done in threads; ends soon once the event is set: Ctrl-C must not wait for two hours of video.
+        on_done: called with how many are done, and of how many, from the calling thread.
     """
     ended = Event()
     results: dict[str, T] = {}

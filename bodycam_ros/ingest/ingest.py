@@ -1,4 +1,4 @@
-"""Videos of cameras in, one bag out, in the time of one of them."""
+"""Videos of cameras into one bag, in the time of one of them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,25 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.clock_times import sane
+from bodycam_ros.ingest.camera_offsets import plausible_time
+from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.find_videos import find_videos
 from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
 from bodycam_ros.lens.lens_match import LensMatch, lens_match
 from bodycam_ros.lens.lens_watch import followed_pairs
-from bodycam_ros.recording.bag_writer import INGEST, check_ingested, write_recording
+from bodycam_ros.recording.bag_writer import INGEST, write_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import grey_pixels
 
-EPOCH = datetime(2020, 1, 1, tzinfo=UTC)
-"""Time 0 of a recording whose reference does not know when it was."""
-
-_FEWEST = 2
-"""One camera alone has nobody to be brought to one time with."""
-
-CameraTimes = Callable[[Sequence[CameraVideo]], Mapping[str, CameraTime]]
-"""Videos -> camera -> its time; cameras that are left out have none."""
+_EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
+_LENS_PAIRS, _MOST_LENS_FRAMES = 8, 900  # of pictures compared; a camera that lies still for all frames is left out
 
 
 @dataclass(frozen=True)
@@ -37,8 +31,8 @@ class IngestedCamera:
     """What became of one camera.
 
     Attributes:
-        stream: what was read, and how.
-        remarks: what a person should know, in sentences that name the camera.
+        stream: what was read.
+        remarks: for the user, sentences that name the camera.
     """
 
     stream: FrameStream
@@ -66,26 +60,30 @@ class IngestSummary:
         return 1e-9 * (max(tally.last_ns for tally in tallies) - min(tally.first_ns for tally in tallies))
 
 
-def find_cameras(given: Sequence[Path], lens_folder: Path | None) -> tuple[list[IngestCamera], list[str]]:
+def find_cameras(
+    given: Sequence[Path], lens_folder: Path | None, rate_hz: float | None = None, scale: float = 1.0
+) -> tuple[list[IngestCamera], list[str]]:
     """The cameras among files and folders, by name, and what is wrong with those that cannot be used.
 
     Args:
-        given: video files, and folders with them.
+        given: video files, and folders with videos or images.
         lens_folder: where the lens YAMLs are; None: beside the videos.
+        rate_hz: of images that are not named by their stamps.
+        scale: size of frames in the bag, as a share of the size recorded.
 
     Raises:
-        RecordingError: something given does not exist, or fewer than two cameras can be used.
+        RecordingError: something given does not exist, or no camera can be used.
     """
     found, faults = find_videos(given, lens_folder)
-    cameras, unusable = load_cameras(found, lens_folder)
+    cameras, unusable = load_cameras(found, lens_folder, rate_hz, scale)
     faults += unusable
-    _check_enough(cameras, faults)
+    _check_any(cameras, faults)
     return cameras, faults
 
 
 def ingest(
     cameras: Sequence[IngestCamera],
-    camera_times: CameraTimes,
+    times: Mapping[str, CameraTime],
     output: Path,
     as_jpeg: bool = False,
     jobs: int = 1,
@@ -94,31 +92,30 @@ def ingest(
 ) -> IngestSummary:
     """Write the bag: every frame at ``base + CameraTime.recording_s(its own media time)``.
 
-    Frames go into the bag as the camera compressed them, if H.264 or HEVC without B-frames and upright; else they are
-    compressed anew.
+    Frames go into the bag as the camera compressed them, if H.264 or HEVC without B-frames, upright and not scaled;
+    else they are compressed anew.
 
     Args:
         cameras: what is to go into it.
-        camera_times: says where each camera's video lies in time.
+        times: camera -> its clock; cameras that are left out have none.
         output: ros2 bag folder to be; it appears whole or not at all.
         as_jpeg: write still images (sensor_msgs/CompressedImage) in place of video.
         jobs: threads that decode and compress.
         force: replace a bag that an ingest wrote.
-        on_progress: told which share is done, 0 to 1.
+        on_progress: called with the share that is done, 0 to 1.
 
     Raises:
-        RecordingError: fewer than two cameras can be brought together.
+        RecordingError: no camera can be read.
         OutputError: the bag cannot be written.
     """
-    times = camera_times([camera.video for camera in cameras])
-    timed, faults = _together([camera for camera in cameras if camera.name in times], times)
-    _check_enough(timed, faults)
+    timed, faults = _overlapping([camera for camera in cameras if camera.name in times], times)
+    _check_any(timed, faults)
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
     streams = [FrameStream(camera, times[camera.name], base_ns, as_jpeg, _threads(jobs, timed)) for camera in timed]
     start_s = min(_interval(camera, times)[0] for camera in timed)
     total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
-    with write_recording(output, force, check_ingested, INGEST) as writer:
+    with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
         with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
             for message in merged:
@@ -126,27 +123,29 @@ def ingest(
                 on_progress((1e-9 * (message.stamp_ns - base_ns) - start_s) / max(total_s, 1e-9))
         faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
         written = [stream for stream in streams if stream.tally.frames]
-        _check_enough([stream.camera for stream in written], faults)
+        _check_any([stream.camera for stream in written], faults)
     return IngestSummary(
         tuple(IngestedCamera(stream, tuple(_remarks(stream))) for stream in written), tuple(faults), base
     )
 
 
-def _check_enough(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
-    if len(cameras) >= _FEWEST:
+def _check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
+    """Refuse none, and one that is left of several."""
+    if len(cameras) > 1 or (cameras and not faults):
         return
-    there = ", ".join(camera.name for camera in cameras) or "none"
-    why = "".join(f"\n{fault}" for fault in faults)
-    raise RecordingError(f"at least {_FEWEST} cameras are needed, and there is {there} that can be used{why}")
+    left = f"only camera {cameras[0].name} of those given can be used" if cameras else "no camera can be used"
+    raise RecordingError(left + "".join(f"\n{fault}" for fault in faults))
 
 
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
-    """When a camera begins and ends in the recording's time [s]."""
+    """Start and end of a camera in the recording's time [s]."""
     time = times[camera.name]
     return time.start_s, time.start_s + (1.0 + time.drift) * camera.video.duration_s
 
 
-def _together(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> tuple[list[IngestCamera], list[str]]:
+def _overlapping(
+    cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]
+) -> tuple[list[IngestCamera], list[str]]:
     """The cameras that run while another does, and a sentence about each of the others."""
     kept, faults = [], []
     for camera in cameras:
@@ -170,7 +169,7 @@ def _together(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) 
 def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> datetime:
     """UTC of the recording's time 0: when the reference began, by its own clock, if that was set."""
     reference = min(cameras, key=lambda camera: (abs(times[camera.name].start_s), times[camera.name].start_sigma_s))
-    return sane(reference.video.created) or EPOCH
+    return plausible_time(reference.video.created) or _EPOCH
 
 
 def _threads(jobs: int, cameras: Sequence[IngestCamera]) -> int:
@@ -179,14 +178,15 @@ def _threads(jobs: int, cameras: Sequence[IngestCamera]) -> int:
 
 def _remarks(stream: FrameStream) -> list[str]:
     name, facts, tally = stream.camera.name, stream.camera.video.facts, stream.tally
-    files = " and ".join(chapter.path.name for chapter in stream.camera.video.chapters)
+    video = stream.camera.video
+    files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
     remarks = []
     if tally.fault:
         remarks.append(f"camera {name}: ends early: {tally.fault}")
     read = tally.frames + tally.without_key + tally.unordered
     if facts.frames > read:
         remarks.append(
-            f"camera {name}: {files} should hold {facts.frames} frames, and {read} can be read: cut off or damaged; "
+            f"camera {name}: {files} should have {facts.frames} frames, and {read} can be read: cut off or damaged; "
             "copy it again from the camera if you can"
         )
     if tally.without_key:
@@ -201,17 +201,12 @@ def _left_out(stream: FrameStream) -> str:
     return f"camera {stream.camera.name}: left out: {why}"
 
 
-_PAIRS = 8
-_MOST_FRAMES = 900
-"""A camera that lies still all that time is not waited for."""
-
-
 def lens_remarks(cameras: Sequence[IngestCamera], on_progress: Callable[[int, int], None]) -> list[str]:
-    """A line for each camera whose points say that its lens is another, with the likely mode.
+    """A line for each camera whose images do not fit its lens, with the likely mode.
 
     Args:
         cameras: all of them.
-        on_progress: told how many are done, and of how many.
+        on_progress: called with how many are done, and of how many.
     """
     by_name = {camera.name: camera for camera in cameras}
     matches = for_each_camera(by_name, lambda name, ended: _match(by_name[name], ended), on_progress)
@@ -219,16 +214,15 @@ def lens_remarks(cameras: Sequence[IngestCamera], on_progress: Callable[[int, in
 
 
 def _match(camera: IngestCamera, ended: Event) -> LensMatch:
+    def images() -> Iterator[NDArray[np.uint8]]:
+        turns = camera.video.facts.rotation_deg // 90
+        for _, frame in islice(camera.video.frames(threads=1), _MOST_LENS_FRAMES):
+            if ended.is_set():
+                return
+            yield np.ascontiguousarray(np.rot90(grey_pixels(frame), turns))
+
     try:
-        pairs = list(followed_pairs(_upright(camera, ended), _PAIRS))
+        pairs = list(followed_pairs(images(), _LENS_PAIRS))
     except RecordingError:  # named when it is written
         pairs = []
     return lens_match(camera.lens, pairs)
-
-
-def _upright(camera: IngestCamera, ended: Event) -> Iterator[NDArray[np.uint8]]:
-    turns = camera.video.facts.rotation_deg // 90
-    for _, frame in islice(camera.video.frames(threads=1), _MOST_FRAMES):
-        if ended.is_set():
-            return
-        yield np.ascontiguousarray(np.rot90(grey_pixels(frame), turns))

@@ -1,4 +1,4 @@
-"""A camera that is to go into a bag: its video, its lens, and what its frames will be."""
+"""A camera to be ingested: its video or images, its lens, and the size of its frames in the bag."""
 
 import re
 from collections.abc import Sequence
@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
-from bodycam_ros.camera.camera_info import readout_time_from_yaml
+from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.image_folder import ImageFolder
 
-_NAME_OF_TOPIC = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_TOPIC_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -20,26 +21,44 @@ class IngestCamera:
 
     Attributes:
         video: what it recorded.
-        lens: its intrinsics, of upright frames.
+        lens: its intrinsics, of upright frames in the size recorded.
         readout_s: from the middle of the exposure of the first row to that of the last [s]; None: not given.
+        scale: size of frames in the bag, as a share of the size recorded.
     """
 
-    video: CameraVideo
+    video: CameraVideo | ImageFolder
     lens: CameraModel
     readout_s: float | None
+    scale: float = 1.0
 
     @property
     def name(self) -> str:
         """The camera's name."""
         return self.video.camera
 
+    @property
+    def written_lens(self) -> CameraModel:
+        """The lens of the frames in the bag."""
+        return self.lens if self.scale == 1.0 else scaled_camera(self.lens, self.scale)
 
-def load_cameras(found: Sequence[CameraFiles], lens_folder: Path | None) -> tuple[list[IngestCamera], list[str]]:
-    """Look at each camera's files and lens.
+    @property
+    def is_copied(self) -> bool:
+        """Whether frames can go into the bag as they are."""
+        if self.scale != 1.0:
+            return False
+        return isinstance(self.video, ImageFolder) or self.video.facts.is_upright_annex_b
+
+
+def load_cameras(
+    found: Sequence[CameraFiles], lens_folder: Path | None, rate_hz: float | None = None, scale: float = 1.0
+) -> tuple[list[IngestCamera], list[str]]:
+    """Open each camera's files and lens.
 
     Args:
         found: the files.
         lens_folder: where the lens YAMLs are; None: beside the videos.
+        rate_hz: of images in folders.
+        scale: see ``IngestCamera``.
 
     Returns:
         The cameras that can be used, and for each of the others what is wrong with it.
@@ -47,7 +66,7 @@ def load_cameras(found: Sequence[CameraFiles], lens_folder: Path | None) -> tupl
     cameras, faults = [], []
     for files in found:
         try:
-            cameras.append(_load(files, lens_folder))
+            cameras.append(_load(files, lens_folder, rate_hz, scale))
         except BodycamError as error:
             faults.append(f"camera {files.camera}: left out: {error}")
     return cameras, faults
@@ -59,11 +78,7 @@ def open_video(files: CameraFiles) -> CameraVideo:
     Raises:
         RecordingError: it cannot be read, or a topic cannot have its name.
     """
-    if not _NAME_OF_TOPIC.fullmatch(files.camera):
-        raise RecordingError(
-            f"{files.paths[0]}: a topic cannot be named after it; rename it: letters, digits and underscores, "
-            "beginning with a letter"
-        )
+    _check_name(files)
     return CameraVideo.of_files(files.camera, files.paths)
 
 
@@ -77,8 +92,21 @@ def read_lens(files: CameraFiles, lens_folder: Path | None) -> tuple[CameraModel
     return camera_from_yaml(path, files.camera), readout_time_from_yaml(path)
 
 
-def _load(files: CameraFiles, lens_folder: Path | None) -> IngestCamera:
-    video = open_video(files)
+def _check_name(files: CameraFiles) -> None:
+    if not _TOPIC_NAME.fullmatch(files.camera):
+        raise RecordingError(
+            f"{files.paths[0]}: a topic cannot be named '{files.camera}'; rename it: letters, digits and underscores, "
+            "beginning with a letter"
+        )
+
+
+def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> IngestCamera:
+    video: CameraVideo | ImageFolder
+    if files.are_images:
+        _check_name(files)
+        video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
+    else:
+        video = open_video(files)
     lens, readout_s = read_lens(files, lens_folder)
     facts = video.facts
     if (lens.width, lens.height) != (facts.width, facts.height):
@@ -87,4 +115,9 @@ def _load(files: CameraFiles, lens_folder: Path | None) -> IngestCamera:
             f"{files.lens_path(lens_folder)}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
             f"{facts.width} x {facts.height}{turned}; calibrate the camera in the mode that it recorded in"
         )
-    return IngestCamera(video, lens, readout_s)
+    if isinstance(video, CameraVideo) and (reason := video.stabilisation()):
+        raise RecordingError(
+            f"{video.path}: was recorded with electronic stabilisation ({reason}), which moves and bends each image as "
+            "no fixed lens does; record with it off"
+        )
+    return IngestCamera(video, lens, readout_s, scale)

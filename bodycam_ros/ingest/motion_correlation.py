@@ -1,9 +1,9 @@
-"""How well the motions of two cameras go together at every offset of their clocks.
+"""Correlation of the motions of two cameras at every offset of their clocks.
 
-What is compared is the angular velocity and its size, each brought to the same strength within a quarter of a second:
-limbs swing with sizes that differ by magnitudes, but they begin and end together. The measure is the information that
-one has about the other if both were Gaussian (-1/2 log det(1 - squared canonical correlations)): it needs neither the
-mounts nor that all axes of a limb follow its neighbour's.
+Compared are the angular velocity and its norm, each brought to the same strength within a quarter of a second: limbs
+swing with sizes that differ by magnitudes, but they start and stop together. The measure is the mutual information of
+two Gaussian variables (-1/2 log det(1 - squared canonical correlations)): it needs neither the mounts nor that all
+axes of a limb follow its neighbour's.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.ingest.angular_speed import AngularSpeed
+from bodycam_ros.ingest.offset_search import OffsetCurve
 
 Array = NDArray[np.float64]
 
@@ -38,41 +39,6 @@ class EvenMotion:
     values: Array
 
 
-@dataclass(frozen=True, eq=False)
-class OffsetCurve:
-    """How well two cameras go together at each offset.
-
-    Attributes:
-        lowest: the smallest offset, in samples.
-        values: (L) evidence at ``lowest + i`` samples, in robust standard deviations above its median.
-    """
-
-    lowest: int
-    values: Array
-
-    def at(self, offsets: NDArray[np.int64]) -> Array:
-        """Evidence (N) at offsets (N) in samples; none where the cameras would hardly overlap."""
-        index = offsets - self.lowest
-        inside = (index >= 0) & (index < len(self.values))
-        return np.where(inside, self.values[np.clip(index, 0, len(self.values) - 1)], 0.0)
-
-    def summit(self, near: int, reach: int) -> tuple[float, float]:
-        """The best offset within reach of another and its standard deviation, in samples.
-
-        Offsets whose evidence is less by one, the scatter of chance, count e times less.
-        """
-        offsets = np.arange(near - reach, near + reach + 1)
-        evidence = self.at(offsets)
-        top = int(np.argmax(evidence))
-        likely = np.exp(evidence - evidence[top])
-        return float(offsets[top]), float(np.sqrt((likely * (offsets - offsets[top]) ** 2).sum() / likely.sum()))
-
-    @property
-    def best(self) -> int:
-        """The offset with the most evidence, in samples."""
-        return self.lowest + int(np.argmax(self.values))
-
-
 def even_motion(speed: AngularSpeed, begin_s: float, end_s: float) -> EvenMotion | None:
     """A camera's motion between two media times [s]; None where it is known for less than a second."""
     known = speed.known & (speed.media_s >= begin_s) & (speed.media_s <= end_s)
@@ -94,17 +60,17 @@ def offset_curve(
 
     Args:
         first, second: the motions, each in media time of its camera.
-        min_overlap_s: offsets that leave less than this in common are not asked about [s].
-        max_offset_s: nor are those beyond this [s].
+        min_overlap_s: offsets that leave less than this in common are left out [s].
+        max_offset_s: so are those beyond this [s].
     """
     x, y = first.values, second.values
     shifts = np.arange(-(len(y) - 1), len(x))
     offsets = shifts + first.first - second.first
     begin, end = np.maximum(0, shifts), np.minimum(len(x), len(y) + shifts)
-    asked = (end - begin >= min_overlap_s * SEARCH_RATE) & (np.abs(offsets) <= max_offset_s * SEARCH_RATE)
-    if asked.sum() < 2:
+    tried = (end - begin >= min_overlap_s * SEARCH_RATE) & (np.abs(offsets) <= max_offset_s * SEARCH_RATE)
+    if tried.sum() < 2:
         return None
-    shifts, offsets, begin, end = shifts[asked], offsets[asked], begin[asked], end[asked]
+    shifts, offsets, begin, end = shifts[tried], offsets[tried], begin[tried], end[tried]
     common = (end - begin)[:, None, None].astype(np.float64)
     sum_xy = _lagged_products(x, y)[shifts]
     mean_x, mean_y = _sums(x, begin, end) / common[:, 0], _sums(y, begin - shifts, end - shifts) / common[:, 0]

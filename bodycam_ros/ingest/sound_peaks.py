@@ -1,13 +1,9 @@
-"""Sudden sounds of one camera: when, how loud against what was before, how sharp, and their waveform (A section 3).
+"""Sudden sounds of one camera: when, how loud, how sharp, and their waveform; and how loud it gets (A section 3).
 
-A sound of any length goes through in pieces; what is kept of it grows by some kilobytes a second at most.
-
-Where claps are made is not known: by a clapper board in somebody's hands, as in A, or by the wearer's own. The first
-reaches all cameras within the 2 to 3 ms that a body is long, and in what order nothing tells. If the wearer clapped,
-ordinary proportions tell the larger part, and what is left is people's size and bearing.
+A sound of any length goes through in chunks; what is kept of it grows by some kilobytes a second at most.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,64 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import butter, resample, sosfilt
 
-from bodycam_ros.ingest.offset_agreement import SOUND_SPEED
-from bodycam_ros.ingest.sound_settings import PeakSettings
 from bodycam_ros.recording.sound import SoundBlock
 
-FRAME_S = 0.001
-
-BANDS_HZ = ((300.0, 1500.0), (1500.0, 5000.0), (5000.0, 12000.0))
-"""Wind and steps lie beneath; a muffled camera keeps the lowest, AAC may drop what lies above."""
-
-_MOST_OF_NYQUIST = 0.95
-
 Array = NDArray[np.float64]
-
-
-class BandEnergies:
-    """The filters of one run of samples; what they remember goes from block to block.
-
-    Args:
-        rate_hz: samples per second [Hz]; bands above half of it are silent.
-    """
-
-    def __init__(self, rate_hz: float) -> None:
-        self._rate_hz = rate_hz
-        self._filters = [_band_pass(band, rate_hz) for band in BANDS_HZ]
-        self._memory = [None if sos is None else np.zeros((len(sos), 2)) for sos in self._filters]
-        self._left_over = np.zeros((len(BANDS_HZ), 0))
-        self._samples = 0  # of which the frames are known
-        self._frames = 0
-
-    def next(self, samples: NDArray[np.float32]) -> Array:
-        """Mean squares (B, K) of the frames that end with these samples (N,); the rest waits for the next call."""
-        squares = np.zeros((len(BANDS_HZ), len(samples)))
-        for band, sos in enumerate(self._filters):
-            if sos is not None:
-                passed, self._memory[band] = sosfilt(sos, samples, zi=self._memory[band])
-                squares[band] = passed**2
-        squares = np.concatenate((self._left_over, squares), axis=1)
-        last = int((self._samples + squares.shape[1]) / (FRAME_S * self._rate_hz))
-        edges = np.ceil(np.arange(self._frames, last + 1) * FRAME_S * self._rate_hz).astype(int) - self._samples
-        edges = edges[edges <= squares.shape[1]]
-        if len(edges) < 2:
-            self._left_over = squares
-            return np.zeros((len(BANDS_HZ), 0))
-        energies: Array = np.add.reduceat(squares[:, : edges[-1]], edges[:-1], axis=1) / np.diff(edges)
-        self._left_over = squares[:, edges[-1] :]
-        self._samples += int(edges[-1])
-        self._frames += len(edges) - 1
-        return energies
-
-
-def _band_pass(band: tuple[float, float], rate_hz: float) -> Array | None:
-    low, high = band
-    high = min(high, _MOST_OF_NYQUIST * rate_hz / 2.0)
-    if low >= high:
-        return None
-    sos: Array = butter(2, (low, high), "bandpass", fs=rate_hz, output="sos")
-    return sos
-
 
 SNIPPET_S, BEFORE_S = 0.06, 0.015
 """How much of the waveform of a peak is kept, and how much of that lies before it."""
@@ -83,13 +24,21 @@ SNIPPET_SAMPLES = 1440
 ENVELOPE_S = 0.002
 """Step of the envelope that the sound as a whole is compared by."""
 
-_CHUNK_FRAMES = 10_000
-_CONTEXT_FRAMES = 64  # around a chunk: what the rise of a peak and its snippet need
+CHUNK_S, MOST_PEAKS = 10.0, 8
+"""Sounds compete for a place within this long; a dribbled ball, each bounce a peak, must not fill the memory."""
+
+_FRAME_S = 0.001
+_STEP = round(ENVELOPE_S / _FRAME_S)
+_CONTEXT_S = 0.2  # on both sides of a chunk: filters settle, and a rise and its snippet need it
+_BANDS_HZ = ((300.0, 1500.0), (1500.0, 5000.0), (5000.0, 12000.0))  # wind lies beneath; AAC may drop what is above
+_MOST_OF_NYQUIST = 0.95
+_MIN_RISE_DB = 9.0  # over the milliseconds before; steady noise rises by up to 4.4 in a minute, bumps by 9 to 13
+_MIN_GAP_S = 0.05  # of two nearer peaks the weaker is an echo
 _AFTER, _GAP, _BEFORE = 4, 6, 8  # frames; the gap steps over the pre-echo of AAC
 _LEAST_ENERGY = 1e-10  # -100 dB of full scale: what is below is digital silence
 _LARGEST_RISE_DB = 60.0
+_LOUD_DB = 30.0  # rise of a clap at arm's length; louder is not worth more
 _RATE_TOLERANCE_S = 0.02
-_FOLLOWED = 0.01  # share of a block's deviation that the clock of a run takes over: stamps are rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +60,11 @@ class SoundPeak:
     amplitude: float
     snippet: NDArray[np.float16]
     snippet_s: float
+
+    @property
+    def weight(self) -> float:
+        """How clearly it is a sudden sound, 0 to 1."""
+        return float(np.clip(self.rise_db / _LOUD_DB, 0.0, 1.0) ** 2) * self.sharpness
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,155 +91,112 @@ class CameraSound:
         return self.end_s - self.start_s
 
 
-def scan_sound(blocks: Iterator[SoundBlock], settings: PeakSettings) -> CameraSound:
-    """Listen to a camera's sound once, from its beginning to its end."""
-    runs: list[_Run] = []
+def scan_sound(blocks: Iterable[SoundBlock]) -> CameraSound:
+    """What is kept of a camera's sound, which is read once from its beginning to its end."""
+    peaks: list[SoundPeak] = []
+    envelopes: list[tuple[float, NDArray[np.float16]]] = []
+    end_s, loudest = 0.0, 0.0
+    for chunk in _chunks(blocks):
+        loudest = max(loudest, float(np.abs(chunk.samples).max()))
+        energies = _band_energies(chunk)
+        begin, end = (round(1e3 * seconds) for seconds in (chunk.begin_s, chunk.end_s))
+        flux = _flux(energies)[begin:end]
+        even = flux[: len(flux) - len(flux) % _STEP].reshape(-1, _STEP).max(axis=1)
+        envelopes.append((chunk.start_s + chunk.begin_s, even.astype(np.float16)))
+        strongest = sorted(_peaks(chunk, energies, begin, end), key=lambda peak: -peak.rise_db)[:MOST_PEAKS]
+        peaks += sorted(strongest, key=lambda peak: peak.media_s)
+        end_s = max(end_s, chunk.start_s + chunk.end_s)
+    if not envelopes:
+        return CameraSound(0.0, 0.0, 0.0, (), np.zeros(0, dtype=np.float16))
+    start_s = envelopes[0][0]
+    places = [max(0, round((part_s - start_s) / ENVELOPE_S)) for part_s, _ in envelopes]
+    envelope = np.zeros(max(k + len(part) for k, (_, part) in zip(places, envelopes, strict=True)), np.float16)
+    for place, (_, part) in zip(places, envelopes, strict=True):
+        envelope[place : place + len(part)] = part
+    return CameraSound(start_s, end_s, loudest, tuple(peaks), envelope)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunk:
+    """Samples (N,) without a gap, with context on both sides of what is new in it.
+
+    ``start_s`` is the media time of the first sample; ``begin_s`` to ``end_s`` [s] after it is what is new.
+    """
+
+    samples: NDArray[np.float32]
+    rate_hz: float
+    start_s: float
+    begin_s: float
+    end_s: float
+
+
+def _chunks(blocks: Iterable[SoundBlock]) -> Iterator[_Chunk]:
+    """Chunks of 10 s, the last of each run without a gap longer or shorter; the same whatever the size of blocks."""
+    held = np.zeros(0, np.float32)
+    rate_hz, start_s, begin_s = 0.0, 0.0, 0.0
     for block in blocks:
         if not len(block.samples):
             continue
-        if not runs or not runs[-1].takes(block):
-            if runs:
-                runs[-1].finish()
-            runs.append(_Run(block, settings))
-        runs[-1].add(block)
-    if not runs:
-        return CameraSound(0.0, 0.0, 0.0, (), np.zeros(0, dtype=np.float16))
-    runs[-1].finish()
-    start_s = runs[0].start_s
-    peaks = sorted((peak for run in runs for peak in run.peaks), key=lambda peak: peak.media_s)
-    return CameraSound(
-        start_s,
-        max(run.end_s for run in runs),
-        max(run.loudest for run in runs),
-        tuple(peaks),
-        _joined(start_s, [(run.start_s, np.concatenate([*run.envelope, np.zeros(0, np.float16)])) for run in runs]),
-    )
+        late_s = block.start_s - start_s - len(held) / max(rate_hz, 1.0)
+        if len(held) and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
+            yield _Chunk(held, rate_hz, start_s, begin_s, len(held) / rate_hz)
+            held = held[:0]
+        if not len(held):
+            rate_hz, start_s, begin_s = block.rate_hz, block.start_s, 0.0
+        held = np.concatenate((held, np.nan_to_num(np.asarray(block.samples, dtype=np.float32))))
+        while len(held) >= round((begin_s + CHUNK_S + _CONTEXT_S) * rate_hz):
+            size, passed = (
+                round((begin_s + CHUNK_S + _CONTEXT_S) * rate_hz),
+                round((begin_s + CHUNK_S - _CONTEXT_S) * rate_hz),
+            )
+            yield _Chunk(held[:size], rate_hz, start_s, begin_s, begin_s + CHUNK_S)
+            # Stamps are rounded, and clocks of sound drift against those of images: each chunk follows the stamps.
+            start_s, begin_s = start_s + passed / rate_hz, _CONTEXT_S
+            held = held[passed:]
+    if len(held):
+        yield _Chunk(held, rate_hz, start_s, begin_s, len(held) / rate_hz)
 
 
-def _joined(start_s: float, parts: list[tuple[float, NDArray[np.float16]]]) -> NDArray[np.float16]:
-    places = [(max(0, round((part_s - start_s) / ENVELOPE_S)), values) for part_s, values in parts]
-    joined = np.zeros(max(place + len(values) for place, values in places), dtype=np.float16)
-    for place, values in places:
-        joined[place : place + len(values)] = values
-    return joined
+def _band_energies(chunk: _Chunk) -> Array:
+    """Mean squares (3, K) of frames of a millisecond; bands above half of the rate are silent."""
+    frames = int(len(chunk.samples) / (_FRAME_S * chunk.rate_hz))
+    edges = np.ceil(np.arange(frames + 1) * _FRAME_S * chunk.rate_hz - 1e-6).astype(int)
+    energies = np.zeros((len(_BANDS_HZ), frames))
+    for band, (low, high) in enumerate(_BANDS_HZ):
+        highest = min(high, _MOST_OF_NYQUIST * chunk.rate_hz / 2.0)
+        if low < highest and frames:
+            sos = butter(2, (low, highest), "bandpass", fs=chunk.rate_hz, output="sos")
+            squares = sosfilt(sos, chunk.samples[: edges[-1]]) ** 2
+            energies[band] = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)
+    return energies
 
 
-class _Run:
-    """Samples without a gap between them."""
-
-    def __init__(self, first: SoundBlock, settings: PeakSettings) -> None:
-        self._settings = settings
-        self._rate_hz = first.rate_hz
-        self._bands = BandEnergies(first.rate_hz)
-        self.start_s = first.start_s
-        self.loudest = 0.0
-        self.peaks: list[SoundPeak] = []
-        self.envelope: list[NDArray[np.float16]] = []
-        self._samples = np.zeros(0, dtype=np.float32)
-        self._first_sample = self._heard = 0
-        self._energies = np.zeros((3, 0))
-        self._first_frame = self._done_frames = 0
-        self._last_frame = -_CHUNK_FRAMES  # of the last peak
-        self._pending: list[NDArray[np.float32]] = []
-        self._pending_count = 0
-        self._open_window: list[SoundPeak] = []
-
-    @property
-    def end_s(self) -> float:
-        return self._time_of(self._heard)
-
-    def _time_of(self, sample: float) -> float:
-        return self.start_s + sample / self._rate_hz
-
-    def takes(self, block: SoundBlock) -> bool:
-        return block.rate_hz == self._rate_hz and abs(block.start_s - self.end_s) <= _RATE_TOLERANCE_S
-
-    def add(self, block: SoundBlock) -> None:
-        self.start_s += _FOLLOWED * (block.start_s - self.end_s)
-        samples = np.nan_to_num(np.asarray(block.samples, dtype=np.float32))
-        self._heard += len(samples)
-        self._pending.append(samples)
-        self._pending_count += len(samples)
-        if self._pending_count >= _CHUNK_FRAMES * FRAME_S * self._rate_hz:
-            self._listen()
-
-    def finish(self) -> None:
-        # Behind the end everything stays as it was, so that a rise at the very end is none.
-        self._listen(last=True)
-        self._close_windows(np.inf)
-
-    def _listen(self, last: bool = False) -> None:
-        fresh = np.concatenate([*self._pending, np.zeros(0, np.float32)])
-        self._pending, self._pending_count = [], 0
-        if len(fresh):
-            self.loudest = max(self.loudest, float(np.abs(fresh).max()))
-        self._samples = np.concatenate((self._samples, fresh))
-        self._energies = np.concatenate((self._energies, self._bands.next(fresh)), axis=1)
-        known = self._first_frame + self._energies.shape[1]
-        until = known if last else known - _CONTEXT_FRAMES
-        if until > self._done_frames:
-            self._find(until)
-            self._done_frames = until
-            self._forget(until - _CONTEXT_FRAMES)
-
-    def _forget(self, frame: int) -> None:
-        surplus = frame - self._first_frame
-        if surplus > 0:
-            self._energies = self._energies[:, surplus:]
-            self._first_frame = frame
-            sample = int(frame * FRAME_S * self._rate_hz)
-            self._samples = self._samples[sample - self._first_sample :]
-            self._first_sample = sample
-
-    def _find(self, until: int) -> None:
-        """Peaks and envelope of the frames from the last that is done on."""
-        rises, flux = _rises(self._energies), _flux(self._energies)
-        begin, end = self._done_frames - self._first_frame, until - self._first_frame
-        step = round(ENVELOPE_S / FRAME_S)
-        even = flux[begin : end - (end - begin) % step].reshape(-1, step).max(axis=1)
-        self.envelope.append(even.astype(np.float16))
-        reach = round(0.5 * self._settings.min_gap / FRAME_S)
-        strength = np.sort(rises, axis=0)[-2:].mean(axis=0)
-        highest = (strength >= maximum_filter1d(strength, 2 * reach + 1)) & (strength >= self._settings.min_rise_db)
-        for frame in np.flatnonzero(highest[begin:end]) + begin:
-            if self._first_frame + frame - self._last_frame >= reach:  # of equals the first
-                self._note(int(frame), float(strength[frame]))
-                self._last_frame = self._first_frame + int(frame)
-
-    def _note(self, frame: int, strength: float) -> None:
-        around = self._energies[:, max(0, frame - 3) : frame + 6].sum(axis=0)
+def _peaks(chunk: _Chunk, energies: Array, begin: int, end: int) -> Iterator[SoundPeak]:
+    """Peaks of the frames from ``begin`` to before ``end``."""
+    reach = round(0.5 * _MIN_GAP_S / _FRAME_S)
+    strength = np.sort(_rises(energies), axis=0)[-2:].mean(axis=0)
+    highest = (strength >= maximum_filter1d(strength, 2 * reach + 1)) & (strength >= _MIN_RISE_DB)
+    last = -reach
+    for frame in (np.flatnonzero(highest[begin:end]) + begin).tolist():
+        if frame - last < reach:  # of equals the first
+            continue
+        last = frame
+        around = energies[:, max(0, frame - 3) : frame + 6].sum(axis=0)
         middle = max(0, frame - 3) + int(np.argmax(np.diff(around, prepend=around[0])))
-        sample = (self._first_frame + middle) * FRAME_S * self._rate_hz
-        snippet, amplitude, first = self._snippet(sample)
-        peak = SoundPeak(
-            self._time_of(sample),
-            strength,
-            _sharpness(self._energies, middle),
-            amplitude,
-            snippet,
-            self._time_of(first),
-        )
-        window = int(peak.media_s // self._settings.window)
-        self._close_windows(window)
-        self._open_window.append(peak)
-
-    def _close_windows(self, window: float) -> None:
-        if self._open_window and self._open_window[0].media_s // self._settings.window < window:
-            strongest = sorted(self._open_window, key=lambda peak: -peak.rise_db)[: self._settings.most_per_window]
-            self.peaks += strongest
-            self._open_window = []
-
-    def _snippet(self, sample: float) -> tuple[NDArray[np.float16], float, int]:
-        """Waveform around a sample of the run, its largest value, and the sample that it begins with."""
-        length = round(SNIPPET_S * self._rate_hz)
-        first = round(sample - BEFORE_S * self._rate_hz)
-        cut = np.zeros(length)
-        low, high = max(first, self._first_sample), min(first + length, self._first_sample + len(self._samples))
-        if high > low:
-            cut[low - first : high - first] = self._samples[low - self._first_sample : high - self._first_sample]
+        first = round((middle * _FRAME_S - BEFORE_S) * chunk.rate_hz)
+        cut = np.zeros(round(SNIPPET_S * chunk.rate_hz))
+        low, high = max(first, 0), min(first + len(cut), len(chunk.samples))
+        cut[low - first : high - first] = chunk.samples[low:high]
         waveform = resample(cut, SNIPPET_SAMPLES)
         largest = float(np.abs(waveform).max())
-        return (waveform / largest if largest > 0.0 else waveform).astype(np.float16), largest, first
+        yield SoundPeak(
+            chunk.start_s + middle * _FRAME_S,
+            float(strength[frame]),
+            _sharpness(energies, middle),
+            largest,
+            (waveform / max(largest, 1e-12)).astype(np.float16),
+            chunk.start_s + first / chunk.rate_hz,
+        )
 
 
 def _mean_over(energies: Array, first: int, last: int) -> Array:
@@ -321,35 +232,3 @@ def _sharpness(energies: Array, frame: int) -> float:
     before = float(total[max(0, frame - 30) : frame - 3].sum()) * 10.0 / 27.0 if frame > 3 else 0.0
     after = float(total[max(0, frame - 1) : frame + 9].sum())
     return max(0.0, 1.0 - before / after) if after > 0.0 else 0.0
-
-
-WAYS_M: Mapping[str, float] = {
-    "hand": 0.1,
-    "forearm": 0.25,
-    "upper_arm": 0.45,
-    "torso": 0.4,
-    "head": 0.5,
-    "pelvis": 0.45,
-    "thigh": 0.65,
-    "shin": 1.05,
-    "foot": 1.35,
-}
-"""From hands that clap before the chest of a person of 1.75 m to the middle of each segment [m], by kind of segment."""
-
-OWN_CLAP_SIGMA_M = 0.12
-"""What is left of the way once it is corrected: size, bearing, and on which side the camera is [m]."""
-
-
-def travel_s(cameras: Mapping[str, str]) -> dict[str, float]:
-    """Camera -> nominal time [s] from the wearer's clapping hands, of those whose segment has an ordinary name.
-
-    Args:
-        cameras: camera -> segment that it is strapped to.
-    """
-    return {
-        camera: WAYS_M[kind] / SOUND_SPEED for camera, segment in cameras.items() if (kind := _kind(segment)) in WAYS_M
-    }
-
-
-def _kind(segment: str) -> str:
-    return segment.removesuffix("_left").removesuffix("_right")

@@ -16,7 +16,7 @@ from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_decoder import jpegs
+from bodycam_ros.recording.video_encoder import jpegs
 from bodycam_ros.recording.video_file import grey_pixels
 
 _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"

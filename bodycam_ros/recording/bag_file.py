@@ -12,8 +12,6 @@ from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.own_process import is_ours
-from bodycam_ros.recording.bounded_unpacking import bound_unpacking
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.yaml_file import read_yaml
 
@@ -119,8 +117,6 @@ class BagFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if is_ours():
-            bound_unpacking()
         with _fault_named(path):
             check_files(path)
             self._reader = Reader(path)

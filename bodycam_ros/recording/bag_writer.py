@@ -1,7 +1,7 @@
 """Writes a recording as a ros2 bag folder that appears whole or not at all."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -32,14 +32,13 @@ _LATCHED_TOPICS = frozenset({"/map/points", "/tf_static", "/verdict"})
 _LATCHED_ENDINGS = ("/robot_description", "/camera_info", "/timing")
 """And those of every body and robot, and of every camera."""
 
-INGEST = "bodycam ingest"
+REPLAY, INGEST = "bodycam replay", "bodycam ingest"
 _WRITTEN_BY = "written_by"
 
 _FOREVER = QosTime(9223372036, 854775807)
 _PLAIN_DEPTH = 10
 
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
-_SOLVED_TOPICS = frozenset({"/robot_description", "/joint_states"})
 
 
 class RecordingWriter:
@@ -73,24 +72,20 @@ class RecordingWriter:
 
 
 @contextmanager
-def write_recording(
-    path: Path, force: bool = False, check: Callable[[bool, Path], None] | None = None, written_by: str = ""
-) -> Iterator[RecordingWriter]:
+def write_recording(path: Path, force: bool = False, command: str = REPLAY) -> Iterator[RecordingWriter]:
     """Write a ros2 bag folder (MCAP). It takes its name once complete; an error or Ctrl-C leaves nothing behind.
 
     Args:
         path: the folder to be.
-        force: replace a bag of the same kind that is there already.
-        check: refuses to replace what is of another kind; ``check_replaceable`` by default.
-        written_by: the command, for the bag's metadata.
+        force: replace a bag of the same command that is there already.
+        command: for the bag's metadata.
 
     Raises:
-        OutputError: it cannot be written, or ``check`` refuses to replace what is there.
+        OutputError: it cannot be written, or what is there must not be replaced.
     """
-    with whole_folder(path, partial(check or check_replaceable, force)) as unfinished:
+    with whole_folder(path, partial(check_replaceable, force, command=command)) as unfinished:
         writer = Writer(unfinished, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
-        if written_by:
-            writer.set_custom_data(_WRITTEN_BY, written_by)
+        writer.set_custom_data(_WRITTEN_BY, command)
         with failure_named(path):
             writer.open()
         try:
@@ -102,64 +97,23 @@ def write_recording(
             writer.close()
 
 
-def check_replaceable(force: bool, path: Path) -> None:
-    """Refuse to replace what is no solved bag: a recording cannot be made again.
-
-    Raises:
-        OutputError: something is at ``path``, and ``force`` is off or it is no bag that a replay wrote.
-    """
-    check_folder(path, force, METADATA, _PARTS, "solved bag")
-    if not any(path.iterdir()):
-        return
-    types = _topic_types(_information(path / METADATA))
-    if not _SOLVED_TOPICS <= set(types) or any(
-        word in str(kind) for kind in types.values() for word in ("Image", "Video")
-    ):
-        raise OutputError(
-            f"{path}: is no bag that 'bodycam replay' wrote, so --force does not replace it; choose another name"
-        )
-
-
-def check_written_by(command: str, what: str, force: bool, path: Path) -> None:
-    """Refuse to replace what is no bag of a command that can make it again from what it was made of.
-
-    Args:
-        command: that wrote it, as ``written_by`` of ``write_recording``.
-        what: it writes, for messages: "bag of videos".
-        force: replace what it wrote.
-        path: of the bag to be.
+def check_replaceable(force: bool, path: Path, command: str = REPLAY) -> None:
+    """Refuse to replace what is no bag of a command, which can make it again; a recording cannot be made again.
 
     Raises:
         OutputError: something is at ``path``, and ``force`` is off or it is no bag that the command wrote.
     """
-    check_folder(path, force, METADATA, _PARTS, what)
+    check_folder(path, force, METADATA, _PARTS, f"bag that '{command}' wrote")
     if not any(path.iterdir()):
         return
-    custom = _information(path / METADATA).get("custom_data")
-    if not isinstance(custom, dict) or custom.get(_WRITTEN_BY) != command:
+    custom: Any = None
+    with suppress(OutputError, KeyError, TypeError, AttributeError):
+        metadata = read_yaml(path / METADATA, "bag's metadata", OutputError)
+        custom = metadata["rosbag2_bagfile_information"]["custom_data"].get(_WRITTEN_BY)
+    if custom != command:
         raise OutputError(
             f"{path}: is no bag that '{command}' wrote, so --force does not replace it; choose another name"
         )
-
-
-check_ingested = partial(check_written_by, INGEST, "bag of videos")
-"""Videos are there to make such a bag again."""
-
-
-def _information(metadata: Path) -> dict[str, Any]:
-    """What a bag's metadata say, as far as they can be read."""
-    with suppress(OutputError, KeyError, TypeError):
-        information = read_yaml(metadata, "bag's metadata", OutputError)["rosbag2_bagfile_information"]
-        return information if isinstance(information, dict) else {}
-    return {}
-
-
-def _topic_types(information: dict[str, Any]) -> dict[str, str]:
-    """Topic -> type, as far as a bag's metadata have them."""
-    with suppress(KeyError, TypeError):
-        listed = information["topics_with_message_count"]
-        return {str(entry["topic_metadata"]["name"]): str(entry["topic_metadata"]["type"]) for entry in listed}
-    return {}
 
 
 def is_latched(topic: str) -> bool:

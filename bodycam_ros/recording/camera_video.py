@@ -1,22 +1,16 @@
 """What one camera recorded, its chapters joined: cameras begin a new file every few gigabytes."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from fractions import Fraction
 from pathlib import Path
 
 import av
-import numpy as np
-from av.container import OutputContainer
-from av.error import FFmpegError
-from numpy.typing import NDArray
 
-from bodycam_ros.errors import OutputError, RecordingError
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording import video_file
 from bodycam_ros.recording.sound import SoundBlock, sound_blocks
-from bodycam_ros.recording.telemetry import satellite_times
+from bodycam_ros.recording.telemetry import satellite_times, stabilisation
 from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 
 _CLOCK_S = 2.0
@@ -84,6 +78,11 @@ class CameraVideo:
         return self.chapters[0].path
 
     @property
+    def files(self) -> list[Path]:
+        """All files, in order."""
+        return [chapter.path for chapter in self.chapters]
+
+    @property
     def facts(self) -> FileFacts:
         """Of all chapters together."""
         facts = [chapter.facts for chapter in self.chapters]
@@ -123,6 +122,10 @@ class CameraVideo:
             for block in sound_blocks(chapter.path):
                 yield block.later(chapter.start_s)
 
+    def stabilisation(self) -> str:
+        """Why the frames are stabilised electronically by what a GoPro's file says; empty if nothing says so."""
+        return next((reason for path in self.files if (reason := stabilisation(path))), "")
+
     def satellite_times(self) -> list[tuple[float, float]]:
         """Media time [s] and UTC [s since 1970] by the satellites that a GoPro heard; see ``telemetry``."""
         return [
@@ -157,57 +160,3 @@ def _form(facts: FileFacts) -> tuple[object, ...]:
 def _told(facts: FileFacts) -> str:
     turned = f", turned by {facts.rotation_deg} deg" if facts.rotation_deg else ""
     return f"{facts.width} x {facts.height}, {facts.codec}{turned}"
-
-
-_TICKS_HZ = 90_000
-_ENCODING = {"preset": "veryfast", "crf": "20"}
-"""Lines of a pixel stay sharp."""
-
-Image = NDArray[np.uint8]
-
-
-@contextmanager
-def video_writer(path: Path, rate_hz: float) -> Iterator[Callable[[float, Image], None]]:
-    """Give a function that appends a picture: when it is of, from the first on and increasing [s], and its pixels.
-
-    Args:
-        path: the file to write; a block that fails leaves a part of it.
-        rate_hz: of the pictures, about.
-
-    Raises:
-        OutputError: it cannot be written, in the block or at its end.
-    """
-    try:
-        with av.open(str(path), "w") as container:
-            encoder = _Encoder(container, rate_hz)
-            yield encoder.add
-            encoder.finish()
-    except FFmpegError as error:
-        raise OutputError(f"{path}: the video cannot be written: {error}") from error
-
-
-class _Encoder:
-    def __init__(self, container: OutputContainer, rate_hz: float) -> None:
-        self._container = container
-        self._rate = Fraction(max(1.0, rate_hz)).limit_denominator(1001)
-        self._stream: av.VideoStream | None = None
-
-    def add(self, seconds: float, picture: Image) -> None:
-        """Append a picture (H, W, 3), blue, green, red; a last odd row or column is cut off, as H.264 has none."""
-        height, width = 2 * (picture.shape[0] // 2), 2 * (picture.shape[1] // 2)
-        if self._stream is None:
-            self._stream = self._begun(width, height)
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="bgr24")
-        frame.pts, frame.time_base = round(seconds * _TICKS_HZ), Fraction(1, _TICKS_HZ)
-        self._container.mux(self._stream.encode(frame))
-
-    def finish(self) -> None:
-        """Append what the encoder still holds."""
-        if self._stream is not None:
-            self._container.mux(self._stream.encode(None))
-
-    def _begun(self, width: int, height: int) -> "av.VideoStream":
-        stream = self._container.add_stream("libx264", rate=self._rate, options=dict(_ENCODING))
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.codec_context.time_base = Fraction(1, _TICKS_HZ)
-        return stream

@@ -1,31 +1,58 @@
-"""The satellites' time in a GoPro's telemetry (GPMF): which time of day it was at a media time.
+"""A GoPro's telemetry (GPMF): satellites' time, gyroscope and accelerometer, and whether images are stabilised.
 
 GPMF is nested records: a name of four letters, a type, the size of an element, how many there are, and the elements,
 filled up to four bytes. Payloads come about once a second. A firmware may write anything, so what does not fit is
-passed over.
+left out.
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
 from av.error import FFmpegError
+from numpy.typing import NDArray
 
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.video_file import only, opened
+
+Array = NDArray[np.float64]
 
 _HEADER = struct.Struct(">4sBBH")
 _NESTED = 0
 _DEEPEST = 6
-_MOST_PAYLOADS = 600
-"""Ten minutes of them say it as well as two hours."""
-
-_WITH_FIX = 2
-"""Less, and the time is the camera's own clock."""
+_MOST_SATELLITE_PAYLOADS = 600  # ten minutes of them are as good as two hours
+_WITH_FIX = 2  # less, and the time is the camera's own clock
 
 _GPS9 = struct.Struct(">7i2H")
 _GPS9_DAY, _GPS9_SECOND, _GPS9_FIX = 5, 6, 8
 _SINCE = datetime(2000, 1, 1, tzinfo=UTC)
+
+_DTYPES = {b"s": ">i2", b"S": ">u2", b"l": ">i4", b"L": ">u4", b"f": ">f4", b"J": ">u8", b"c": "S1"}
+_DEFAULT_ORDER = "ZXY"  # of channels, of cameras before the HERO8
+_STABILISED_RAD = np.radians(0.5)  # turn of an image against the camera
+_LEAST_RATE_HZ = 90.0  # of a gyroscope; in time-lapse videos samples are averages, about one a frame
+_LEAST_SAMPLES = 50
+
+Records = Mapping[bytes, tuple[bytes, bytes]]
+"""Name -> type and content."""
+
+
+@dataclass(frozen=True, eq=False)
+class InertialSamples:
+    """Samples of a camera's inertial sensor, in axes near the optical frame: x right, y down, z forward.
+
+    Attributes:
+        media_s: (N,) media times, constantly off by some milliseconds that no file has [s].
+        gyroscope: (N, 3) angular velocity [rad/s].
+        accelerometer: (N, 3) specific force [m/s^2].
+    """
+
+    media_s: Array
+    gyroscope: Array
+    accelerometer: Array
 
 
 def satellite_times(path: Path) -> list[tuple[float, float]]:
@@ -35,74 +62,187 @@ def satellite_times(path: Path) -> list[tuple[float, float]]:
         RecordingError: the file cannot be opened.
     """
     times: list[tuple[float, float]] = []
-    with opened(path) as container:
-        streams = container.streams.data
-        if not streams:
-            return times
-        # All in one pass, which reads the file once: cameras write tracks of other data (tmcd) before GPMF.
-        only(container, *streams)
-        packets, payloads = container.demux(*streams), 0
-        while payloads < _MOST_PAYLOADS:
-            try:
-                packet = next(packets, None)
-            except (FFmpegError, ValueError):
+    for number, (media_s, _, payload) in enumerate(_payloads(path)):
+        if number == _MOST_SATELLITE_PAYLOADS:
+            break
+        for stream in _streams(payload):
+            if (utc_s := _utc(stream)) is not None:
+                times.append((media_s, utc_s))
                 break
-            if packet is None:
-                break
-            if packet.pts is None or not packet.size:
-                continue
-            content = bytes(packet)
-            if not content.startswith(b"DEVC"):
-                continue
-            payloads += 1
-            if (utc_s := _time_in(content)) is not None:
-                times.append((float(packet.pts * (packet.time_base or 0)), utc_s))
     return times
 
 
-def _time_in(payload: bytes) -> float | None:
-    """UTC of the first satellite reading in a payload, if there was a fix."""
-    fix, said = None, None
-    for name, size, content in _records(payload, 0):
-        if name == b"GPSF" and len(content) >= 4:
-            fix = int.from_bytes(content[:4], "big")
-        elif name == b"GPSU":
-            said = _gpsu(content[:16])
-        elif name == b"GPS9" and size == _GPS9.size and len(content) >= size:
-            values = _GPS9.unpack_from(content)
-            if values[_GPS9_FIX] >= _WITH_FIX:
-                return _timestamp(_SINCE, values[_GPS9_DAY], values[_GPS9_SECOND])
-    return said if fix is not None and fix >= _WITH_FIX else None
+def inertial_samples(path: Path) -> InertialSamples | None:
+    """Gyroscope and accelerometer of a file; None without telemetry of both.
+
+    Raises:
+        RecordingError: the file cannot be opened, or is a time-lapse.
+    """
+    found: dict[bytes, list[tuple[float, float, Array]]] = {b"GYRO": [], b"ACCL": []}
+    for media_s, end_s, payload in _payloads(path):
+        for stream in _streams(payload):
+            for name, parts in found.items():
+                if name in stream and (values := _vectors(stream, name)) is not None and len(values):
+                    parts.append((media_s, end_s, values))
+    if any(sum(len(values) for _, _, values in parts) < _LEAST_SAMPLES for parts in found.values()):
+        return None
+    gyroscope_s, gyroscope = _timed(found[b"GYRO"])
+    accelerometer_s, accelerometer = _timed(found[b"ACCL"])
+    rate_hz = 1.0 / float(np.median(np.diff(gyroscope_s)))
+    if rate_hz < _LEAST_RATE_HZ:
+        raise RecordingError(
+            f"{path}: its gyroscope has {rate_hz:.0f} samples a second of video, as in a time-lapse, where they are "
+            "averages; its inertial samples are left out"
+        )
+    at = [np.interp(gyroscope_s, accelerometer_s, axis) for axis in accelerometer.T]
+    return InertialSamples(gyroscope_s, gyroscope, np.column_stack(at))
 
 
-def _records(content: bytes, depth: int) -> Iterator[tuple[bytes, int, bytes]]:
-    """Name, element's size and content of all records that hold no others."""
-    at = 0
+def stabilisation(path: Path) -> str:
+    """What in a file shows that its images are stabilised electronically; empty if nothing does.
+
+    Raises:
+        RecordingError: the file cannot be opened.
+    """
+    for stream in _streams(_user_data(path)):
+        kind, content = stream.get(b"EISE", (b"", b""))
+        if kind == b"c" and content[:1] in (b"Y", b"y"):
+            return "its setting EISE is on"
+    for _, _, payload in _payloads(path):
+        for stream in _streams(payload):
+            values = _numbers(stream.get(b"IORI", (b"", b"")))
+            if values is not None and len(values) >= 4:
+                quaternions = values[: len(values) // 4 * 4].reshape(-1, 4)
+                norms = np.maximum(np.linalg.norm(quaternions, axis=1), 1e-9)
+                turns = 2.0 * np.arccos(np.clip(np.abs(quaternions[:, 0]) / norms, 0.0, 1.0))
+                if float(np.median(turns)) > _STABILISED_RAD:
+                    return f"images are turned by {np.degrees(np.median(turns)):.1f} deg against the camera"
+    return ""
+
+
+def _payloads(path: Path) -> Iterator[tuple[float, float, bytes]]:
+    """Start and end in media time [s] and content of each payload."""
+    with opened(path) as container:
+        streams = container.streams.data
+        if not streams:
+            return
+        # All in one pass, which reads the file once: cameras write tracks of other data (tmcd) before GPMF.
+        only(container, *streams)
+        packets = container.demux(*streams)
+        while True:
+            try:
+                packet = next(packets, None)
+            except (FFmpegError, ValueError):
+                return
+            if packet is None:
+                return
+            if packet.pts is None or not packet.size:
+                continue
+            content = bytes(packet)
+            if content.startswith(b"DEVC"):
+                unit_s = float(packet.time_base or 0)
+                yield packet.pts * unit_s, (packet.pts + (packet.duration or 0)) * unit_s, content
+
+
+def _user_data(path: Path) -> bytes:
+    """Content of the box moov/udta/GPMF of an MP4; empty if there is none."""
+    try:
+        with path.open("rb") as file:
+            end = path.stat().st_size
+            for wanted in (b"moov", b"udta", b"GPMF"):
+                while file.tell() + 8 <= end:
+                    at = file.tell()
+                    size, name = struct.unpack(">I4s", file.read(8))
+                    if size == 1:
+                        size = struct.unpack(">Q", file.read(8))[0]
+                    size = size or end - at
+                    if size < 8:
+                        return b""
+                    if name == wanted:
+                        end = at + size
+                        break
+                    file.seek(at + size)
+                else:
+                    return b""
+            return file.read(max(0, end - file.tell()))
+    except (OSError, struct.error):
+        return b""
+
+
+def _streams(content: bytes, depth: int = 0) -> Iterator[Records]:
+    """The records of each container that has some that are not nested."""
+    at, records = 0, dict[bytes, tuple[bytes, bytes]]()
     while at + _HEADER.size <= len(content) and depth < _DEEPEST:
         name, kind, size, repeat = _HEADER.unpack_from(content, at)
         at += _HEADER.size
-        inner = content[at : at + size * repeat]
         if name == bytes(4):
-            return
+            break
+        inner = content[at : at + size * repeat]
         if kind == _NESTED:
-            yield from _records(inner, depth + 1)
+            yield from _streams(inner, depth + 1)
         else:
-            yield name, size, inner
+            records[name] = bytes([kind]), inner
         at += -(-size * repeat // 4) * 4
+    if records:
+        yield records
 
 
-def _gpsu(content: bytes) -> float | None:
-    """UTC of the text yymmddhhmmss.sss."""
+def _numbers(record: tuple[bytes, bytes]) -> Array | None:
+    kind, content = record
+    if kind not in _DTYPES or kind == b"c":
+        return None
+    dtype = np.dtype(_DTYPES[kind])
+    return np.frombuffer(content[: len(content) // dtype.itemsize * dtype.itemsize], dtype).astype(np.float64)
+
+
+def _vectors(stream: Records, name: bytes) -> Array | None:
+    """Samples (N, 3) of a sensor in the optical frame's axes, in SI units."""
+    values, scale = _numbers(stream[name]), _numbers(stream.get(b"SCAL", (b"s", b"\0\1")))
+    if values is None or scale is None or not len(scale) or not scale.all() or len(values) < 3:
+        return None
+    channels = values[: len(values) // 3 * 3].reshape(-1, 3) / (scale if len(scale) == 3 else scale[0])
+    order = stream.get(b"ORIN", (b"c", _DEFAULT_ORDER.encode()))[1][:3].decode("ascii", "replace")
+    if sorted(order.upper()) != ["X", "Y", "Z"]:
+        return None
+    # Letters name the camera's axes, small ones reversed: X right, Y forward, Z up.
+    camera = {letter.upper(): channels[:, k] * (1.0 if letter.isupper() else -1.0) for k, letter in enumerate(order)}
+    return np.column_stack([camera["X"], -camera["Z"], camera["Y"]])
+
+
+def _timed(parts: list[tuple[float, float, Array]]) -> tuple[Array, Array]:
+    """Media times (N,) [s], even within each run of payloads without a gap, and samples (N, 3)."""
+    times = []
+    for number, (start_s, end_s, values) in enumerate(parts):
+        following_s = parts[number + 1][0] if number + 1 < len(parts) else end_s
+        length_s = following_s - start_s if following_s > start_s else 1.0
+        times.append(start_s + length_s * np.arange(len(values)) / len(values))
+    rough, samples = np.concatenate(times), np.concatenate([values for _, _, values in parts])
+    # Payloads have one sample more or less than others: the sensor's own clock is even.
+    index = np.arange(len(rough))
+    slope, start = np.polyfit(index, rough, 1)
+    even = start + slope * index
+    is_even = float(np.abs(even - rough).max()) < 2.0 * float(np.median(np.diff(rough))) + 0.05
+    return (even if is_even else rough), samples
+
+
+def _utc(stream: Records) -> float | None:
+    """UTC of the first satellite reading in a stream, if there was a fix."""
+    if b"GPS9" in stream and len(content := stream[b"GPS9"][1]) >= _GPS9.size:
+        values = _GPS9.unpack_from(content)
+        return _timestamp(values[_GPS9_DAY], values[_GPS9_SECOND]) if values[_GPS9_FIX] >= _WITH_FIX else None
+    fix = int.from_bytes(stream.get(b"GPSF", (b"", b""))[1][:4], "big")
+    if b"GPSU" not in stream or fix < _WITH_FIX:
+        return None
     try:
-        text = content.decode("ascii")
+        text = stream[b"GPSU"][1][:16].decode("ascii")
         whole = datetime.strptime(text[:12], "%y%m%d%H%M%S").replace(tzinfo=UTC)
         return whole.timestamp() + float(text[12:])
     except ValueError:
         return None
 
 
-def _timestamp(since: datetime, days: int, milliseconds: int) -> float | None:
+def _timestamp(days: int, milliseconds: int) -> float | None:
     try:
-        return (since + timedelta(days=days, milliseconds=milliseconds)).timestamp()
+        return (_SINCE + timedelta(days=days, milliseconds=milliseconds)).timestamp()
     except OverflowError:
         return None

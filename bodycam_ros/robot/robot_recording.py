@@ -3,7 +3,6 @@
 import time
 from collections import defaultdict
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory
 from bodycam_ros.messages.health import text_message
-from bodycam_ros.recording.bag_writer import check_written_by, write_recording
+from bodycam_ros.recording.bag_writer import check_replaceable, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
@@ -77,16 +76,15 @@ def write_robot(
         BodyError: the robot or the mapping cannot be used.
         OutputError: the output cannot be written.
     """
-    check = partial(check_written_by, _COMMAND, "bag of a robot")
-    if output.exists():  # asked before the work
-        check(force, output)
+    if output.exists():  # before the work
+        check_replaceable(force, output, _COMMAND)
     robot = Robot(urdf, read_mapping(mapping_path))
     solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot, settings)
     poses = JointAngles(solved.body).forward_kinematics(solved.motion.world_T_root, solved.motion.joint_angles)
     summary, make = RobotSummary(following.scale), recorded_messages()
     stamps_ns = solved.motion.stamps_ns.tolist()
-    with write_recording(output, force, check, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
+    with write_recording(output, force, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
             started_s = time.process_time()

@@ -5,8 +5,7 @@ import pytest
 from made_telemetry import add_telemetry, payload
 from made_video import make_video
 
-from bodycam_ros.ingest.camera_time import CameraTime
-from bodycam_ros.ingest.clock_times import FileClock, creation_clock, sane, satellite_clock
+from bodycam_ros.ingest.camera_offsets import creation_clock, plausible_time, satellite_clock
 from bodycam_ros.recording.camera_video import CameraVideo
 
 NOON = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
@@ -28,36 +27,21 @@ def videos(tmp_path: Path) -> list[CameraVideo]:
 
 
 def test_satellites_tell_when_a_video_began(videos: list[CameraVideo]) -> None:
-    began_s = satellite_clock(videos).began_s
-    assert list(began_s) == ["head", "hip"]
-    assert began_s["head"] == pytest.approx(NOON.timestamp(), abs=2e-3)
-    assert began_s["hip"] == pytest.approx(NOON.timestamp() + 2.5, abs=2e-3)
-    assert dict(creation_clock(videos).began_s) == {"shin": NOON.timestamp() + 3.0}
-
-
-def test_satellites_alone(videos: list[CameraVideo]) -> None:
-    times = satellite_clock(videos)({})
+    times = satellite_clock(videos)({}).times
     assert (times["head"].start_s, times["head"].start_sigma_s, times["head"].source) == (0.0, 0.0, "telemetry")
+    assert list(times) == ["head", "hip"]
     assert times["hip"].start_s == pytest.approx(2.5, abs=5e-3)
     assert 0.0 < times["hip"].start_sigma_s < 1.0
 
 
-def test_a_clock_speaks_in_the_time_of_those_known() -> None:
-    clock = FileClock("given", {"a": 1000.0, "b": 1003.0, "c": 999.0}, 1.0)
-    known = {
-        "b": CameraTime("b", 5.0, 0.0, 0.0, 0.0, "claps"),
-        "other": CameraTime("other", 0.0, 0.0, 0.0, 0.0, "claps"),
-    }
-    assert {camera: time.start_s for camera, time in clock(known).items()} == {"a": 2.0, "b": 5.0, "c": 1.0}
-    assert clock({"other": known["other"]}) == {}
-    alone = clock({})
-    assert [(time.start_s, time.start_sigma_s) for time in alone.values()] == [(0.0, 0.0), (3.0, 1.0), (-1.0, 1.0)]
+def test_a_clock_that_was_set_gives_the_time_of_creation(videos: list[CameraVideo]) -> None:
+    assert list(creation_clock(videos)({}).times) == ["shin"]
 
 
 @pytest.mark.parametrize("odd", [datetime(1970, 1, 1, tzinfo=UTC), datetime.now(UTC) + timedelta(days=400), None])
 def test_clocks_that_were_never_set_say_nothing(odd: datetime | None) -> None:
-    assert sane(odd) is None
-    assert sane(NOON) == NOON
+    assert plausible_time(odd) is None
+    assert plausible_time(NOON) == NOON
 
 
 def test_telemetry_that_makes_no_sense_is_passed_over(tmp_path: Path) -> None:

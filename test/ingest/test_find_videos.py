@@ -75,7 +75,7 @@ def test_several_recordings_of_one_camera_are_named_and_the_rest_goes_on(tmp_pat
 def test_what_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"odd\.mp4: does not exist"):
         find_videos([tmp_path / "odd.mp4"])
-    with pytest.raises(RecordingError, match="holds no video"):
+    with pytest.raises(RecordingError, match="has no video"):
         find_videos([tmp_path])
 
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -16,6 +17,7 @@ from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, t
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
+from bodycam_ros.ingest.clock_fit import FoundTimes
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 
@@ -29,7 +31,7 @@ def videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     Their pictures move alike from the first on, by which motion would rightly put them at one time: it is not asked.
     """
-    monkeypatch.setattr("bodycam_ros.ingest.clock_times._speed", lambda camera, ended: None)
+    monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: lambda known: FoundTimes("motion", {}))
     folder = tmp_path / "videos"
     folder.mkdir()
     add_camera(folder, "head")
@@ -128,7 +130,7 @@ def test_each_bad_camera_is_named_and_the_rest_goes_on(videos: Path, capsys: pyt
         "no_video.mp4: is not a video",
         "camera no_lens: left out: there is no lens YAML",
         "other_size.yaml: is for 640 x 480 pixels, but",
-        "camera cut: cut.mp4 should hold 90 frames, and",
+        "camera cut: cut.mp4 should have 90 frames, and",
         "camera late: left out:",
         "after all others have ended",
         "camera left-hand: left out:",
@@ -136,13 +138,13 @@ def test_each_bad_camera_is_named_and_the_rest_goes_on(videos: Path, capsys: pyt
         assert expected in output, expected
 
 
-def test_one_camera_is_not_enough(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_camera_left_of_several_is_refused(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("shin", "thigh"):
         (videos / f"{name}.mp4").write_bytes(b"")
     code, bag = ingest(videos)
     assert code == 1 and not bag.exists()
     output = said(capsys)
-    assert "at least 2 cameras are needed" in output and "shin.mp4: is empty" in output
+    assert "only camera head of those given can be used" in output and "shin.mp4: is empty" in output
 
 
 def test_what_is_there_is_replaced_only_if_an_ingest_wrote_it(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -232,3 +234,58 @@ def test_silent_videos_are_brought_to_one_time_by_their_motion(tmp_path: Path) -
     clocks = yaml.safe_load((bag.with_name("bag_timing") / "timing.yaml").read_text())["cameras"]
     assert clocks["shin"]["source"] == "motion"
     assert abs(clocks["shin"]["start_s"] - clocks["head"]["start_s"]) < 0.005
+
+
+def test_one_camera_alone_needs_no_clock(tmp_path: Path) -> None:
+    add_camera(tmp_path, "door")
+    code = main(["ingest", str(tmp_path / "door.mp4"), "-o", str(tmp_path / "bag")])
+    assert code == 0
+    with open_recording(tmp_path / "bag") as recording:
+        assert recording.cameras == ("door",)
+
+
+def test_synchronous_cameras_and_given_offsets(videos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def first_s(*options: str) -> dict[str, float]:
+        code, bag = ingest(videos, "--force", *options)
+        assert code == 0
+        with open_recording(bag) as recording:
+            first = {camera: next(recording.images([camera])).stamp_ns for camera in recording.cameras}
+        return {camera: 1e-9 * (stamp_ns - min(first.values())) for camera, stamp_ns in first.items()}
+
+    assert set(first_s("--synchronous").values()) == {0.0}
+    offsets = videos.parent / "offsets.yaml"
+    offsets.write_text("head: 10.5\nshin: 10\n")
+    assert first_s("--offsets", str(offsets)) == {"head": pytest.approx(0.5, abs=1e-6), "shin": 0.0}
+    assert "camera thigh: left out:" in said(capsys)
+    offsets.write_text("head: soon\n")
+    assert ingest(videos, "--force", "--offsets", str(offsets))[0] == 1
+    assert "start_s of camera head must be a number" in said(capsys)
+
+
+def test_folders_of_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for camera in ("left", "right"):
+        (tmp_path / "in" / camera).mkdir(parents=True)
+        write_lens(tmp_path / "in" / f"{camera}.yaml")
+        for number in range(5):
+            cv2.imwrite(str(tmp_path / "in" / camera / f"{number:04}.jpg"), picture(number))
+    words = ["ingest", str(tmp_path / "in"), "-o", str(tmp_path / "bag"), "--synchronous"]
+    assert main(words) == 1
+    assert "give their rate with --rate" in said(capsys)
+    assert main([*words, "--rate", "25"]) == 0
+    with open_recording(tmp_path / "bag") as recording:
+        images = list(recording.images(["left"]))
+    assert [number_in(decode_grey(image)) for image in images] == list(range(5))
+    assert np.diff([image.stamp_ns for image in images]).tolist() == [40_000_000] * 4
+
+
+@pytest.mark.parametrize("option", [(), ("--jpeg",)])
+def test_reduced_frames_and_their_lens(videos: Path, option: tuple[str, ...]) -> None:
+    code, bag = ingest(videos, "--scale", "0.5", *option)
+    assert code == 0
+    with open_recording(bag) as recording:
+        model = recording.camera_model("head")
+        grey = decode_grey(next(recording.images(["head"])))
+    assert grey.shape == (HEIGHT // 2, WIDTH // 2) == (model.height, model.width)
+    assert (model.fx, model.cx) == (20.0, (WIDTH / 2 + 0.5) / 2 - 0.5)
+    expected = cv2.resize(picture(0), (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
+    assert np.abs(grey.astype(int) - expected).mean() < 4.0

@@ -127,7 +127,7 @@ def test_a_recording_is_never_replaced(tiny_bag: Path) -> None:
 def test_folder_that_is_no_bag_is_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious" / "thesis.txt").write_text("ten years of work")
-    with pytest.raises(OutputError, match="holds thesis.txt, which is no part of a solved bag"):
+    with pytest.raises(OutputError, match="holds thesis.txt, which is no part of a bag that"):
         write(tmp_path / "precious", force=True)
     assert (tmp_path / "precious" / "thesis.txt").exists()
 

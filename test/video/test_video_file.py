@@ -8,7 +8,8 @@ from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, t
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_decoder import VideoDecoder, h264_packets, jpegs
+from bodycam_ros.recording.video_decoder import VideoDecoder
+from bodycam_ros.recording.video_encoder import h264_packets, jpegs
 from bodycam_ros.recording.video_file import TimedPacket, frames, grey_pixels, packets, read_facts
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodycam_ros.recording.camera_video import video_writer
+from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.recording.video_file import bgr_pixels, frames, read_facts
 
 

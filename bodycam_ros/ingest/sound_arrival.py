@@ -1,7 +1,6 @@
-"""By how much one sound reached cameras at different media times: their waveforms laid over each other.
+"""Time differences of one sound between cameras, by correlation of the waveforms.
 
-The beginning of a clap is smeared by AAC over some milliseconds; where two waveforms agree best is known to some
-hundredths of that.
+AAC smears the beginning of a clap over some milliseconds; the correlation is good to some hundredths of that.
 """
 
 from collections.abc import Sequence
@@ -15,16 +14,9 @@ from bodycam_ros.ingest.sound_peaks import SNIPPET_S, SNIPPET_SAMPLES, SoundPeak
 
 Array = NDArray[np.float64]
 
-LARGEST_LAG_S = 0.012
-"""Between snippets: travel over 2 m, and a beginning that was seen some milliseconds wrong on either side."""
-
-ONSET_SIGMA_S = 0.0015
-"""Of a beginning by its rise in loudness alone."""
-
-LIKE = 0.35
-"""Waveforms that agree less than this may agree anywhere. In the shared recordings a clap and a bump reach 0.32, one
-clap at two cameras 0.78 mostly and 0.35 at least; so do two claps, which this does not tell apart."""
-
+_LARGEST_LAG_S = 0.012  # between snippets: travel over 2 m, and a beginning wrong by some milliseconds on either side
+_ONSET_SIGMA_S = 0.0015  # of a beginning by its rise in loudness alone
+_LIKE = 0.35  # correlation below which waveforms may agree anywhere: a clap and a bump reach 0.32, one clap mostly 0.78
 _PAIR_SIGMA_S = 5e-5
 _BEGUN = 0.3  # of the largest value; what AAC smears ahead is below
 _AHEAD_S = 0.006  # AAC smears a beginning by less
@@ -32,10 +24,10 @@ _STRAIGHT_S = 0.004  # by which what counts dies away: a reflection from the flo
 _PADDED = 2 * SNIPPET_SAMPLES
 _FINER = 8
 _STEP_S = SNIPPET_S / SNIPPET_SAMPLES
-_LAGS = int(LARGEST_LAG_S / _STEP_S * _FINER)
+_LAGS = int(_LARGEST_LAG_S / _STEP_S * _FINER)
 
 
-def spectrum(peak: SoundPeak) -> NDArray[np.complex128]:
+def _spectrum(peak: SoundPeak) -> NDArray[np.complex128]:
     """Spectrum of the beginning of a peak's snippet, of norm 1; zero for a silent one."""
     waveform = peak.snippet.astype(float)
     waveform = waveform - waveform.mean()
@@ -47,7 +39,7 @@ def spectrum(peak: SoundPeak) -> NDArray[np.complex128]:
     return transformed
 
 
-def likeness(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> tuple[float, float]:
+def _likeness(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> tuple[float, float]:
     """(correlation at best, 0 to 1; by how much the first snippet's sound lies later in it than the second's [s])."""
     product = np.zeros(_FINER * _PADDED // 2 + 1, dtype=complex)
     product[: _PADDED // 2 + 1] = first * np.conj(second)
@@ -63,32 +55,32 @@ def likeness(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> t
 
 
 def arrivals(peaks: Sequence[SoundPeak]) -> tuple[Array, Array]:
-    """Media times (N,) [s] at which one sound was heard by N cameras, and their standard deviations (N,) [s].
+    """Media times (N,) [s] at which one sound reached N cameras, and their standard deviations (N,) [s].
 
-    What they have in common is as uncertain as a beginning is; only differences between cameras count.
+    Only differences between cameras count; the error that they have in common is that of a beginning.
     """
     rough = np.array([peak.media_s for peak in peaks])
     starts = np.array([peak.snippet_s for peak in peaks])
-    spectra = [spectrum(peak) for peak in peaks]
+    spectra = [_spectrum(peak) for peak in peaks]
     pairs, gaps, likes = [], [], []
     for first, second in combinations(range(len(peaks)), 2):
-        like, lag = likeness(spectra[first], spectra[second])
-        if like >= LIKE:
+        like, lag = _likeness(spectra[first], spectra[second])
+        if like >= _LIKE:
             pairs.append((first, second))
             gaps.append(lag + (starts[first] - rough[first]) - (starts[second] - rough[second]))
             likes.append(like)
     if not pairs:
-        return rough, np.full(len(peaks), ONSET_SIGMA_S)
+        return rough, np.full(len(peaks), _ONSET_SIGMA_S)
     one, other = np.array(pairs).T
 
     def residuals(shift: Array) -> Array:
-        told = np.array(likes) * (shift[one] - shift[other] - np.array(gaps)) / _PAIR_SIGMA_S
-        return np.concatenate((told, shift / ONSET_SIGMA_S))
+        errors = np.array(likes) * (shift[one] - shift[other] - np.array(gaps)) / _PAIR_SIGMA_S
+        return np.concatenate((errors, shift / _ONSET_SIGMA_S))
 
     shift = least_squares(residuals, np.zeros(len(peaks)), loss="soft_l1").x
     agree = np.abs(shift[one] - shift[other] - np.array(gaps)) < 4.0 * _PAIR_SIGMA_S
     counts = np.bincount(np.concatenate((one[agree], other[agree])), minlength=len(peaks))
-    sigma = np.where(counts > 0, _PAIR_SIGMA_S / np.sqrt(np.maximum(counts, 1)), ONSET_SIGMA_S)
+    sigma = np.where(counts > 0, _PAIR_SIGMA_S / np.sqrt(np.maximum(counts, 1)), _ONSET_SIGMA_S)
     begins = [start + _beginning(peak) for start, peak in zip(starts, peaks, strict=True)]
     return rough + shift + float(np.median(np.array(begins) - rough - shift)), sigma
 

@@ -1,0 +1,202 @@
+"""Clocks of cameras, fitted to events that several of them recorded: a sound, or the same movement.
+
+A camera c that records the event e at its media time a has ``start_c + (1 + drift_c) a = t_e``.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Array = NDArray[np.float64]
+
+SOUND_SPEED = 343.0
+"""Of air at 20 degrees [m/s]; at -10 degrees 325."""
+
+_DRIFT_SIGMA = 100e-6  # of two cameras: crystals are sold with 20 to 50 ppm, and get warm; a minute outweighs it
+_ROUNDS = 30
+_CAUCHY = 2.4  # sigmas: 95 % efficient where nothing is wrong
+
+
+@dataclass(frozen=True)
+class CameraTime:
+    """A camera's clock: ``recording_s = start_s + (1 + drift) * media_s``.
+
+    The reference camera has ``start_s = 0``, ``drift = 0`` and no uncertainty.
+
+    Attributes:
+        camera: its name.
+        start_s: the time of the recording at the media time 0 [s].
+        drift: seconds by which the recording's time gains on the media time, per second.
+        start_sigma_s: standard deviation of ``start_s`` [s].
+        drift_sigma: standard deviation of ``drift``.
+        source: what it was found by: claps, sound, motion, telemetry or given.
+    """
+
+    camera: str
+    start_s: float
+    drift: float
+    start_sigma_s: float
+    drift_sigma: float
+    source: str
+
+    def recording_s(self, media_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Times of the recording (N,) [s] at media times (N,) [s]."""
+        times: NDArray[np.float64] = self.start_s + (1.0 + self.drift) * media_s
+        return times
+
+
+@dataclass(frozen=True, eq=False)
+class SharedEvents:
+    """N records of E events by C cameras.
+
+    Attributes:
+        event: (N,) number of the event.
+        camera: (N,) number of the camera.
+        media_s: (N,) media time [s].
+        sigma_s: (N,) standard deviation of it [s].
+    """
+
+    event: NDArray[np.int64]
+    camera: NDArray[np.int64]
+    media_s: Array
+    sigma_s: Array
+
+    @staticmethod
+    def from_records(records: Sequence[Sequence[tuple[int, float, float]]]) -> "SharedEvents":
+        """From a list of (camera, media time [s], sigma [s]) for each event."""
+        rows = [(event, *record) for event, records_event in enumerate(records) for record in records_event]
+        event, camera, media_s, sigma_s = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+        return SharedEvents(event.astype(np.int64), camera.astype(np.int64), media_s, sigma_s)
+
+
+@dataclass(frozen=True, eq=False)
+class ClockFit:
+    """Clocks of the cameras that share events with the reference, if only through others.
+
+    Attributes:
+        times: camera -> its clock.
+        events_s: (E,) times of the events in the recording [s]; NaN of those of other cameras.
+        residuals_s: (N,) by how much each record is later than the fit [s].
+    """
+
+    times: Mapping[str, CameraTime]
+    events_s: Array
+    residuals_s: Array
+
+
+def fit_clocks(
+    cameras: Sequence[str],
+    events: SharedEvents,
+    reference: str,
+    source: str,
+    floor_s: float = 0.0,
+    drift_sigma: float = _DRIFT_SIGMA,
+) -> ClockFit:
+    """Fit all clocks to the time of the reference camera by robust least squares; the events' times are eliminated.
+
+    Args:
+        cameras: names (C,), as the events count them.
+        events: that cameras have in common.
+        reference: the camera that has start 0 and drift 0.
+        source: written into the clocks.
+        floor_s: standard deviation that all events of a camera have in common [s].
+        drift_sigma: standard deviation of a drift of which nothing is known.
+    """
+    count, zero = len(cameras), list(cameras).index(reference)
+    joined = _joined(events, count, zero)
+    used = joined[events.camera]
+    event, camera, media_s = events.event[used], events.camera[used], events.media_s[used]
+    number = int(events.event.max(initial=-1)) + 1
+    rows = np.arange(len(event))
+    design = np.zeros((len(event), 2 * count))
+    design[rows, camera] = 1.0
+    design[rows, count + camera] = media_s
+    free = np.tile(joined & (np.arange(count) != zero), 2)
+    prior = np.diag(np.repeat([0.0, drift_sigma**-2.0], count)[free])
+
+    def centred(values: Array, weight: Array) -> Array:
+        """Less the weighted mean of the event, by which its time is eliminated."""
+        sums = np.zeros((number, *values.shape[1:]))
+        np.add.at(sums, event, (values.T * weight).T)
+        total = np.bincount(event, weight, number)[event]
+        result: Array = values - (sums[event].T / total).T
+        return result
+
+    base = events.sigma_s[used] ** -2.0
+    weight, solution, covariance = base, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
+    for _ in range(_ROUNDS):
+        reduced, wanted = centred(design[:, free], weight), -centred(media_s, weight)
+        spread = np.linalg.pinv((reduced.T * weight) @ reduced + prior, hermitian=True)
+        solution[free] = spread @ ((reduced.T * weight) @ wanted)
+        covariance[np.ix_(free, free)] = spread
+        residuals = centred(design @ solution + media_s, weight)
+        weight = base / (1.0 + residuals**2 * base / _CAUCHY**2)
+    sigma = np.sqrt(np.diag(covariance))
+    times = {
+        name: CameraTime(
+            name,
+            float(solution[k]),
+            float(solution[count + k]),
+            float(np.hypot(sigma[k], floor_s)) if k != zero else 0.0,
+            float(sigma[count + k]),
+            source,
+        )
+        for k, name in enumerate(cameras)
+        if joined[k]
+    }
+    at = design @ solution + media_s
+    total = np.bincount(event, weight, number)
+    events_s = np.where(total > 0.0, np.bincount(event, weight * at, number) / np.maximum(total, 1e-300), np.nan)
+    late_s = np.full(len(used), np.nan)
+    late_s[used] = residuals
+    return ClockFit(times, events_s, late_s)
+
+
+def _joined(events: SharedEvents, cameras: int, reference: int) -> NDArray[np.bool_]:
+    """Which cameras (C,) share events with the reference, if only through others."""
+    size = cameras + int(events.event.max(initial=-1)) + 1
+    links = coo_array((np.ones(len(events.event)), (events.camera, cameras + events.event)), (size, size))
+    label = connected_components(links, directed=False)[1]
+    joined: NDArray[np.bool_] = label[:cameras] == label[reference]
+    return joined
+
+
+def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
+    """The same clocks in the time of another camera; the uncertainty of the others grows by the reference's own."""
+    zero = times[reference]
+    moved = {
+        name: replace(
+            time,
+            start_s=(time.start_s - zero.start_s) / (1.0 + zero.drift),
+            drift=(1.0 + time.drift) / (1.0 + zero.drift) - 1.0,
+            start_sigma_s=float(np.hypot(time.start_sigma_s, zero.start_sigma_s)),
+            drift_sigma=float(np.hypot(time.drift_sigma, zero.drift_sigma)),
+        )
+        for name, time in times.items()
+    }
+    return moved | {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, zero.source)}
+
+
+@dataclass(frozen=True, eq=False)
+class FoundTimes:
+    """Clocks by one source, such as motion or satellites.
+
+    Attributes:
+        source: motion, telemetry or given.
+        times: camera -> its clock, in the time of those known before, or in one of its own.
+        confidence: camera -> 0 to 1, the lead over the second best offset; 0 of one that is not in it.
+        remarks: for the user, a sentence each.
+    """
+
+    source: str
+    times: Mapping[str, CameraTime]
+    confidence: Mapping[str, float] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
+
+
+TimeSource = Callable[[Mapping[str, CameraTime]], FoundTimes]
+"""Clocks by one source; the clocks already known are given."""

@@ -1,0 +1,64 @@
+"""Clocks that are known beforehand: genlocked cameras, and offsets from a file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_offsets import Offsets
+from bodycam_ros.ingest.clock_fit import CameraTime, relative_to
+from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_yaml
+
+_FILE_SIGMA_S, _FILE_DRIFT_SIGMA = 0.001, 20e-6  # of an offset without a sigma in the file
+_LARGEST_S = 1e6
+
+
+def synchronous_offsets(cameras: Sequence[str]) -> Offsets:
+    """Clocks of genlocked cameras, whose files all start with the same frame."""
+    times = {name: CameraTime(name, 0.0, 0.0, 0.0, 0.0, "given") for name in cameras}
+    return Offsets(cameras[0], times, dict.fromkeys(cameras, 1.0))
+
+
+def read_offsets(path: Path, cameras: Sequence[str]) -> Offsets:
+    """Clocks from a YAML file: ``camera: start [s]``, or a ``timing.yaml`` that an ingest wrote.
+
+    A start is the time of the recording at which the camera's file starts; larger is later.
+
+    Raises:
+        RecordingError: it cannot be read, or has no camera of the recording.
+    """
+    document = read_yaml(path, "file of offsets", RecordingError)
+    entries: Any = document.get("cameras", document) if isinstance(document, Mapping) else None
+    if not isinstance(entries, Mapping):
+        raise RecordingError(f"{path}: expected lines 'camera: seconds', or a timing.yaml of bodycam ingest")
+    times = {name: _camera_time(path, name, entries[name]) for name in cameras if name in entries}
+    if not times:
+        raise RecordingError(
+            f"{path}: has none of the cameras {', '.join(cameras)}, but {', '.join(map(str, entries)) or 'none'}"
+        )
+    reference = next((name for name, time in times.items() if time.start_s == 0.0), next(iter(times)))
+    unplaced = {name: f"{path} has no offset of it" for name in cameras if name not in times}
+    return Offsets(reference, relative_to(reference, times), dict.fromkeys(times, 1.0), unplaced=unplaced)
+
+
+def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
+    fields = entry if isinstance(entry, Mapping) else {"start_s": entry}
+    defaults = {
+        "start_s": None,
+        "drift_ppm": 0.0,
+        "start_sigma_s": _FILE_SIGMA_S,
+        "drift_sigma_ppm": 1e6 * _FILE_DRIFT_SIGMA,
+    }
+    values: dict[str, Any] = {field: fields.get(field, default) for field, default in defaults.items()}
+    for field, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < _LARGEST_S:
+            raise RecordingError(f"{path}: {field} of camera {name} must be a number, not {shown(value)}")
+    return CameraTime(
+        name,
+        float(values["start_s"]),
+        1e-6 * values["drift_ppm"],
+        float(values["start_sigma_s"]),
+        1e-6 * values["drift_sigma_ppm"],
+        "given",
+    )

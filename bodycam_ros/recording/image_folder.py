@@ -1,0 +1,109 @@
+"""A camera's recording as a folder of images, one file a frame."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.recording.sound import SoundBlock
+from bodycam_ros.recording.video_file import FileFacts
+
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png"})
+"""Files that ``sensor_msgs/CompressedImage`` takes as they are."""
+
+_STAMP_DIGITS = 16  # a file's name of as many digits or more is a stamp in nanoseconds
+
+
+@dataclass(frozen=True)
+class ImageFolder:
+    """Images of one camera, with what ``CameraVideo`` has.
+
+    Attributes:
+        camera: its name.
+        paths: the images, in order.
+        times_s: (N,) media times, the first 0 [s].
+        facts: of the images.
+        created: time of the first image, if its name has it.
+    """
+
+    camera: str
+    paths: tuple[Path, ...]
+    times_s: NDArray[np.float64]
+    facts: FileFacts
+    created: datetime | None
+
+    @classmethod
+    def from_files(cls, camera: str, paths: Sequence[Path], rate_hz: float | None) -> "ImageFolder":
+        """Images named by stamps in nanoseconds, or in the order of their names at a rate.
+
+        Raises:
+            RecordingError: an image cannot be read, or there is neither a rate nor a stamp in each name.
+        """
+        stems = [path.stem for path in paths]
+        if all(stem.isdecimal() and len(stem) >= _STAMP_DIGITS for stem in stems):
+            stamps = np.array([int(stem) for stem in stems], dtype=np.int64)
+            times_s = (stamps - stamps[0]) * 1e-9
+            created: datetime | None = datetime.fromtimestamp(1e-9 * int(stamps[0]), UTC)
+        elif rate_hz is not None:
+            times_s, created = np.arange(len(paths)) / rate_hz, None
+        else:
+            raise RecordingError(
+                f"{paths[0].parent}: images have no time; give their rate with --rate, or name them by their stamps "
+                "in nanoseconds"
+            )
+        height, width = _pixels(paths[0]).shape[:2]
+        interval_s = float(np.median(np.diff(times_s))) if len(paths) > 1 else 1.0
+        facts = FileFacts(
+            codec="images",
+            width=width,
+            height=height,
+            rotation_deg=0,
+            has_b_frames=False,
+            duration_s=float(times_s[-1]) + interval_s,
+            frames=len(paths),
+            rate_hz=1.0 / interval_s,
+            has_sound=False,
+            created=created,
+        )
+        return cls(camera, tuple(paths), times_s, facts, created)
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self.paths[0].parent
+
+    @property
+    def duration_s(self) -> float:
+        """From the first image to the end of the last [s]."""
+        return self.facts.duration_s
+
+    def files(self) -> Iterator[tuple[float, str, bytes]]:
+        """Media time [s], format (jpeg or png) and content of each image."""
+        for media_s, path in zip(self.times_s.tolist(), self.paths, strict=True):
+            yield media_s, "png" if path.suffix.lower() == ".png" else "jpeg", path.read_bytes()
+
+    def frames(self, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
+        """The images, decoded: media time [s] and frame."""
+        for media_s, path in zip(self.times_s.tolist(), self.paths, strict=True):
+            yield media_s, av.VideoFrame.from_ndarray(_pixels(path), format="bgr24")
+
+    def sound(self) -> Iterator[SoundBlock]:
+        """None: images have no sound."""
+        return iter(())
+
+    def satellite_times(self) -> list[tuple[float, float]]:
+        """None: images have no telemetry."""
+        return []
+
+
+def _pixels(path: Path) -> NDArray[np.uint8]:
+    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
+    return np.asarray(pixels, np.uint8)
