@@ -17,7 +17,6 @@ from statistics import median
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis
 from bodycam_ros.errors import MapError
 from bodycam_ros.kinematics.joint import LONG_AXIS_Z
-from bodycam_ros.settings import setting
 
 LEFT, RIGHT = "_left", "_right"
 
@@ -133,43 +132,12 @@ PROPORTIONS = {
 """Segment and the joints at its ends, without their sides -> de Leva 1996, table 4."""
 
 
-@dataclass(frozen=True)
-class AnthropometrySettings:
-    """When the length of a bone is worth a warning."""
-
-    tolerance: float = setting(
-        0.10,
-        limits=(0.0, 1.0),
-        reason="share of a bone's expected length by which it may lie outside the range of women and men; people's "
-        "proportions differ by some per cent, a joint found in the wrong place by more",
-    )
-    asymmetry: float = setting(
-        0.015,
-        unit="m",
-        limits=(0.0, 1.0),
-        reason="difference between left and right that needs no warning; whole legs differ by 5 mm on average, with a "
-        "standard deviation of 4 mm (Knutson 2005, on anatomic leg-length inequality)",
-    )
-    sigmas: float = setting(
-        3.0,
-        limits=(0.0, 100.0),
-        reason="standard deviations that a difference must exceed as well, lest an uncertain length is called odd",
-    )
-    least_bones: int = setting(
-        3, limits=(1, 100), reason="bones of known proportion that make a stature: of three, one may be wrong"
-    )
-    odd_below: float = setting(
-        1.2, unit="m", limits=(0.0, 100.0), reason="a shorter stature is that of a child under seven: worth a warning"
-    )
-    odd_above: float = setting(
-        2.1, unit="m", limits=(0.0, 100.0), reason="a taller stature is that of one person in many thousands"
-    )
-    impossible_below: float = setting(
-        0.6, unit="m", limits=(0.0, 100.0), reason="nobody this short stands yet; no body is written"
-    )
-    impossible_above: float = setting(
-        2.75, unit="m", limits=(0.0, 100.0), reason="the tallest man known was 2.72 m; no body is written"
-    )
+_TOLERANCE = 0.10  # of a bone's expected length outside the range of women and men; proportions differ by some per cent
+_ASYMMETRY_M = 0.015  # whole legs differ by 5 +- 4 mm (Knutson 2005, on anatomic leg-length inequality)
+_SIGMAS = 3.0  # that a difference must exceed as well, or an uncertain length is called odd
+_LEAST_BONES = 3  # of known proportion that make a stature: of three, one may be wrong
+_ODD_BELOW_M, _ODD_ABOVE_M = 1.2, 2.1  # a child under seven; one person in many thousands
+_LEAST_M, _MOST_M = 0.6, 2.75  # nobody this short stands; the tallest man known was 2.72 m
 
 
 @dataclass(frozen=True)
@@ -208,17 +176,16 @@ class BoneLength:
         return other != self and other.segment == _other_side(self.segment) and {other.start, other.end} == ends
 
 
-def expected_stature(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> float | None:
+def expected_stature(bones: Sequence[BoneLength]) -> float | None:
     """Stature [m] that bones together let expect: the median of what each says, so that an odd one has no say.
 
-    None when fewer than ``least_bones`` of them are of known proportion.
+    None when fewer than three of them are of known proportion.
     """
-    settings = settings or AnthropometrySettings()
     said = _statures(bones)
-    return median(said) if len(said) >= settings.least_bones else None
+    return median(said) if len(said) >= _LEAST_BONES else None
 
 
-def refuse_impossible(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> None:
+def refuse_impossible(bones: Sequence[BoneLength]) -> None:
     """Refuse bones that no person can have, because the map that they were measured in has a wrong scale.
 
     One bone of known proportion is enough, for it is not wrong by half of its length.
@@ -226,18 +193,16 @@ def refuse_impossible(bones: Sequence[BoneLength], settings: AnthropometrySettin
     Raises:
         MapError: they are too short or too long for any person.
     """
-    settings = settings or AnthropometrySettings()
     said = _statures(bones)
-    if said and not settings.impossible_below <= (stature_m := median(said)) <= settings.impossible_above:
+    if said and not _LEAST_M <= (stature_m := median(said)) <= _MOST_M:
         raise MapError(
             f"by its bones this body would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
         )
 
 
-def odd_scale(stature_m: float | None, settings: AnthropometrySettings | None = None) -> str:
+def odd_scale(stature_m: float | None) -> str:
     """A warning if few people have the stature that a body's bones let expect; empty otherwise."""
-    settings = settings or AnthropometrySettings()
-    if stature_m is None or settings.odd_below <= stature_m <= settings.odd_above:
+    if stature_m is None or _ODD_BELOW_M <= stature_m <= _ODD_ABOVE_M:
         return ""
     return f"by its bones this body is {stature_m:.2f} m tall; unless the person is, {_wrong_scale(stature_m)}"
 
@@ -257,22 +222,21 @@ def _wrong_scale(stature_m: float) -> str:
     )
 
 
-def judge_bones(bones: Sequence[BoneLength], settings: AnthropometrySettings | None = None) -> list[BoneDiagnosis]:
+def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
     """Compare each bone with its other side and with the proportions of people; lengths stay as they are.
 
     Returns:
         A diagnosis per bone, in their order. Of a pair that differs, and of which neither is out of proportion, the
         first carries the warning.
     """
-    settings = settings or AnthropometrySettings()
-    stature_m = expected_stature(bones, settings)
-    odd = [_proportion_warning(bone, stature_m, settings) for bone in bones]
+    stature_m = expected_stature(bones)
+    odd = [_proportion_warning(bone, stature_m) for bone in bones]
     judged = []
     for index, bone in enumerate(bones):
         other = next((row for row, candidate in enumerate(bones) if bone.mirrors(candidate)), None)
         warning = odd[index]
         if other is not None and other > index and not odd[index] and not odd[other]:
-            warning = _asymmetry_warning(bone, bones[other], settings)
+            warning = _asymmetry_warning(bone, bones[other])
         known = bone.proportion
         judged.append(
             BoneDiagnosis(
@@ -289,13 +253,13 @@ def judge_bones(bones: Sequence[BoneLength], settings: AnthropometrySettings | N
     return judged
 
 
-def _proportion_warning(bone: BoneLength, stature_m: float | None, settings: AnthropometrySettings) -> str:
+def _proportion_warning(bone: BoneLength, stature_m: float | None) -> str:
     known = bone.proportion
     if known is None or stature_m is None:
         return ""
     low_m, high_m = known.low * stature_m, known.high * stature_m
     outside_m = max(low_m - bone.length_m, bone.length_m - high_m)
-    allowed_m = max(settings.tolerance * known.middle * stature_m, settings.sigmas * bone.sigma_m)
+    allowed_m = max(_TOLERANCE * known.middle * stature_m, _SIGMAS * bone.sigma_m)
     if outside_m <= allowed_m:
         return ""
     return (
@@ -304,10 +268,10 @@ def _proportion_warning(bone: BoneLength, stature_m: float | None, settings: Ant
     )
 
 
-def _asymmetry_warning(bone: BoneLength, partner: BoneLength, settings: AnthropometrySettings) -> str:
+def _asymmetry_warning(bone: BoneLength, partner: BoneLength) -> str:
     difference_m = abs(bone.length_m - partner.length_m)
     sigma_m = (bone.sigma_m**2 + partner.sigma_m**2) ** 0.5
-    if difference_m <= max(settings.asymmetry, settings.sigmas * sigma_m):
+    if difference_m <= max(_ASYMMETRY_M, _SIGMAS * sigma_m):
         return ""
     return (
         f"{bone.words} {_cm(bone.length_m)}, {partner.words} {_cm(partner.length_m)}: they differ by "

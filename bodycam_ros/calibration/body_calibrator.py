@@ -6,26 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import AnthropometrySettings, refuse_impossible
+from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
+from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_limits import JointLimitSettings, limited_body
-from bodycam_ros.calibration.joint_search import FoundJoints, JointCentreSettings, JointSearch, check_exercised
-from bodycam_ros.calibration.refinement import RefinementSettings, refine
+from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
+from bodycam_ros.calibration.refinement import MAX_ROWS, refine
 from bodycam_ros.calibration.rest_pose import (
     RestPose,
-    RestPoseSettings,
     facing_direction,
     find_rest_pose,
     heading_rotation,
     zero_at_rest,
 )
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.strap_slip import StrapSlipSettings, VirtualCameraSettings
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import RangeOfMotionError
@@ -44,14 +43,8 @@ class CalibrationSettings(SettingsGroups):
     """Settings of every step of a calibration."""
 
     motion_log: MotionLogSettings = MotionLogSettings()
-    strap_slip: StrapSlipSettings = StrapSlipSettings()
-    virtual_camera: VirtualCameraSettings = VirtualCameraSettings()
-    joint_centre: JointCentreSettings = JointCentreSettings()
-    rest_pose: RestPoseSettings = RestPoseSettings()
-    refinement: RefinementSettings = RefinementSettings()
     joint_limits: JointLimitSettings = JointLimitSettings()
     assessment: AssessmentSettings = AssessmentSettings()
-    anthropometry: AnthropometrySettings = AnthropometrySettings()
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,7 @@ class BodyCalibrator:
 
     def forget(self) -> None:
         """Drop what was collected: the range of motion begins anew."""
-        self._logs = {camera: CameraLog(camera, self._settings.motion_log) for camera in self._rig.cameras}
+        self._logs = {camera: CameraLog(camera) for camera in self._rig.cameras}
         self._readouts = ReadoutLog({camera: self._models[camera] for camera in self._rig.cameras}, self._readout)
 
     def add(self, matches: LandmarkMatches) -> None:
@@ -139,18 +132,16 @@ class BodyCalibrator:
             if np.abs(findings.refined.motion.delays).max() < _SETTLED_S:
                 break
         body = self._with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
-        return CalibratedBody(body, assess(findings, body, self._settings.assessment, self._settings.anthropometry))
+        return CalibratedBody(body, assess(findings, body, self._settings.assessment))
 
     def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
         """Body and motion, given by how much each camera's clock is ahead [s]."""
-        settings = self._settings
         on_progress("joint centres", 0.0)
-        motion = camera_motion(list(self._logs.values()), settings.motion_log, delays_s)
-        search = JointSearch(self._rig, settings.strap_slip, settings.virtual_camera, settings.joint_centre)
-        found = search.find(motion)  # A eq. 6-7, 12-14
-        axes_on_child = check_exercised(self._rig, found.centres, settings.joint_centre)
+        motion = camera_motion(list(self._logs.values()), delays_s)
+        found = find_joints(self._rig, motion)  # A eq. 6-7, 12-14
+        axes_on_child = check_exercised(self._rig, found.centres)
         # Before what is measured in metres is asked whether it moved.
-        refuse_impossible(found.bone_lengths(self._rig), settings.anthropometry)
+        refuse_impossible(found.bone_lengths(self._rig))
         rest = self._rest_pose(motion, found)
         heading_rad = self._heading(found, rest, axes_on_child)
 
@@ -158,7 +149,7 @@ class BodyCalibrator:
         hinges = {child: rest_T_virtual[child][:3, :3] @ axis for child, axis in axes_on_child.items()}
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
         body = place_hinges(body, hinges)  # A eq. 16-17
-        rows = np.union1d(motion.spread(settings.refinement.max_instants), rest.some_instants)
+        rows = np.union1d(motion.spread(MAX_ROWS), rest.some_instants)
         first = first_motion(body, motion, found.virtual, rest_T_virtual, rows)
         on_progress("joint centres", 1.0)
 
@@ -169,14 +160,11 @@ class BodyCalibrator:
             images,
             found.trust[rows],
             straight_limbs(first, hinges),
-            settings.refinement,
             self._clock,
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)
-        zeroed = zero_at_rest(
-            refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges), settings.rest_pose
-        )
+        zeroed = zero_at_rest(refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges))
         return Findings(
             rig=self._rig,
             delays_before_s=delays_s,
@@ -187,7 +175,6 @@ class BodyCalibrator:
             first=first,
             refined=refined,
             zeroed=zeroed,
-            straight_sigma=settings.refinement.straight_sigma,
             rest_s=(0.0, float(motion.seconds[rest.instants[-1]])),
             image_counts={camera: (log.images, log.registered) for camera, log in self._logs.items()},
             readouts=self._readouts.readouts(),
@@ -199,7 +186,6 @@ class BodyCalibrator:
             motion.seconds,
             {segment: one.world_T_virtual for segment, one in found.virtual.items()},
             {segment: one.known for segment, one in found.virtual.items()},
-            self._settings.rest_pose,
         )
 
     def _heading(self, found: FoundJoints, rest: RestPose, hinges: Collection[str]) -> float:
@@ -207,7 +193,7 @@ class BodyCalibrator:
             return self._facing_rad
         # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
         balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
-        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment), self._settings.rest_pose)
+        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment))
 
     def _with_readouts(self, body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
         """The body with what is known of its cameras' rows, and in which video mode."""

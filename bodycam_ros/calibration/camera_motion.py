@@ -1,4 +1,4 @@
-"""Where every camera was at every instant of a range of motion, on one clock, in bounded memory."""
+"""Poses of all cameras of a range of motion at common stamps, in bounded memory."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,16 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import inverse
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.stamps import find_shared_stamps
 
-Array = NDArray[np.float64]
+TRACK_AGE_S = 0.5
+"""Longest track of a calibration: a track keeps the half pixel of its first match, and only many tracks average it."""
 
-_SHORTEST_BEAT_NS = 1_000_000_000 // 480
-"""Shorter than the time between two images. Its doubles hold whole images at usual rates, so that they stay even."""
+_SHORTEST_INTERVAL_NS = 1_000_000_000 // 480  # shorter than the time between two images
+_MAX_IMAGES = 2400  # per camera, about 3 kB each: three minutes at 12 Hz; of a longer recording fewer a second
+_MAX_GAP_S = 0.15  # between two registrations that are interpolated; beyond, a limb's path bends by centimetres
 
 
 @dataclass(frozen=True)
@@ -30,25 +32,6 @@ class MotionLogSettings:
         reason="images used per second and camera of a recording; neighbouring images share their errors, and tracking "
         "them all costs twice the time",
     )
-    track_age: float = setting(
-        0.5,
-        unit="s",
-        limits=(0.1, 10.0),
-        reason="tracks of a recording are found anew after this long: one keeps the half pixel by which it was found "
-        "wrongly, and only many finds average it out",
-    )
-    max_images: int = setting(
-        2400,
-        limits=(100, 100000),
-        reason="images kept per camera, about 3 kB each; three minutes at 12 Hz, of a longer recording fewer a second",
-    )
-    max_gap: float = setting(
-        0.15,
-        unit="s",
-        limits=(0.0, 1.0),
-        reason="a camera's pose is interpolated between two registrations this close; a swinging limb bends its path "
-        "by centimetres over longer ones",
-    )
 
 
 class CameraLog:
@@ -56,51 +39,44 @@ class CameraLog:
 
     Args:
         camera: its name.
-        settings: how much is kept.
     """
 
-    def __init__(self, camera: str, settings: MotionLogSettings) -> None:
+    def __init__(self, camera: str) -> None:
         self.camera = camera
         self.matches: list[LandmarkMatches] = []
         self.images = 0
         self.registered = 0
-        self._max_images = settings.max_images
-        self._beat_ns = _SHORTEST_BEAT_NS
+        self._interval_ns = _SHORTEST_INTERVAL_NS
 
     def add(self, matches: LandmarkMatches) -> None:
-        """Add the next image's registration; one that is not later than the last is left out."""
+        """Add the next image's registration; one that is not later than the last is dropped."""
         if self.matches and matches.stamp_ns <= self.matches[-1].stamp_ns:
             return
         self.images += 1
         self.registered += matches.world_T_camera is not None
-        if not self.matches or self._beat(matches) > self._beat(self.matches[-1]):
+        last_ns = self.matches[-1].stamp_ns if self.matches else -1
+        if matches.stamp_ns // self._interval_ns > last_ns // self._interval_ns:
             self.matches.append(matches)
-        while len(self.matches) > self._max_images:
-            self._thin()
-
-    def _thin(self) -> None:
-        """Keep the first image in each beat of absolute time: whatever one camera lost, all keep the same instants."""
-        self._beat_ns *= 2
-        first_of_beat: dict[int, LandmarkMatches] = {}
-        for matches in self.matches:
-            first_of_beat.setdefault(self._beat(matches), matches)
-        self.matches = list(first_of_beat.values())
-
-    def _beat(self, matches: LandmarkMatches) -> int:
-        return matches.stamp_ns // self._beat_ns
+        while len(self.matches) > _MAX_IMAGES:
+            # The first image in each interval of absolute time: all cameras keep the same ones.
+            self._interval_ns *= 2
+            first: dict[int, LandmarkMatches] = {}
+            for each in self.matches:
+                first.setdefault(each.stamp_ns // self._interval_ns, each)
+            self.matches = list(first.values())
 
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """Poses of all cameras at common instants.
+    """Poses of all cameras at common stamps.
 
     Attributes:
         cameras: (C) names.
-        stamps_ns: (T) instants [ns], those of the camera that was registered most often.
-        world_T_camera: (T, C, 4, 4); of a camera that is not known at an instant, the identity.
-        known: (T, C) whether it is.
-        matches: (T) camera -> the image nearest to the instant, with its landmarks; registered ones only.
-        instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the instant: the
+        stamps_ns: (T) [ns], those of the camera that was registered most often.
+        world_T_camera: (T, C, 4, 4); the identity where a camera is unknown.
+        known: (T, C) whether it is known.
+        matches: (T) camera -> the image nearest to the stamp, with its landmarks; registered ones only.
+        instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the stamp: the
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
@@ -117,12 +93,12 @@ class CameraMotion:
 
     @property
     def seconds(self) -> Array:
-        """(T) instants since the first [s]."""
+        """(T) stamps since the first [s]."""
         seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
         return seconds
 
     def columns(self, cameras: Sequence[str]) -> list[int]:
-        """Where some cameras stand among all."""
+        """Columns of some cameras."""
         return [self.cameras.index(camera) for camera in cameras]
 
     def poses(self, camera: str) -> Array:
@@ -131,19 +107,16 @@ class CameraMotion:
         return poses
 
     def spread(self, count: int) -> NDArray[np.intp]:
-        """At most so many instants, evenly spread."""
-        instants = len(self.stamps_ns)
-        return np.unique(np.linspace(0, instants - 1, min(count, instants)).round().astype(np.intp))
+        """Rows of at most so many stamps, evenly spread."""
+        total = len(self.stamps_ns)
+        return np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(np.intp))
 
 
-def camera_motion(
-    logs: Sequence[CameraLog], settings: MotionLogSettings, delays_s: Mapping[str, float] | None = None
-) -> CameraMotion:
-    """Bring the registrations of all cameras to common instants.
+def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | None = None) -> CameraMotion:
+    """Bring the registrations of all cameras to common stamps.
 
     Args:
         logs: of all cameras.
-        settings: how far apart the images of a camera may be.
         delays_s: camera -> by how much its clock is known to be ahead [s].
 
     Raises:
@@ -172,7 +145,7 @@ def camera_motion(
             own_stamps_ns[column] - delays_ns[column],
             np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None]),
         )
-        rows = np.flatnonzero(path.covers(stamps_ns, settings.max_gap))
+        rows = np.flatnonzero(path.covers(stamps_ns, _MAX_GAP_S))
         points = path.interpolate(stamps_ns[rows])
         world_T_camera[rows, column] = points.poses
         twists[rows, column] = points.twists

@@ -14,9 +14,9 @@ from bodycam_ros.body.articulation import ArticulatedMotion, articulated
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.calibration.anthropometry import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.camera_motion import CameraMotion
-from bodycam_ros.calibration.joint_search import JointCentre
+from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.strap_slip import VirtualCamera
+from bodycam_ros.calibration.virtual_camera import VirtualCamera
 from bodycam_ros.geometry import inverse, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 

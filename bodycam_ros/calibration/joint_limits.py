@@ -4,30 +4,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.settings import setting
 
-Array = NDArray[np.float64]
+_PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
 
 
 @dataclass(frozen=True)
 class JointLimitSettings:
-    """What joints are let do: in URDF, and by the solver if hinges are held."""
+    """Limits of joints, in URDF and for the solver."""
 
     hold_hinges: bool = setting(
         False,
         reason="true makes hinges of the joints that turned as such, and the solver holds them to their axis; people's "
         "elbows and knees turn about others too, and every segment carries a camera that sees it",
-    )
-    percentile: float = setting(
-        0.5,
-        unit="%",
-        limits=(0.0, 20.0),
-        reason="share of the instants beyond each limit: one wrong instant must not open a joint",
     )
     margin: float = setting(
         0.09,
@@ -42,7 +36,7 @@ def limited_body(zeroed: ZeroedMotion, settings: JointLimitSettings) -> BodyMode
     body = _with_hinges(zeroed.motion.body, zeroed.hinges) if settings.hold_hinges else zeroed.motion.body
     tracker = JointAngleTracker(body)
     angles = np.stack([tracker.angles(poses) for poses in zeroed.motion.world_T_segment()])
-    low, high = np.percentile(angles, [settings.percentile, 100.0 - settings.percentile], axis=0)
+    low, high = np.percentile(angles, [_PERCENTILE, 100.0 - _PERCENTILE], axis=0)
     low, high = np.minimum(low, 0.0) - settings.margin, np.maximum(high, 0.0) + settings.margin
     limit_of = {name: (float(low[column]), float(high[column])) for column, name in enumerate(tracker.names)}
     joints = tuple(replace(joint, limits=tuple(limit_of[name] for name in joint.angle_names)) for joint in body.joints)

@@ -16,54 +16,21 @@ from numpy.typing import NDArray
 from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
 from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
-from bodycam_ros.settings import setting
+from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
 
-Array = NDArray[np.float64]
+MAX_ROWS = 120
+"""Stamps of the recording that are used, evenly spread: neighbours share the errors of their tracks."""
 
-_HELD = 1e12
-"""Information on what is a matter of choice: each segment's axes, and the root's origin."""
+STRAIGHT_SIGMA_M = 0.005
+"""How straight a limb stands in the N-pose: it alone fixes a hinge's joint along its axis."""
 
-
-@dataclass(frozen=True)
-class RefinementSettings:
-    """How the body is refined."""
-
-    max_instants: int = setting(
-        120,
-        limits=(20, 10000),
-        reason="instants used, evenly over the recording; between neighbours tracks keep their errors, so that more "
-        "bring little and cost time",
-    )
-    pose_iterations: int = setting(
-        4, limits=(1, 50), reason="steps on the registrations' own poses, from the joint centres to within a pixel"
-    )
-    image_iterations: int = setting(
-        4, limits=(0, 50), reason="steps on the landmarks in the images; further ones move joints by 0.1 mm"
-    )
-    landmark_sigma: float = setting(
-        0.02,
-        unit="m",
-        limits=(1e-6, 1.0),
-        reason="how well the map knows a landmark; what all cameras see of it over the recording mends the rest",
-    )
-    straight_sigma: float = setting(
-        0.005,
-        unit="m",
-        limits=(0.0001, 0.1),
-        reason="how straight a limb stands in the N-pose: it alone holds a hinge's joint along its axis",
-    )
-    sigma_blocks: int = setting(
-        12,
-        limits=(3, 1000),
-        reason="stretches of the recording that are left out one by one for the standard deviations; each must outlast "
-        "the tracks, which keep their errors",
-    )
-    outlier_sigmas: float = setting(
-        4.0,
-        limits=(1.0, 100.0),
-        reason="a camera farther than this from the body counts less and less (Cauchy), as in the solver",
-    )
+_POSE_ITERATIONS = 4  # on the registrations' own poses, from the joint centres to within a pixel
+_IMAGE_ITERATIONS = 4  # on the landmarks in the images; further ones move joints by 0.1 mm
+_LANDMARK_SIGMA_M = 0.02  # of a landmark in the map; the images of the whole recording correct the rest
+_SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
+_OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
+_FIXED = 1e12  # information on what is a matter of choice: each segment's axes, and the root's origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +86,6 @@ def refine(
     images: ImageEvidence,
     trust: Array,
     limbs: Sequence[StraightLimb],
-    settings: RefinementSettings,
     clock: ClockSettings,
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> Refined:
@@ -131,29 +97,28 @@ def refine(
         images: their landmarks in the images.
         trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
         limbs: the straight limbs of the N-pose.
-        settings: of the refinement.
         clock: how far clocks may be off.
         on_progress: called with the share that is done.
     """
     start = motion
-    total = settings.pose_iterations + settings.image_iterations
+    total = _POSE_ITERATIONS + _IMAGE_ITERATIONS
     for iteration in range(total):
         world_T_camera = motion.world_T_camera()
-        if iteration < settings.pose_iterations:
+        if iteration < _POSE_ITERATIONS:
             hessians, gradients = poses.linearised(world_T_camera)
         else:
-            images = images.with_landmarks_refined(world_T_camera, settings.landmark_sigma)
+            images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
             hessians, gradients = images.linearised(world_T_camera)
-        weights = trust * _cauchy(hessians, gradients, settings)
+        weights = trust * _cauchy(hessians, gradients)
         eliminated = eliminate_instants(
             *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
         )
-        prior = _priors(motion, start, limbs, settings, clock)
+        prior = _priors(motion, start, limbs, clock)
         equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
         on_progress((iteration + 1) / total)
-    return Refined(motion, images, jackknife_covariance(equations, settings.sigma_blocks), weights, total)
+    return Refined(motion, images, jackknife_covariance(equations, _SIGMA_BLOCKS), weights, total)
 
 
 def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:
@@ -174,7 +139,6 @@ def _priors(
     motion: ArticulatedMotion,
     start: ArticulatedMotion,
     limbs: Sequence[StraightLimb],
-    settings: RefinementSettings,
     clock: ClockSettings,
 ) -> tuple[Array, Array]:
     """What no image tells: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
@@ -189,7 +153,7 @@ def _priors(
         held[columns.start : columns.stop if is_root else columns.start + 3] = True
     # All clocks together may be off by anything: that of the first camera with a shared trigger is the body's, if any.
     held[motion.delay_columns.start + int(np.argmax(motion.triggered))] = True
-    hessian[held, held] = _HELD
+    hessian[held, held] = _FIXED
     sigmas = np.where(motion.triggered, TRIGGER_SIGMA_S, clock.sigma)
     delays = range(motion.delay_columns.start, motion.delay_columns.stop)
     hessian[delays, delays] += sigmas**-2.0
@@ -197,16 +161,16 @@ def _priors(
     shift = (motion.offsets - start.offsets).ravel()
     for limb in limbs:
         row = np.zeros(count)
-        row[: len(limb.row)] = limb.row / settings.straight_sigma
-        value = (limb.value + limb.row @ shift) / settings.straight_sigma
+        row[: len(limb.row)] = limb.row / STRAIGHT_SIGMA_M
+        value = (limb.value + limb.row @ shift) / STRAIGHT_SIGMA_M
         hessian += np.outer(row, row)
         gradient += row * value
     return hessian, gradient
 
 
-def _cauchy(hessians: Array, gradients: Array, settings: RefinementSettings) -> Array:
+def _cauchy(hessians: Array, gradients: Array) -> Array:
     """Weights (T, C) by each camera's distance from where the body puts it, in its own sigmas."""
     traces = np.trace(hessians, axis1=-2, axis2=-1)
     regular = hessians + (1e-12 * traces + (traces == 0))[..., None, None] * np.eye(6)
     squared = np.einsum("tci,tci->tc", gradients, np.linalg.solve(regular, gradients[..., None])[..., 0])
-    return distance_weights(np.maximum(squared, 0.0), traces > 0, settings.outlier_sigmas)
+    return distance_weights(np.maximum(squared, 0.0), traces > 0, _OUTLIER_SIGMAS)

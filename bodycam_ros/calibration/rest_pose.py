@@ -1,4 +1,4 @@
-"""The N-pose at the start of a recording: when it was held, which way the person faced, and how it becomes zero."""
+"""The N-pose at the start of a recording: when it was held, its heading, and the zero pose of the body by it."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -11,37 +11,18 @@ from bodycam_ros.calibration.anthropometry import LEFT, mirrored
 from bodycam_ros.calibration.first_body import root_at_hips
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import inverse, log_so3, rigid, robust_average_pose
-from bodycam_ros.settings import setting
+from bodycam_ros.geometry import Array, inverse, log_so3, rigid, robust_average_pose
 
-Array = NDArray[np.float64]
+MAX_TURN_RAD = 0.06
+"""People sway by a degree or two; a limb that sets out turns more."""
 
-_UP = np.array([0.0, 0.0, 1.0])
+MAX_SHIFT_M = 0.04
+"""People sway by a centimetre or two; registrations err by half of one."""
+
+_MIN_DURATION_S = 0.5  # shorter stillness may be the turning point of a motion
+_MAX_RISE = 0.3  # per length: a steeper line from right to left is no line of hips or shoulders of a standing person
 _SOME = 10
-
-
-@dataclass(frozen=True)
-class RestPoseSettings:
-    """What counts as standing still."""
-
-    max_turn: float = setting(
-        0.06, unit="rad", limits=(0.005, 0.5), reason="people sway by a degree or two; a limb that sets out turns more"
-    )
-    max_shift: float = setting(
-        0.04,
-        unit="m",
-        limits=(0.005, 0.5),
-        reason="people sway by a centimetre or two; registrations err by half of one",
-    )
-    min_duration: float = setting(
-        0.5, unit="s", limits=(0.1, 60.0), reason="shorter stillness may be the turning point of a motion"
-    )
-    max_rise: float = setting(
-        0.3,
-        limits=(0.0, 1.0),
-        reason="of a line from right to left, per length: one that rises more (17 degrees) is no line of hips or "
-        "shoulders of someone who stands, and does not tell where the person faces",
-    )
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +30,7 @@ class RestPose:
     """The N-pose.
 
     Attributes:
-        instants: (K) rows of the instants in which it was held.
+        instants: (K) rows in which it was held.
         world_T_segment: segment -> (4, 4) its average pose then, in the frame of its virtual camera.
     """
 
@@ -58,7 +39,7 @@ class RestPose:
 
     @property
     def some_instants(self) -> NDArray[np.intp]:
-        """A few of the instants, evenly over the N-pose."""
+        """A few of the rows, evenly over the N-pose."""
         return self.instants[np.linspace(0, len(self.instants) - 1, min(_SOME, len(self.instants))).astype(np.intp)]
 
     def in_axes_of(self, world_R_rest: Array) -> dict[str, Array]:
@@ -72,25 +53,23 @@ def find_rest_pose(
     seconds: Array,
     world_T_segment: Mapping[str, Array],
     known: Mapping[str, NDArray[np.bool_]],
-    settings: RestPoseSettings,
 ) -> RestPose:
     """Find how long the body stands still at the start, and how.
 
     Args:
-        seconds: (T) instants [s].
+        seconds: (T) [s].
         world_T_segment: segment -> (T, 4, 4) poses.
         known: segment -> (T) where they are known.
-        settings: thresholds.
 
     Raises:
-        RangeOfMotionError: the recording begins with motion, or a segment is not seen while the body stands still.
+        RangeOfMotionError: the recording begins with motion, or a segment is unobserved while the body stands still.
     """
     end = len(seconds)
     ended_by = ""
     for segment, poses in world_T_segment.items():
-        if (still := _still_until(seconds, poses, known[segment], settings)) < end:
+        if (still := _still_until(seconds, poses, known[segment])) < end:
             end, ended_by = still, segment
-    if end == 0 or seconds[end - 1] < settings.min_duration:
+    if end == 0 or seconds[end - 1] < _MIN_DURATION_S:
         moved = f"{ended_by} moves after {seconds[end] if end < len(seconds) else 0.0:.1f} s"
         raise RangeOfMotionError(
             f"the recording does not begin with the N-pose: {moved}; stand still, arms down, for 1.5 s, then begin "
@@ -111,12 +90,11 @@ def find_rest_pose(
     return RestPose(instants, average)
 
 
-def facing_direction(joints_world: Mapping[str, Array], settings: RestPoseSettings) -> float:
+def facing_direction(joints_world: Mapping[str, Array]) -> float:
     """Heading of a standing person [rad], about z from x: across the lines from right joints to their left ones.
 
     Args:
         joints_world: joint -> (3,) where it is in the N-pose.
-        settings: which lines are level.
 
     Raises:
         RangeOfMotionError: no joint has a partner on the other side.
@@ -126,8 +104,8 @@ def facing_direction(joints_world: Mapping[str, Array], settings: RestPoseSettin
         right = joints_world.get(mirrored(name) or "")
         if name.endswith(LEFT) and right is not None:
             line = left - right
-            # Longer lines tell the direction better, and weigh more here.
-            if abs(line[2]) < settings.max_rise * np.linalg.norm(line):
+            # Longer lines give the direction better, and weigh more.
+            if abs(line[2]) < _MAX_RISE * np.linalg.norm(line):
                 leftward += line
     if np.linalg.norm(leftward[:2]) == 0:
         raise RangeOfMotionError(
@@ -165,22 +143,20 @@ def zero_at_rest(
     heading_rad: float,
     heading_is_given: bool,
     hinges: Collection[str],
-    settings: RestPoseSettings,
 ) -> ZeroedMotion:
     """Give a motion the frames of DESIGN 3: the N-pose is zero, the root is midway of the hips, hinges are in place.
 
     Args:
         motion: refined.
-        resting: (T) instants in which the N-pose was held.
+        resting: (T) rows in which the N-pose was held.
         heading_rad: that the person faced, as far as known before.
-        heading_is_given: by the user; else it is read off the refined joints.
+        heading_is_given: by the user; else it follows from the refined joints.
         hinges: child segments of the joints that turned as hinges.
-        settings: what tells where the person faces.
     """
     motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
     if not heading_is_given:
         balls = [joint for joint in motion.body.tree_joints if joint.child not in hinges]
-        correction_rad = facing_direction(motion.joints_at_zero(balls), settings)
+        correction_rad = facing_direction(motion.joints_at_zero(balls))
         heading_rad = float(np.angle(np.exp(1j * (heading_rad + correction_rad))))  # within half a turn
         motion = motion.with_segment_axes(np.stack([heading_rotation(correction_rad)] * len(motion.body.segments)))
     axes = {child: motion.hinge_axis(child) for child in hinges}
@@ -188,16 +164,16 @@ def zero_at_rest(
     return ZeroedMotion(motion.with_body(body), heading_rad, axes)
 
 
-def _still_until(seconds: Array, poses: Array, known: NDArray[np.bool_], settings: RestPoseSettings) -> int:
-    """Number of instants from the start in which a segment holds still; all of them if it never moves."""
-    opening = np.flatnonzero(known & (seconds <= settings.min_duration))
+def _still_until(seconds: Array, poses: Array, known: NDArray[np.bool_]) -> int:
+    """Number of rows from the start in which a segment is still; all of them if it never moves."""
+    opening = np.flatnonzero(known & (seconds <= _MIN_DURATION_S))
     if len(opening) == 0:
         return len(seconds)
     start = robust_average_pose(poses[opening])
     moved = inverse(start) @ poses
     turns = np.linalg.norm(log_so3(moved[:, :3, :3]), axis=1)
     shifts = np.linalg.norm(poses[:, :3, 3] - start[:3, 3], axis=1)
-    away = known & ((turns > settings.max_turn) | (shifts > settings.max_shift))
-    # A single instant is a wrong registration; motion lasts.
+    away = known & ((turns > MAX_TURN_RAD) | (shifts > MAX_SHIFT_M))
+    # A single row is a wrong registration; motion lasts.
     lasting = np.flatnonzero(away[:-2] & (away[1:-1] | ~known[1:-1]) & (away[2:] | ~known[2:]))
     return int(lasting[0]) if len(lasting) else len(seconds)

@@ -10,8 +10,7 @@ REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose"
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("readout", "clock", "assembler", "smoother", "motion", "contact", "evidence"),
-    *("coupling", "region", "pose_fit", "motion_log", "strap_slip", "virtual_camera", "joint_centre"),
-    *("rest_pose", "refinement", "joint_limits", "assessment", "anthropometry"),
+    *("coupling", "region", "pose_fit", "motion_log", "joint_limits", "assessment"),
 )
 """The groups of settings that each node uses."""
 
@@ -301,7 +300,7 @@ GROUPS: Final = frozenset(
     """
     tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
     readout clock assembler smoother motion contact evidence coupling region
-    motion_log strap_slip virtual_camera joint_centre rest_pose refinement joint_limits assessment anthropometry
+    motion_log joint_limits assessment
     frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
     sound_peaks claps whole_sound clocks shape stations doctor lens retarget
     """.split()

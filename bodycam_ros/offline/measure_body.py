@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody, CalibrationSettings
-from bodycam_ros.calibration.camera_motion import MotionLogSettings
+from bodycam_ros.calibration.camera_motion import TRACK_AGE_S
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
@@ -189,7 +189,7 @@ def calibrate(
     task = RegistrationTask(
         recording_path,
         map_path,
-        _with_fresh_tracks(pipeline, settings.motion_log),
+        _with_fresh_tracks(pipeline, settings.motion_log.max_rate),
         max_rate=settings.motion_log.max_rate,
         with_messages=False,
     )
@@ -206,13 +206,13 @@ def calibrate(
         return calibrator.solve(name, on_progress)
 
 
-def _with_fresh_tracks(pipeline: PipelineSettings, log: MotionLogSettings) -> PipelineSettings:
+def _with_fresh_tracks(pipeline: PipelineSettings, max_rate: float) -> PipelineSettings:
     """The tracker's settings for a calibration: short tracks, and keyframes so often that each track sees another."""
-    interval = max(1, round(_KEYFRAMES_PER_TRACK * log.track_age * log.max_rate))
+    interval = max(1, round(_KEYFRAMES_PER_TRACK * TRACK_AGE_S * max_rate))
     tracker = replace(
         pipeline.tracker,
         keyframe_interval=min(interval, pipeline.tracker.keyframe_interval),
-        max_track_age=min(log.track_age, pipeline.tracker.max_track_age),
+        max_track_age=min(TRACK_AGE_S, pipeline.tracker.max_track_age),
     )
     return replace(pipeline, tracker=tracker)
 

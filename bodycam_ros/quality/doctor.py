@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import prepare_kernels
@@ -102,7 +101,7 @@ def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Pro
         if is_bag(given.recording):
             findings += check_field_of_view(given.recording, registered, settings.doctor, progress)
         if is_exercise and rig is not None:
-            findings += check_rest(registered, rig.cameras, RestPoseSettings())
+            findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig, settings.doctor)
     return findings
 

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from bodycam_ros.calibration.anthropometry import SegmentName
-from bodycam_ros.calibration.rest_pose import RestPoseSettings
+from bodycam_ros.calibration.rest_pose import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
@@ -88,7 +88,7 @@ OPENING_S = (0.1, 0.7, 1.3)
 """Instants at which the person should stand still."""
 
 
-def check_rest(registered: RegisteredSamples, worn: Collection[str], settings: RestPoseSettings) -> Iterator[Finding]:
+def check_rest(registered: RegisteredSamples, worn: Collection[str]) -> Iterator[Finding]:
     """Compare where the worn cameras are in the first second.
 
     Args:
@@ -107,7 +107,7 @@ def check_rest(registered: RegisteredSamples, worn: Collection[str], settings: R
         moved = inverse(poses[0]) @ np.array(poses[1:])
         turn = float(np.linalg.norm(log_so3(moved[:, :3, :3]), axis=1).max())
         shift = float(np.linalg.norm(moved[:, :3, 3], axis=1).max())
-        if turn > settings.max_turn or shift > settings.max_shift:
+        if turn > MAX_TURN_RAD or shift > MAX_SHIFT_M:
             what = f"moves by {1e3 * shift:.0f} mm and {np.degrees(turn):.0f} deg in the first {OPENING_S[-1]:g} s"
             remedy = "stand still in the N-pose, arms down, for 1.5 s, then begin"
             yield Finding(_REST, Light.RED, what, remedy, f"camera {camera}")

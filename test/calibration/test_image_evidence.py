@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from range_of_motion import known_body, range_of_motion, registrations, wide_cameras
 
-from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
+from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.image_evidence import ImageEvidence, image_evidence
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.geometry import exp_se3
@@ -17,11 +17,11 @@ CAMERAS = ("waist_front", "chest")
 @pytest.fixture(scope="module")
 def motion() -> CameraMotion:
     body = known_body()
-    logs = {camera: CameraLog(camera, MotionLogSettings()) for camera in CAMERAS}
+    logs = {camera: CameraLog(camera) for camera in CAMERAS}
     for matches in registrations(range_of_motion(body, duration_s=4.0, rate_hz=5.0)):
         if matches.camera in logs:
             logs[matches.camera].add(matches)
-    return camera_motion(list(logs.values()), MotionLogSettings())
+    return camera_motion(list(logs.values()))
 
 
 def evidence_of(motion: CameraMotion, floor: EvidenceSettings) -> ImageEvidence:

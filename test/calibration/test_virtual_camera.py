@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.calibration.strap_slip import VirtualCameraSettings, fuse_cameras
+from bodycam_ros.calibration.virtual_camera import fuse_cameras
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 
 NAMES = ("front", "left", "right")
@@ -12,7 +12,7 @@ CAMERAS = SEGMENT[:, None] @ PLACES
 
 
 def test_exact() -> None:
-    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)), VirtualCameraSettings())
+    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)))
     for k, name in enumerate(NAMES):
         np.testing.assert_allclose(virtual.virtual_T_camera[name], PLACES[k], atol=1e-9)
     np.testing.assert_allclose(virtual.world_T_virtual, SEGMENT, atol=1e-9)
@@ -24,7 +24,7 @@ def test_noise_averages_and_wrong_poses_are_left_out() -> None:
     sigmas = np.repeat([0.001, 0.005], 3)
     noisy = CAMERAS @ exp_se3(sigmas * random.normal(size=(90, 3, 6)))
     noisy[::9, 1] = rigid(np.eye(3), np.array([5.0, 5.0, 5.0]))
-    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3)), VirtualCameraSettings())
+    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3)))
     errors = log_se3(inverse(SEGMENT) @ virtual.world_T_virtual)
     assert np.abs(errors[:, 3:]).max() < 0.02
     alone = log_se3(inverse(SEGMENT) @ noisy[:, 0])

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bodycam_ros.calibration.rest_pose import RestPoseSettings
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.quality.doctor_settings import DoctorSettings
@@ -68,17 +67,15 @@ def test_a_joint_that_nobody_saw_is_amber() -> None:
 
 def test_standing_still_at_first_is_green_and_setting_out_is_red() -> None:
     registered = moved(swing, bend)
-    assert lights(list(check_rest(registered, RIG.cameras, RestPoseSettings()))) == {}
+    assert lights(list(check_rest(registered, RIG.cameras))) == {}
     kicked = {**registered.poses["shin"], 2: rigid(exp_so3(np.array([0.3, 0.0, 0.0])), np.zeros(3))}
-    found = check_rest(
-        RegisteredSamples(SECONDS, {**registered.poses, "shin": kicked}), RIG.cameras, RestPoseSettings()
-    )
+    found = check_rest(RegisteredSamples(SECONDS, {**registered.poses, "shin": kicked}), RIG.cameras)
     assert lights(list(found)) == {"camera shin": Light.RED}
 
 
 def test_nobody_seen_at_first_is_red() -> None:
     blind = RegisteredSamples(SECONDS, {"waist": dict.fromkeys(range(len(SECONDS)))})
-    assert lights(list(check_rest(blind, ["waist"], RestPoseSettings()))) == {"": Light.RED}
+    assert lights(list(check_rest(blind, ["waist"]))) == {"": Light.RED}
 
 
 def test_the_share_that_finds_itself_is_judged_by_camera() -> None:

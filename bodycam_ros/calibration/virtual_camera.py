@@ -1,0 +1,96 @@
+"""Several cameras on one segment as one virtual camera (A eq. 6-7).
+
+It is at the segment's reference camera, so its frame is the segment's until the N-pose gives a better one.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation, rigid, robust_average_pose
+
+_MAJORITY = 3  # cameras of which one can be outvoted
+_FAR = 4.0  # times the usual distance of cameras of a segment: of three or more, one that far from all is left out
+_ROUNDING = 1e-9  # [m], [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualCamera:
+    """The cameras of one segment, fused.
+
+    Attributes:
+        virtual_T_camera: camera -> (4, 4) its mount; the identity for the reference camera.
+        world_T_virtual: (T, 4, 4) its pose; the identity where it is unknown.
+        known: (T) whether any of the cameras is.
+    """
+
+    virtual_T_camera: Mapping[str, Array]
+    world_T_virtual: Array
+    known: NDArray[np.bool_]
+
+    def filled(self) -> Array:
+        """Its poses (T, 4, 4), where it is unknown that of the nearest known row."""
+        rows = np.flatnonzero(self.known)
+        nearest = np.abs(np.arange(len(self.known))[:, None] - rows).argmin(axis=1)
+        poses: Array = self.world_T_virtual[rows[nearest]]
+        return poses
+
+
+def fuse_cameras(names: Sequence[str], world_T_camera: Array, weights: Array) -> VirtualCamera:
+    """Fuse the cameras of one segment.
+
+    Args:
+        names: (K) of the cameras, for messages.
+        world_T_camera: (T, K, 4, 4) their poses.
+        weights: (T, K) 1 for one that did not slip, 0 where it is unknown; the reference has the largest sum.
+
+    Raises:
+        RangeOfMotionError: a camera is never known together with the reference camera.
+    """
+    reference = int(np.argmax(weights.sum(axis=0)))
+    virtual_T_camera = {name: np.eye(4) for name in names}
+    for k, name in enumerate(names):
+        if k == reference:
+            continue
+        together = weights[:, [reference, k]].min(axis=1)
+        if not together.any():
+            raise RangeOfMotionError(
+                f"cameras {names[reference]} and {name} are on one segment but were never registered at the same time, "
+                "so nothing tells how they sit to each other; repeat the recording where both see the mapped place"
+            )
+        # Of a strap that slipped, only the time of full weight gives the mount (A eq. 6).
+        best = together >= together.max()
+        relative = inverse(world_T_camera[best, reference]) @ world_T_camera[best, k]
+        virtual_T_camera[name] = robust_average_pose(relative)
+    # A eq. 7: each camera gives a pose of the virtual one.
+    poses = world_T_camera @ inverse(np.stack([virtual_T_camera[name] for name in names]))
+    return VirtualCamera(virtual_T_camera, _weighted_average(poses, weights), weights.max(axis=1) > 0)
+
+
+def _weighted_average(poses: Array, weights: Array) -> Array:
+    """Average (T, 4, 4) over the K of poses (T, K, 4, 4) with weights (T, K); the identity where all are zero."""
+    if poses.shape[1] >= _MAJORITY:
+        weights = weights * _near_another(poses, weights > 0)
+    total = weights.sum(axis=1)
+    share = weights / np.where(total > 0, total, 1.0)[:, None]
+    R = np.einsum("tk,tkij->tij", share, poses[:, :, :3, :3])
+    R[total == 0] = np.eye(3)
+    return rigid(nearest_rotation(R), np.einsum("tk,tki->ti", share, poses[:, :, :3, 3]))
+
+
+def _near_another(poses: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T, K) whether a pose is about as near to another of its row as poses usually are."""
+    pairs = known[:, :, None] & known[:, None, :] & ~np.eye(poses.shape[1], dtype=bool)
+    between = inverse(poses)[:, :, None] @ poses[:, None]
+    near = np.ones(known.shape, dtype=bool)
+    for vectors in (between[..., :3, 3], log_so3(between[..., :3, :3])):
+        to_nearest = np.where(pairs, np.linalg.norm(vectors, axis=-1), np.inf).min(axis=2)
+        has_other = np.isfinite(to_nearest)
+        if has_other.any():
+            near &= ~has_other | (to_nearest <= _FAR * np.median(to_nearest[has_other]) + _ROUNDING)
+    # Where none is near another it is not known which is wrong.
+    near[~(near & known).any(axis=1)] = True
+    return near
