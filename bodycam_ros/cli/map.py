@@ -16,7 +16,7 @@ from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.built_map import BuiltMap
+    from bodycam_ros.mapping.build import BuiltMap
     from bodycam_ros.mapping.coverage import Coverage
     from bodycam_ros.mapping.map_settings import MapSettings
 
@@ -47,8 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, measure_coverage
-    from bodycam_ros.mapping.coverage_gaps import with_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, measure_coverage, with_coverage
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import check_replaceable
@@ -73,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress,
             known_distances(arguments),
         )
-        coverage = measure_coverage(built.reference_map, settings.coverage, progress)
+        coverage = measure_coverage(built.reference_map, progress)
     built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
     name = f"Coverage of {printable(arguments.output.name)}"
     built.save(
@@ -93,8 +92,7 @@ def _settings() -> "type[MapSettings]":
 
 def _report(built: "BuiltMap", coverage: "Coverage", path: Path) -> None:
     """Print what a person wants to know before trusting a map."""
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE
-    from bodycam_ros.mapping.coverage_gaps import coverage_lines
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines
 
     console = Terminal()
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")

@@ -2,17 +2,12 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import whole_file
-
-if TYPE_CHECKING:
-    from bodycam_ros.mapping.map_settings import CheckSettings
 
 _PNG = b"\x89PNG"
 
@@ -23,26 +18,21 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("map", type=Path, metavar="MAP", help="folder made by 'bodycam map'")
     parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="draw it: directions, and places from above")
     parser.add_argument("--force", action="store_true", help="replace PNG if it is there already")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, _settings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.mapping.coverage import measure_coverage
-    from bodycam_ros.mapping.coverage_gaps import coverage_lines
-    from bodycam_ros.mapping.map_settings import CheckSettings
+    from bodycam_ros.mapping.coverage import coverage_lines, measure_coverage
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import ReferenceMap
 
-    settings = settings_from_flags(arguments, CheckSettings, arguments.config)
     if arguments.output is not None:
-        check_output(arguments.output, (arguments.map, arguments.config), makes_folders=False)
+        check_output(arguments.output, (arguments.map,), makes_folders=False)
         check_file(arguments.output, arguments.force, _PNG, "picture (PNG)")
     reference_map = ReferenceMap.load(arguments.map)
     with shown_progress() as progress:
-        coverage = measure_coverage(reference_map, settings.coverage, progress)
+        coverage = measure_coverage(reference_map, progress)
     lines = coverage_lines(coverage, reference_map)
     if arguments.output is not None:
         with whole_file(arguments.output) as unfinished:
@@ -51,9 +41,3 @@ def run(arguments: argparse.Namespace) -> int:
         lines.append(f"drawn in {arguments.output}")
     Terminal().print("\n".join(lines), soft_wrap=True)
     return 0
-
-
-def _settings() -> "type[CheckSettings]":
-    from bodycam_ros.mapping.map_settings import CheckSettings
-
-    return CheckSettings

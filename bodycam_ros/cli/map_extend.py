@@ -30,8 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.cli.lines import print_rounds, shown_steps
     from bodycam_ros.cli.progress import ToldProgress
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, CoverageSettings, measure_coverage
-    from bodycam_ros.mapping.coverage_gaps import coverage_lines, with_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.offline.extend import extend_map
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.plots.rounds_picture import draw_rounds
@@ -48,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         extension = extend_map(arguments.recording, arguments.map, settings, arguments.jobs, on_progress=on_progress)
     extended = extension.reference_map
     with nullcontext(told) if told else shown_progress() as progress:
-        coverage = measure_coverage(extended, CoverageSettings(), progress)
+        coverage = measure_coverage(extended, progress)
     extended = with_coverage(extended, coverage)
     recorded = "/".join(arguments.recording.resolve().parts[-2:])
     title = f"{printable(arguments.map.resolve().name)}, extended by {printable(recorded)}"

@@ -13,7 +13,8 @@ from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.known_distance import KnownDistance
-    from bodycam_ros.mapping.worn_keyframes import WornKeyframeSettings, WornPhotographs
+    from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.mapping.photographs import Photographs
 
 
 def add_worn_flags(parser: argparse.ArgumentParser) -> None:
@@ -93,29 +94,30 @@ def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]
 
 @contextmanager
 def worn_photographs_of(
-    arguments: argparse.Namespace, settings: "WornKeyframeSettings", progress: Progress
-) -> "Iterator[WornPhotographs]":
+    arguments: argparse.Namespace, settings: "MapSettings", progress: Progress
+) -> "Iterator[Photographs]":
     """The keyframes of the worn cameras; they are gone when the block ends.
 
     Raises:
         BodycamError: the recording cannot be read, or makes no photographs.
     """
     from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.mapping.frame_choice import keep_sharp_frames
+    from bodycam_ros.mapping.moving_camera import open_body_cameras
     from bodycam_ros.mapping.photographs import BOARD_FILE
-    from bodycam_ros.mapping.worn_keyframes import keep_worn_keyframes
 
     bag: Path = arguments.from_bag
     cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
-    at_once = [(known.first, known.second) for known in known_distances(arguments)]
+    pairs = [(known.first, known.second) for known in known_distances(arguments)]
     board = bag.resolve().parent / BOARD_FILE
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        yield keep_worn_keyframes(
-            bag,
-            cameras,
-            at_once,
+        yield keep_sharp_frames(
+            open_body_cameras(bag, cameras, [camera for pair in pairs for camera in pair]),
             scratch / "keyframes",
-            board if board.is_file() else None,
-            settings,
+            bag.resolve().name,
+            settings.frames,
             max(1, arguments.jobs),
             progress,
+            board if board.is_file() else None,
+            pairs,
         )

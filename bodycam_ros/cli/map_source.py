@@ -14,8 +14,8 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.frame_motion import MovingCamera
     from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
@@ -95,12 +95,12 @@ def photographs_of(
         BodycamError: the source cannot be read, or makes no photographs.
     """
     from bodycam_ros.lens.compared_lens import compare_lens
-    from bodycam_ros.mapping.carried_camera import BagCamera, VideoCamera
-    from bodycam_ros.mapping.frame_choice import keep_chosen_frames
+    from bodycam_ros.mapping.frame_choice import keep_sharp_frames
+    from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
 
     if arguments.from_bag is not None:
-        with worn_photographs_of(arguments, settings.worn, progress) as worn:
+        with worn_photographs_of(arguments, settings, progress) as worn:
             yield worn
         return
     source: Path = arguments.source
@@ -115,9 +115,17 @@ def photographs_of(
     compare_lens(camera)
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         folder: Path = arguments.keep_frames or scratch / "frames"
-        keep_chosen_frames(camera, folder, settings.frames, arguments.force, progress)
         board = source.resolve().parent / BOARD_FILE
-        yield find_photographs(folder, name=camera.name, board_path=board if board.is_file() else None)
+        yield keep_sharp_frames(
+            {camera.name: camera},
+            folder,
+            camera.name,
+            settings.frames,
+            max(1, arguments.jobs),
+            progress,
+            board if board.is_file() else None,
+            force=arguments.force,
+        )
 
 
 def is_bag(source: Path) -> bool:

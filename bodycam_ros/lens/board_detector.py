@@ -18,7 +18,6 @@ from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
 from bodycam_ros.mapping.apriltag import (
-    TagSettings,
     breadths_of,
     corners_of_edges,
     find_tags,
@@ -148,7 +147,7 @@ def _agree(corners: list[Array]) -> bool:
 Grey = NDArray[np.uint8]
 
 _LEAST_OF_BOARD = 8
-_TAGS = TagSettings(min_breadth=8.0, line_tolerance=0.3)  # what does not fit counts less, so more is looked at
+_MIN_BREADTH_PX, _TAG_TOLERANCE_PX = 8.0, 0.3  # what does not fit counts less, so more is looked at
 _LEAST_WINDOW, _LARGEST_WINDOW = 2, 9  # [px] half the side of the square that a corner is refined in
 _WINDOW_OF_SQUARE = 0.2
 _NEAR_SQUARES = 1.3  # from a tag's middle to the corners that it predicts: the four of its square
@@ -210,7 +209,7 @@ def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Fo
     if camera is None:
         tags = {tag: (corners, 1.0) for tag, corners in find_tags_in_picture(gray, board.dictionary)}
     else:
-        views = refined_tags(gray, camera, board.dictionary, _TAGS)
+        views = refined_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
         tags = {view.tag: (view.corners, max(1.0, _CLEAR_PX / view.breadths.min())) for view in views}
     known = [tag for tag in tags if tag in board.tags]
     if not known:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.lens.lens_match import lens_match
 from bodycam_ros.lens.lens_watch import followed_pairs
-from bodycam_ros.mapping.frame_motion import Frame, MovingCamera
+from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 
 logger = logging.getLogger(__name__)
 

@@ -1,11 +1,11 @@
 """AprilTags in photographs, with corners where the tags' edges meet.
 
-Corner detectors look at a few pixels around a corner, which blur rounds off towards the inside of the tag. Here each
-edge is a line through many points of steepest brightness, fitted where the lens does not bend it, and a corner is where
-two lines meet.
+Corner detectors use a few pixels around a corner, which blur rounds off towards the inside of the tag. Here each edge
+is a line through many points of steepest brightness, fitted where the lens does not bend it, and a corner is where two
+lines meet.
 
-Detectors look for quadrilaterals with straight sides. Where a lens is wide, they look into perspective views of parts
-of the picture as well.
+Detectors search for quadrilaterals with straight sides. With a wide lens they also search perspective views of parts of
+the picture.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,6 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -49,7 +48,7 @@ def find_tags(gray: Grey, camera: CameraModel, family: int) -> Iterator[tuple[in
 
 
 def find_tags_in_picture(gray: Grey, family: int) -> Iterator[tuple[int, Array]]:
-    """As ``find_tags``, of a lens that nobody knows: tags whose edges are bent may be missing."""
+    """As ``find_tags``, with an unknown lens: tags whose edges are bent may be missing."""
     yield from _detected(gray, cv2.aruco.getPredefinedDictionary(family))
 
 
@@ -104,6 +103,8 @@ FAMILIES: Mapping[str, int] = {
     "36h10": cv2.aruco.DICT_APRILTAG_36h10,
     "36h11": cv2.aruco.DICT_APRILTAG_36h11,
 }
+_MIN_BREADTH_PX = 16.0  # of a tag; in narrower ones blur mixes edges with cells
+_LINE_TOLERANCE_PX = 0.15  # median distance of edge points from their line; more is a bad edge
 _EDGE_MARGIN = 0.12  # share of an edge at either end that the neighbouring edge's blur reaches
 _REACH_OF_BREADTH = 0.07  # search across an edge; a tag's border and its quiet zone are 0.1 or more of its breadth
 _MIN_REACH = 1.5  # [px]
@@ -111,18 +112,6 @@ _STEPS_PER_PIXEL = 4  # samples across an edge
 _EDGE_BLUR = 0.7  # [px] smoothing before the steepest point is looked for
 _LINE_ITERATIONS = 5
 _MIN_LINE_POINTS = 6
-
-
-@dataclass(frozen=True)
-class TagSettings:
-    """Which views of a tag are good enough to measure with."""
-
-    min_breadth: float = setting(
-        16.0, unit="px", limits=(8.0, 1000.0), reason="narrowest breadth of a tag; below it blur mixes edges with cells"
-    )
-    line_tolerance: float = setting(
-        0.15, unit="px", limits=(0.02, 2.0), reason="median distance of edge points from their line; more is a bad edge"
-    )
 
 
 @dataclass(frozen=True)
@@ -140,7 +129,7 @@ class TagView:
     breadths: NDArray[np.float64]
 
 
-def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, settings: TagSettings) -> list[TagView]:
+def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str) -> list[TagView]:
     """Find the tags of a family in a photograph (rows, columns, 3) and refine their corners by their edges.
 
     Raises:
@@ -149,11 +138,23 @@ def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str, sett
     if family not in FAMILIES:
         raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-    return refined_tags(gray, camera, FAMILIES[family], settings)
+    return refined_tags(gray, camera, FAMILIES[family])
 
 
-def refined_tags(gray: NDArray[np.uint8], camera: CameraModel, family: int, settings: TagSettings) -> list[TagView]:
-    """As ``detect_tags``, of a grey picture (rows, columns) and a family by its number in ``cv2.aruco``."""
+def refined_tags(
+    gray: NDArray[np.uint8],
+    camera: CameraModel,
+    family: int,
+    min_breadth_px: float = _MIN_BREADTH_PX,
+    tolerance_px: float = _LINE_TOLERANCE_PX,
+) -> list[TagView]:
+    """As ``detect_tags``, of a grey picture (rows, columns) and a family by its number in ``cv2.aruco``.
+
+    Args:
+        gray, camera, family: picture, lens and family.
+        min_breadth_px: of a tag.
+        tolerance_px: median distance of an edge's points from its line.
+    """
     from scipy.ndimage import spline_filter
 
     # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
@@ -161,9 +162,9 @@ def refined_tags(gray: NDArray[np.uint8], camera: CameraModel, family: int, sett
     views: dict[int, TagView] = {}
     for tag, rough in find_tags(gray, camera, family):
         breadths = breadths_of(rough)
-        if tag in views or breadths.min() < settings.min_breadth:
+        if tag in views or breadths.min() < min_breadth_px:
             continue
-        corners = corners_of_edges(spline, rough, breadths, camera, settings.line_tolerance)
+        corners = corners_of_edges(spline, rough, breadths, camera, tolerance_px)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)
     return list(views.values())

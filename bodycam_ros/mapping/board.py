@@ -14,6 +14,7 @@ from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.mapping.apriltag import FAMILIES, TagView
 from bodycam_ros.mapping.structure import distinct
+from bodycam_ros.mapping.triangulation import triangulate
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -21,6 +22,8 @@ _LARGEST_M = 100.0
 """Of a coordinate: a board is smaller."""
 _UNEVEN = 0.1
 """Sides and diagonals of a printed square differ by less than this share; one mistyped corner by more."""
+
+_MIN_ANGLE = 1e-3  # [rad] between the rays of a corner
 
 _UP = re.compile(r"board (-?)([xyz]) is up")
 
@@ -186,36 +189,20 @@ def collect_corners(
     )
 
 
-def triangulate_corners(views: CornerViews, max_error_px: float) -> dict[int, Array | None]:
-    """Each corner of the board in the world, from all photographs that agree on it."""
-    return {
-        row: _triangulate_robustly(views.camera_T_world[at], views.bearings[at], max_error_px / views.focal_px[at])
-        for row in np.unique(views.corner_rows).tolist()
-        for at in [views.corner_rows == row]
-    }
-
-
-def _triangulate_robustly(camera_T_world: Array, bearings: Array, max_angles: Array) -> Array | None:
-    """Point (3,) nearest to the rays (N, 3), by leaving out the worst until all agree to ``max_angles`` (N,) [rad]."""
-    R_transposed = np.swapaxes(camera_T_world[:, :3, :3], 1, 2)
-    directions = (R_transposed @ bearings[:, :, None])[:, :, 0]
-    centres = -(R_transposed @ camera_T_world[:, :3, 3:])[:, :, 0]
-    kept = np.arange(len(bearings))
-    while len(kept) >= 2:
-        # Squared distance to a ray is quadratic in the point: |(I - d d^T)(x - c)|^2, weighted to an angle by depth.
-        point = np.zeros(3)
-        weights = np.ones(len(kept))
-        for _ in range(3):
-            across = np.eye(3) - directions[kept, :, None] * directions[kept, None, :]
-            normal = np.einsum("n,nij->ij", weights, across)
-            if np.linalg.cond(normal) > 1e8:
-                return None
-            point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centres[kept]))
-            weights = 1.0 / np.maximum(np.sum((point - centres[kept]) ** 2, axis=1), 1e-12)
-        to_point = point - centres[kept]
-        angles = np.linalg.norm(np.cross(directions[kept], to_point), axis=1) / np.linalg.norm(to_point, axis=1)
-        worst = int((angles / max_angles[kept]).argmax())
-        if angles[worst] <= max_angles[kept][worst]:
-            return point
-        kept = np.delete(kept, worst)
-    return None
+def triangulate_corners(views: CornerViews, max_error_px: float) -> dict[int, Array]:
+    """Corners of the board in the world (3,), by number, each from all photographs that agree on it."""
+    R_transposed = np.swapaxes(views.camera_T_world[:, :3, :3], 1, 2)
+    directions = (R_transposed @ views.bearings[:, :, None])[:, :, 0]
+    centres = -(R_transposed @ views.camera_T_world[:, :3, 3:])[:, :, 0]
+    corners = {}
+    for corner in np.unique(views.corner_rows).tolist():
+        kept = np.flatnonzero(views.corner_rows == corner)
+        while len(kept) >= 2:
+            found = triangulate(centres[None, kept], directions[None, kept], views.focal_px[None, kept])
+            worst = int(found.errors_px[0].argmax())
+            if found.errors_px[0, worst] <= max_error_px:
+                if found.angles[0] > _MIN_ANGLE:
+                    corners[corner] = found.points[0]
+                break
+            kept = np.delete(kept, worst)
+    return corners

@@ -1,17 +1,23 @@
 """From photographs to a reference map."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from bodycam_ros import __version__
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.alignment import Floor, FloorSettings, align_to_board, find_floor
-from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
+from bodycam_ros.mapping import colmap
+from bodycam_ros.mapping.alignment import BoardAlignment, BoardResidual, align_to_board
+from bodycam_ros.mapping.apriltag import TagView, detect_tags
 from bodycam_ros.mapping.board import Board, read_board
-from bodycam_ros.mapping.built_map import BuiltMap, map_summary, registration_table
-from bodycam_ros.mapping.features import FeatureSettings, ImageFeatures, extract_all, read_photograph
+from bodycam_ros.mapping.features import ImageFeatures, extract_all, read_photograph
+from bodycam_ros.mapping.floor import Floor, find_floor
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
@@ -19,10 +25,73 @@ from bodycam_ros.mapping.progress import Progress, TimedProgress, in_parallel
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
-from bodycam_ros.mapping.worn_keyframes import WornPhotographs
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 
 _LOG = logging.getLogger(__name__)
+
+_MODEL_FOLDER = "sparse"
+_PLY_FILE = "structure.ply"
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The registration of one photograph.
+
+    Attributes:
+        name: its file name.
+        registered: whether its pose is known.
+        landmarks: how many it observes.
+        error_px: mean reprojection error of those; NaN without any.
+        tags: how many tags of the board it shows.
+    """
+
+    name: str
+    registered: bool
+    landmarks: int
+    error_px: float
+    tags: int
+
+
+@dataclass(frozen=True)
+class BuiltMap:
+    """A map that is ready to be saved, with its quality.
+
+    Attributes:
+        reference_map: landmarks, descriptors, poses.
+        structure: the same with all observations, in the map frame.
+        registrations: one per readable photograph.
+        residual: of the board; None without one.
+        known_scale: by known distances, or of known distances in a map that the board has scaled; None without any.
+        floor: that gives the vertical, where no board does.
+        seconds: step -> time that it took.
+    """
+
+    reference_map: ReferenceMap
+    structure: Structure
+    registrations: tuple[Registration, ...]
+    residual: BoardResidual | None
+    known_scale: KnownScale | None
+    floor: Floor | None
+    seconds: dict[str, float]
+
+    def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
+        """Write the map folder with its COLMAP model and PLY, whole or not at all.
+
+        Args:
+            path: folder to create.
+            force: replace a map that is there.
+            also: writes further files into the folder that it is given, before the folder appears.
+
+        Raises:
+            MapError: the folder exists already.
+            OutputError: it cannot be written.
+        """
+
+        def write_structure(folder: Path) -> None:
+            colmap.write_model(folder / _MODEL_FOLDER, folder / _PLY_FILE, self.structure)
+            also(folder)
+
+        self.reference_map.save(path, force=force, also=write_structure)
 
 
 def build_map(
@@ -43,7 +112,7 @@ def build_map(
         settings: of all steps.
         workers: threads.
         progress: shows the steps.
-        known_distances: between worn cameras, of which the photographs are; they scale a map where no board does.
+        known_distances: between body cameras, of which the photographs are; they scale a map where no board does.
 
     Raises:
         MapError: the photographs do not make a map, or do not show the board.
@@ -53,51 +122,48 @@ def build_map(
     camera_of_name = photographs.camera_of_name
 
     # Features, with the detector that body cameras use.
-    features = _features(photographs, settings.features, workers, timed)
-    # Before the minutes of structure from motion: a board that nobody sees should cost seconds.
-    tags = {} if board is None else _tag_views(photographs, features, board, settings.tags, workers, timed)
+    features = _features(photographs, settings.features.max_features, workers, timed)
+    # Before the minutes of structure from motion: a board that no photograph shows should cost seconds.
+    tags = {} if board is None else _tag_views(photographs, features, board, workers, timed)
     if board is not None and not any(tags.values()):
-        problem = _no_tag(photographs, board, settings.tags)
+        problem = (
+            f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
+            f"{', '.join(map(str, board.corners_board))}) large enough; photograph it from near by, or leave the board "
+            "out (--no-board) for a map without scale"
+        )
         if not known_distances:
             raise MapError(problem)
         _LOG.warning("%s. The known distance alone scales the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
-        structure = reconstruct(
-            features, camera_of_name, settings.pairs, settings.epipolar, settings.landmarks, workers, timed
-        )
+        structure = reconstruct(features, camera_of_name, workers, timed)
     else:
-        structure = adopt_model(model_folder, features, camera_of_name, settings.landmarks)
+        structure = adopt_model(model_folder, features, camera_of_name)
 
     # Scale, origin and upward direction.
     alignment, known_scale, floor = None, None, None
     if board is not None:
         tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
-        alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board, settings.alignment)
+        alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board)
         structure = structure.transformed(alignment.scale, alignment.R, alignment.t)
         if board.map_R_board is None:
             _LOG.warning(
-                "%s: 'placement' does not say which axis of the board is up (as in 'lying: board z is up'); "
+                "%s: 'placement' does not name the axis of the board that is up (as in 'lying: board z is up'); "
                 "the map is metric, but its z is the board's, not up",
                 board_path,
             )
-    if isinstance(photographs, WornPhotographs):
-        if known_distances:
-            known_scale = measure_scale(structure, photographs.moments, known_distances, settings.known_distance)
-        if alignment is None:
-            structure, floor = _by_wearer(structure, photographs, known_scale, settings.floor)
+    if known_distances:
+        known_scale = measure_scale(structure, photographs, known_distances)
+    if alignment is None and len({origin.camera for origin in photographs.origins.values()}) > 1:
+        structure, floor = _align_to_floor(structure, photographs, known_scale)
 
     with timed.step("describing landmarks", 1) as advance:
         by_name = {image.name: image for image in features}
-        seen = [by_name[name] for name in structure.names]
-        chosen = choose_descriptors(structure, seen, settings.descriptors)
+        chosen = choose_descriptors(structure, [by_name[name] for name in structure.names])
         advance()
-    kept = None
-    if settings.kept.keep:
-        kept = small_photographs(photographs.folder, structure, workers, timed)
-    registrations = registration_table([image.name for image in features], structure, tags)
-    residual, map_R_board = (None, None) if alignment is None else (alignment.residual, alignment.map_R_board)
+    kept = small_photographs(photographs.folder, structure, workers, timed) if settings.kept.keep else None
+    registrations = _registrations([image.name for image in features], structure, tags)
     reference_map = ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
         points_world=structure.points_world,
@@ -111,18 +177,19 @@ def build_map(
         metric=alignment is not None or known_scale is not None,
         gravity_aligned=floor is not None or (board is not None and board.map_R_board is not None),
         photographs=kept,
-        summary=map_summary(photographs, structure, settings, residual, known_scale, floor, registrations, map_R_board),
+        summary=_summary(photographs, structure, settings, alignment, known_scale, floor, registrations),
     )
+    residual = None if alignment is None else alignment.residual
     return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, timed.seconds)
 
 
-def _by_wearer(
-    structure: Structure, photographs: WornPhotographs, known_scale: KnownScale | None, settings: FloorSettings
+def _align_to_floor(
+    structure: Structure, photographs: Photographs, known_scale: KnownScale | None
 ) -> tuple[Structure, Floor | None]:
-    """Put a structure on the floor beneath the wearer, in metres if a distance is known; says how far to trust it."""
+    """Put a structure on the floor beneath the person, in metres if a distance is known; warn of its uncertainty."""
     scale = 1.0
     if known_scale is None:
-        _LOG.warning("no board is seen and no distance is known, so the map has no scale; see --known-distance")
+        _LOG.warning("no board is visible and no distance is known, so the map has no scale; see --known-distance")
     else:
         scale = known_scale.scale
         _LOG.warning(
@@ -130,23 +197,21 @@ def _by_wearer(
             "on the floor, or a longer distance, makes that less",
             100.0 * known_scale.sigma,
         )
-    floor = find_floor(structure, photographs.moments, settings)
+    floor = find_floor(structure, photographs)
     if floor is None:
-        _LOG.warning("no floor is found beneath the worn cameras, so the map's z is not up; let a board lie there")
+        _LOG.warning("no floor is found beneath the body cameras, so the map's z is not up; put a board there")
         return structure.transformed(scale, np.eye(3), np.zeros(3)), None
-    _LOG.warning("the map's z is up if the floor is level on which its wearer stood")
+    _LOG.warning("the map's z is up if the floor is level on which the person stood")
     turned = scale * floor.map_R_world
     return structure.transformed(scale, floor.map_R_world, -turned @ floor.origin), floor
 
 
-def _features(
-    photographs: Photographs, settings: FeatureSettings, workers: int, progress: Progress
-) -> list[ImageFeatures]:
+def _features(photographs: Photographs, max_features: int, workers: int, progress: Progress) -> list[ImageFeatures]:
     """Features of all photographs that can be read and belong to the camera; the others are warned about."""
     features: list[ImageFeatures] = []
     skipped = []
     with progress.step("extracting features", len(photographs.paths)) as advance:
-        for result in extract_all(photographs.paths, photographs.camera_of_name, settings, workers):
+        for result in extract_all(photographs.paths, photographs.camera_of_name, max_features, workers):
             if isinstance(result, MapError):
                 _LOG.warning("skipped: %s", result)
                 skipped.append(result)
@@ -162,19 +227,13 @@ def _features(
 
 
 def _tag_views(
-    photographs: Photographs,
-    features: Sequence[ImageFeatures],
-    board: Board,
-    settings: TagSettings,
-    workers: int,
-    progress: Progress,
+    photographs: Photographs, features: Sequence[ImageFeatures], board: Board, workers: int, progress: Progress
 ) -> dict[str, list[TagView]]:
-    """Photograph -> the board's tags that it measures."""
+    """Photograph -> the board's tags that it shows."""
 
     def detect(name: str) -> list[TagView]:
         picture, camera = read_photograph(photographs.folder / name), photographs.camera_of_name[name]
-        views = detect_tags(picture, camera, board.family, settings)
-        return [view for view in views if view.tag in board.corners_board]
+        return [view for view in detect_tags(picture, camera, board.family) if view.tag in board.corners_board]
 
     names = [image.name for image in features]
     tags = {}
@@ -185,9 +244,67 @@ def _tag_views(
     return tags
 
 
-def _no_tag(photographs: Photographs, board: Board, settings: TagSettings) -> str:
-    return (
-        f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
-        f"{', '.join(map(str, board.corners_board))}) at least {settings.min_breadth:g} px broad; photograph it "
-        "from near by, or leave the board out (--no-board) for a map without scale"
-    )
+def _registrations(
+    names: Sequence[str], structure: Structure, tags: Mapping[str, Sequence[TagView]]
+) -> tuple[Registration, ...]:
+    """The registration of each of the photographs ``names``, in their order."""
+    errors = structure.reprojection_errors()
+    view_of = {name: view for view, name in enumerate(structure.names)}
+    registrations = []
+    for name in names:
+        observed = errors[structure.observation_views == view_of.get(name, -1)]
+        error = float(observed.mean()) if len(observed) else float("nan")
+        is_registered = name in view_of
+        tag_count = len(tags.get(name, ())) if is_registered else 0
+        registrations.append(Registration(name, is_registered, len(observed), error, tag_count))
+    return tuple(registrations)
+
+
+def _summary(
+    photographs: Photographs,
+    structure: Structure,
+    settings: MapSettings,
+    alignment: BoardAlignment | None,
+    known_scale: KnownScale | None,
+    floor: Floor | None,
+    registrations: Sequence[Registration],
+) -> dict[str, Any]:
+    """What ``map.yaml`` documents, as plain values."""
+    errors = structure.reprojection_errors()
+    return {
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "program": f"bodycam_ros {__version__}",
+        "reference": photographs.name,
+        "photographs": len(photographs.paths),
+        "registered": len(structure.names),
+        "landmarks": len(structure.points_world),
+        "observations": len(errors),
+        "mean_reprojection_error_px": round(float(errors.mean()), 4),
+        **_cameras_summary(structure.cameras),
+        "board_residual": None if alignment is None else asdict(alignment.residual),
+        MAP_R_BOARD: None if alignment is None else alignment.map_R_board.tolist(),
+        "known_distance": known_scale
+        and {"relative_sigma": round(known_scale.sigma, 5), "distances": list(known_scale.summary)},
+        "floor": floor and {"landmarks": floor.landmarks, "tilt_sigma_deg": floor.tilt_sigma_deg},
+        "settings": settings.as_mapping(),
+        "registrations": [
+            {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}
+            | ({"error_px": round(r.error_px, 3), "tags": r.tags} if r.registered else {})
+            for r in registrations
+        ],
+    }
+
+
+def _cameras_summary(cameras: Sequence[CameraModel]) -> dict[str, Any]:
+    documents = [
+        {
+            "distortion_model": camera.distortion_model,
+            "size": [camera.width, camera.height],
+            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
+            "d": list(camera.distortion),
+        }
+        for camera in cameras
+    ]
+    if len(cameras) == 1:
+        return {"camera": documents[0]}
+    return {"cameras": {camera.name: document for camera, document in zip(cameras, documents, strict=True)}}

@@ -1,4 +1,4 @@
-"""Everything that we ask of pycolmap, whose interface moves between versions.
+"""All calls of pycolmap, whose interface changes between versions.
 
 All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_model.py``.
 """
@@ -19,17 +19,10 @@ from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import Structure, distinct
 
 _RANDOM_SEED = 1
-_LONGEST_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
-_MOST_MEMORY = 4_000_000_000  # [bytes] of addresses
-_TRIAL = """
-import resource, sys
-import pycolmap
-resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
-try:
-    pycolmap.Reconstruction(sys.argv[1])
-except Exception as error:
-    sys.exit(print(error) or 1)
-"""
+_MAX_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
+_TRIAL = """import resource, sys, pycolmap
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30,) * 2)
+pycolmap.Reconstruction(sys.argv[1])"""
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
@@ -143,17 +136,17 @@ def adjust(
 
 
 def observations_of_points(reconstruction: pycolmap.Reconstruction, min_views: int) -> int:
-    """How many observations the points have that are seen by so many photographs."""
+    """Number of observations of the points that at least ``min_views`` photographs observe."""
     lengths = np.array([point.track.length() for point in reconstruction.points3D.values()], dtype=np.int64)
     return int(lengths[lengths >= min_views].sum())
 
 
 def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapping[str, CameraModel]) -> Structure:
-    """Our arrays of a COLMAP model; ``observation_features`` are its own rows of 2D points.
+    """A COLMAP model as arrays; ``observation_features`` are its own rows of 2D points.
 
     Args:
         reconstruction: the model.
-        camera_of_name: the camera of each of its photographs, as we know it.
+        camera_of_name: our camera of each of its photographs.
     """
     images = _registered_images(reconstruction)
     point_ids = sorted(reconstruction.points3D)
@@ -186,16 +179,11 @@ def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapp
 
 
 def poses_of(reconstruction: pycolmap.Reconstruction) -> dict[str, NDArray[np.float64]]:
-    """world_T_camera (4, 4) of every photograph that is registered, by its name."""
+    """world_T_camera (4, 4) of every registered photograph, by its name, in their order."""
     return {
         image.name: inverse(np.vstack([image.cam_from_world().matrix(), [0.0, 0.0, 0.0, 1.0]]))
         for image in _registered_images(reconstruction)
     }
-
-
-def registered_names(reconstruction: pycolmap.Reconstruction) -> list[str]:
-    """Names of the photographs whose poses a model knows."""
-    return [image.name for image in _registered_images(reconstruction)]
 
 
 def _registered_images(reconstruction: pycolmap.Reconstruction) -> list[pycolmap.Image]:
@@ -205,34 +193,23 @@ def _registered_images(reconstruction: pycolmap.Reconstruction) -> list[pycolmap
 def read_model(folder: Path) -> pycolmap.Reconstruction:
     """Read a COLMAP model, binary or text.
 
+    It is read in another process first: COLMAP trusts the counts in its files, and with a damaged one loops, aborts or
+    fills the memory.
+
     Raises:
         MapError: there is no whole model in the folder.
     """
-    _try_in_another_process(folder)
     try:
+        subprocess.run(
+            [sys.executable, "-c", _TRIAL, str(folder)], capture_output=True, check=True, timeout=_MAX_TRIAL_S
+        )
         return pycolmap.Reconstruction(folder)
-    except (ValueError, RuntimeError, IndexError, MemoryError) as error:
-        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {error}") from error
+    except (subprocess.SubprocessError, ValueError, RuntimeError, IndexError, MemoryError) as error:
+        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D)") from error
 
 
-def _try_in_another_process(folder: Path) -> None:
-    """Refuse a damaged model: COLMAP believes what its files claim to hold, and then loops, aborts or fills the memory.
-
-    Raises:
-        MapError: it does.
-    """
-    command = [sys.executable, "-c", _TRIAL, str(folder), str(_MOST_MEMORY)]
-    try:
-        tried = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_LONGEST_TRIAL_S)
-        problem = None if tried.returncode == 0 else tried.stdout.strip() or "COLMAP breaks down over it"
-    except subprocess.TimeoutExpired:
-        problem = f"COLMAP does not come to an end with it in {_LONGEST_TRIAL_S:g} s"
-    if problem:
-        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D): {problem}")
-
-
-def write_model(folder: Path, structure: Structure) -> None:
-    """Write a structure as a COLMAP binary model with only the 2D points that see a landmark.
+def write_model(folder: Path, ply: Path, structure: Structure) -> None:
+    """Write a structure as a COLMAP binary model with only the 2D points of landmarks, and its points as PLY.
 
     A landmark's id is its row; cameras and images are numbered from 1 as COLMAP does.
     """
@@ -258,24 +235,21 @@ def write_model(folder: Path, structure: Structure) -> None:
         reconstruction.add_point3D_with_id(row, pycolmap.Point3D(xyz=xyz, color=colour, track=track))
     folder.mkdir(parents=True)
     reconstruction.write_binary(folder)
+    reconstruction.export_PLY(ply)
 
 
-Names = Sequence[tuple[str, str]]
-"""Pairs of photographs."""
-
-
-def write_verified_by_colmap(database: Path, pairs: Names, matches: Sequence[NDArray[np.uint32]]) -> None:
-    """Write matches (M, 2) of each pair, and those of them that share an epipolar geometry."""
+def write_and_verify(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
+    """Write matches (M, 2) of each pair, and let COLMAP verify them by their epipolar geometry."""
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
         ids = _ids(opened)
         for (first, second), rows in zip(pairs, matches, strict=True):
             opened.write_matches(ids[first], ids[second], rows)
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = _RANDOM_SEED
-    pycolmap.verify_matches(database, list_pairs(database, pairs), options)
+    pycolmap.verify_matches(database, _list_pairs(database, pairs), options)
 
 
-def write_verified(database: Path, pairs: Names, matches: Sequence[NDArray[np.uint32]]) -> None:
+def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
     """Write matches (M, 2) of each pair that are known to fit its epipolar geometry."""
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
         ids = _ids(opened)
@@ -288,16 +262,16 @@ def write_verified(database: Path, pairs: Names, matches: Sequence[NDArray[np.ui
             opened.write_two_view_geometry(ids[first], ids[second], geometry)
 
 
-def match_in_full(database: Path, pairs: Names, workers: int) -> None:
+def match_in_full(database: Path, pairs: Sequence[tuple[str, str]], workers: int) -> None:
     """Let COLMAP match pairs of photographs in full, and verify them by their epipolar geometry."""
     pycolmap.match_image_pairs(
         database,
         matching_options=pycolmap.FeatureMatchingOptions(num_threads=workers, use_gpu=False),
-        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_pairs(database, pairs)),
+        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=_list_pairs(database, pairs)),
     )
 
 
-def list_pairs(database: Path, pairs: Names) -> Path:
+def _list_pairs(database: Path, pairs: Sequence[tuple[str, str]]) -> Path:
     """Write pairs of photographs as COLMAP reads them, beside the database."""
     path = database.with_name("pairs.txt")
     path.write_text("".join(f"{first} {second}\n" for first, second in pairs))

@@ -1,71 +1,58 @@
-"""How well a map covers a place: where a person would stand, would a worn camera find itself, wherever it looks?
+"""Coverage of a place by a map: in which directions a body camera registers from where a person stands.
 
-A landmark counts as seen by the criteria that registration matches by: large enough in the image, and looked at from
-about where a photograph looked at it. What stands in between is not known.
+A landmark counts as visible by the criteria of registration: large enough in the image, and seen from about the
+direction of a photograph. Occlusion is not known.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.settings import setting
 
 Array = NDArray[np.float64]
 
 COVERAGE_FILE = "coverage.png"
-"""In a map folder, what ``coverage_picture`` draws."""
+"""In a map folder, the picture of ``draw_coverage``."""
 
 _WIDTH, _HEIGHT, _VIEW_RAD = 640, 480, np.radians(150.0)
 _FOCAL = _WIDTH / _VIEW_RAD
 _K = (_FOCAL, 0.0, (_WIDTH - 1) / 2, 0.0, _FOCAL, (_HEIGHT - 1) / 2, 0.0, 0.0, 1.0)
-WORN_CAMERA = camera_from_info("worn", _WIDTH, _HEIGHT, "equidistant", [0.0] * 4, _K)
-"""What people strap on: 640x480, 150 degrees across."""
+BODY_CAMERA = camera_from_info("body", _WIDTH, _HEIGHT, "equidistant", [0.0] * 4, _K)
+"""A typical one: 640x480, 150 degrees across."""
 
-_MOST_PLACES = 80  # on the floor; a large place is looked at in wider steps
-_MOST_COUNTED = 2000  # landmarks around a place; of more, every n-th counts for n
+_ENOUGH = 500  # landmarks in view: with that many 98 % of the images register, with 160 to 480 two in three
+_SPACING_M = 1.0  # between places on the floor
+_REACH_M = 1.0  # a person walks this far from where photographs were taken
+_HEIGHTS_M = (0.5, 1.5)  # of the lowest body cameras, such as on shins, and the highest
+_STEP_DEG = 15.0  # between directions
+_MAX_ELEVATION_DEG = 60.0  # up and down, to which body cameras point most of the time
+_MAX_PLACES = 80  # on the floor; a large place gets a wider spacing
+_MAX_COUNTED = 2000  # landmarks around a place; of more, every n-th counts for n
 
-
-@dataclass(frozen=True)
-class CoverageSettings:
-    """How a map is checked when it is made."""
-
-    enough: int = setting(
-        500,
-        unit="landmarks",
-        limits=(12, 100_000),
-        reason="that a worn camera should see: with that many or more predicted, 98 % of the images of two recordings "
-        "were registered in halves of a map, with 160 to 480 two in three",
-    )
-    spacing: float = setting(
-        1.0, unit="m", limits=(0.1, 20.0), reason="between the places on the floor that are looked at"
-    )
-    reach: float = setting(
-        1.0, unit="m", limits=(0.1, 50.0), reason="a person walks this far from where photographs were taken"
-    )
-    low: float = setting(0.5, unit="m", limits=(0.0, 3.0), reason="height of the lowest cameras, such as on shins")
-    high: float = setting(1.5, unit="m", limits=(0.0, 3.0), reason="height of the highest, such as on the head")
-    step_deg: float = setting(15.0, unit="deg", limits=(5.0, 45.0), reason="between the directions that are looked in")
-    elevation: float = setting(
-        60.0, unit="deg", limits=(0.0, 80.0), reason="up and down to which worn cameras look most of the time"
-    )
+_MISSING = 0.5  # share of the places that must see enough in a direction, and of the directions at a place
+_MAX_LINES = 4
+_MIN_GAP = 0.01  # of all directions
+_APART_M = 2.0  # between two places that are both named
 
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What a worn camera would see of the map from P places in E x A directions.
+    """Landmarks in view of a body camera from P places in E x A directions.
 
     Attributes:
         places_world: (P, 3) in the map's unit.
         elevations_deg: (E,) of the optical axis, ascending.
         azimuths_deg: (A,) of the optical axis, counter-clockwise from the x axis of ``level_R_world``, all around.
-        seen: (P, E, A) landmarks in sight.
-        enough: landmarks from which on a camera registers.
+        visible: (P, E, A) landmarks in view.
         level_R_world: (3, 3) whose z is up: the map's own axes if these are upright, else up is where the photographs
             have it on average.
     """
@@ -73,24 +60,23 @@ class Coverage:
     places_world: Array
     elevations_deg: Array
     azimuths_deg: Array
-    seen: NDArray[np.int64]
-    enough: int
+    visible: NDArray[np.int64]
     level_R_world: Array
 
     @cached_property
     def registers(self) -> NDArray[np.bool_]:
-        """(P, E, A) whether a camera there finds itself."""
-        return self.seen >= self.enough
+        """(P, E, A) whether a camera registers."""
+        return self.visible >= _ENOUGH
 
     @cached_property
     def weights(self) -> Array:
-        """(E, A) how much of the sphere each direction stands for; the sum is 1."""
+        """(E, A) solid angle of each direction; the sum is 1."""
         cosines = np.repeat(np.cos(np.radians(self.elevations_deg))[:, None], len(self.azimuths_deg), axis=1)
         return np.asarray(cosines / cosines.sum(), np.float64)
 
     @property
     def share(self) -> float:
-        """Of all directions at all places, in which a camera finds itself."""
+        """Of all directions at all places, in which a camera registers."""
         return float(np.einsum("pea,ea->p", self.registers, self.weights).mean())
 
     @property
@@ -104,33 +90,19 @@ class Coverage:
         return np.asarray(np.einsum("pea,ea->p", self.registers, self.weights), np.float64)
 
 
-def measure_coverage(
-    reference_map: ReferenceMap,
-    settings: CoverageSettings,
-    progress: Progress,
-    matching: MatchingSettings | None = None,
-) -> Coverage:
-    """Look around in a map.
-
-    Args:
-        reference_map: the map.
-        settings: where to, and how many landmarks are enough.
-        progress: shows the step.
-        matching: when a landmark can be matched.
-    """
-    matching = matching or MatchingSettings()
+def measure_coverage(reference_map: ReferenceMap, progress: Progress) -> Coverage:
+    """Count the landmarks in view from places in a map, in all directions."""
     level_R_world = _level(reference_map)
-    places = _places(reference_map, settings)
-    highest = settings.step_deg * np.floor(settings.elevation / settings.step_deg)
-    elevations = np.arange(-highest, highest + 1e-6, settings.step_deg)
-    azimuths = np.linspace(-180.0, 180.0, round(360.0 / settings.step_deg), endpoint=False)
-    world_R_camera = level_R_world.T @ _looking(*np.meshgrid(elevations, azimuths, indexing="ij"))
-    seen = np.zeros((len(places), *world_R_camera.shape[:2]), np.int64)
+    places = _places(reference_map)
+    elevations = np.arange(-_MAX_ELEVATION_DEG, _MAX_ELEVATION_DEG + 1e-6, _STEP_DEG)
+    azimuths = np.linspace(-180.0, 180.0, round(360.0 / _STEP_DEG), endpoint=False)
+    world_R_camera = level_R_world.T @ _axes_towards(*np.meshgrid(elevations, azimuths, indexing="ij"))
+    visible = np.zeros((len(places), *world_R_camera.shape[:2]), np.int64)
     with progress.step("checking the coverage", len(places)) as advance:
         for row, place in enumerate(places):
-            seen[row] = _counts(_visible_from(reference_map, place, matching), world_R_camera)
+            visible[row] = _counts(_offsets(reference_map, place), world_R_camera)
             advance()
-    return Coverage(places, elevations, azimuths, seen, settings.enough, level_R_world)
+    return Coverage(places, elevations, azimuths, visible, level_R_world)
 
 
 def directions_level(elevations_deg: Array, azimuths_deg: Array) -> Array:
@@ -156,43 +128,43 @@ def _level(reference_map: ReferenceMap) -> Array:
     return np.stack([x, np.cross(up, x), up])
 
 
-def _places(reference_map: ReferenceMap, settings: CoverageSettings) -> Array:
+def _places(reference_map: ReferenceMap) -> Array:
     """(P, 3) where a person would stand: around the photographs, at the height of a body's cameras.
 
-    Where nobody knows metres or what is up, the places of the photographs themselves must do.
+    Without metres or a vertical they are those of the photographs.
     """
     centres = reference_map.world_T_camera[:, :3, 3]
     if not (reference_map.metric and reference_map.gravity_aligned):
-        return np.asarray(centres[:: -(-len(centres) // _MOST_PLACES)])
-    spacing = settings.spacing
+        return np.asarray(centres[:: -(-len(centres) // _MAX_PLACES)])
+    spacing = _SPACING_M
     while True:
         first, last = (np.round(edge / spacing) for edge in (centres.min(axis=0), centres.max(axis=0)))
-        reach = np.ceil(settings.reach / spacing)
+        reach = np.ceil(_REACH_M / spacing)
         x, y = (spacing * np.arange(first[axis] - reach, last[axis] + reach + 1.0) for axis in (0, 1))
         floor = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         distances = np.linalg.norm(floor[:, None] - centres[None, :, :2], axis=2).min(axis=1)
         # A spacing wider than the reach may miss a photograph that stands alone.
-        floor = floor[distances <= max(settings.reach, np.sqrt(0.5) * spacing)]
-        if len(floor) <= _MOST_PLACES:
+        floor = floor[distances <= max(_REACH_M, np.sqrt(0.5) * spacing)]
+        if len(floor) <= _MAX_PLACES:
             break
         spacing *= 1.25
-    heights = np.unique([settings.low, settings.high])
-    return np.concatenate([np.column_stack([floor, np.full(len(floor), height)]) for height in heights])
+    return np.concatenate([np.column_stack([floor, np.full(len(floor), height)]) for height in _HEIGHTS_M])
 
 
-def _looking(elevations_deg: Array, azimuths_deg: Array) -> Array:
-    """(..., 3, 3) level_R_camera of cameras that are held upright and look in directions."""
+def _axes_towards(elevations_deg: Array, azimuths_deg: Array) -> Array:
+    """(..., 3, 3) level_R_camera of upright cameras that point in directions."""
     forward = directions_level(elevations_deg, azimuths_deg)
     azimuth = np.radians(azimuths_deg)
     right = np.stack([np.sin(azimuth), -np.cos(azimuth), 0.0 * azimuth], axis=-1)
     return np.stack([right, np.cross(forward, right), forward], axis=-1)
 
 
-def _visible_from(reference_map: ReferenceMap, place_world: Array, matching: MatchingSettings) -> Array:
-    """(V, 3) from a place to the landmarks that could be matched there, whichever way a camera looks."""
+def _offsets(reference_map: ReferenceMap, place_world: Array) -> Array:
+    """(V, 3) from a place to the landmarks that can be matched from there, in any direction."""
+    matching = MatchingSettings()
     offsets = reference_map.points_world - place_world
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
-    large = reference_map.landmark_sizes * WORN_CAMERA.fx > matching.min_visible_scale_px * distances
+    large = reference_map.landmark_sizes * BODY_CAMERA.fx > matching.min_visible_scale_px * distances
     landmark = reference_map.descriptor_landmark
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view, offsets[landmark]) / distances[landmark]
     from_there = cosines > np.cos(np.radians(matching.max_view_angle_deg))
@@ -202,11 +174,146 @@ def _visible_from(reference_map: ReferenceMap, place_world: Array, matching: Mat
 
 
 def _counts(offsets_world: Array, world_R_camera: Array) -> NDArray[np.int64]:
-    """How many of the points (V, 3) cameras (E, A, 3, 3) have in their images: (E, A)."""
-    every = max(1, -(-len(offsets_world) // _MOST_COUNTED))
+    """(E, A) number of the points (V, 3) in the images of cameras (E, A, 3, 3)."""
+    every = max(1, -(-len(offsets_world) // _MAX_COUNTED))
     if not len(offsets_world):
         return np.zeros(world_R_camera.shape[:2], np.int64)
     points = np.einsum("eaij,vi->eavj", world_R_camera, offsets_world[::every])
-    pixels, valid = WORN_CAMERA.project(points.reshape(-1, 3))
-    shown = (valid & WORN_CAMERA.in_image(pixels)).reshape(points.shape[:3])
+    pixels, valid = BODY_CAMERA.project(points.reshape(-1, 3))
+    shown = (valid & BODY_CAMERA.in_image(pixels)).reshape(points.shape[:3])
     return np.asarray(every * shown.sum(axis=2), np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """Connected directions in which most places have too few landmarks.
+
+    Attributes:
+        cells: (E, A) which directions.
+        azimuth_deg, elevation_deg: of their middle.
+        azimuths_deg: first and last at the height of the middle, counter-clockwise; -180 and 180 if all are missing.
+        elevations_deg: lowest and highest.
+        share: of the places, which have enough landmarks in these directions.
+        size: solid angle of the missing directions, as a share of all.
+    """
+
+    cells: NDArray[np.bool_]
+    azimuth_deg: float
+    elevation_deg: float
+    azimuths_deg: tuple[float, float]
+    elevations_deg: tuple[float, float]
+    share: float
+    size: float
+
+    @property
+    def all_around(self) -> bool:
+        """Whether it has no azimuth of its own."""
+        return self.azimuths_deg == (-180.0, 180.0)
+
+
+def find_gaps(coverage: Coverage) -> list[Gap]:
+    """Directions that are missing, the largest gap first."""
+    labels, count = label(coverage.share_by_direction < _MISSING)
+    # The last column is beside the first.
+    for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
+        if left and right and left != right:
+            labels[labels == right] = left
+    gaps = [_gap(coverage, labels == each) for each in range(1, count + 1) if (labels == each).any()]
+    return sorted((gap for gap in gaps if gap.size >= _MIN_GAP), key=lambda gap: -gap.size)
+
+
+def _gap(coverage: Coverage, cells: NDArray[np.bool_]) -> Gap:
+    elevations, azimuths = np.nonzero(cells)
+    weights = coverage.weights[cells] * (1.0 - coverage.share_by_direction[cells])
+    mean = weights @ directions_level(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
+    elevation = float(weights @ coverage.elevations_deg[elevations] / weights.sum())
+    at_middle = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
+    covered = at_middle if at_middle.any() else np.any(cells, axis=0)
+    return Gap(
+        cells=cells,
+        azimuth_deg=float(np.degrees(np.arctan2(mean[1], mean[0]))),
+        elevation_deg=elevation,
+        azimuths_deg=(-180.0, 180.0) if covered.all() else _arc(coverage.azimuths_deg, covered),
+        elevations_deg=(
+            float(coverage.elevations_deg[elevations].min()),
+            float(coverage.elevations_deg[elevations].max()),
+        ),
+        share=float(coverage.registers[:, cells].mean()),
+        size=float(coverage.weights[cells].sum()),
+    )
+
+
+def _arc(azimuths_deg: Array, covered: NDArray[np.bool_]) -> tuple[float, float]:
+    """First and last azimuth (-180 to 180, counter-clockwise) of those covered: the complement of the longest gap."""
+    rows = np.flatnonzero(covered)
+    steps = np.diff(np.append(rows, rows[0] + len(covered)))
+    after = int(np.argmax(steps))
+    return float(azimuths_deg[rows[(after + 1) % len(rows)]]), float(azimuths_deg[rows[after]])
+
+
+def coverage_lines(coverage: Coverage, reference_map: ReferenceMap) -> list[str]:
+    """Sentences on what the map covers, and what should be photographed too."""
+    unit = " m" if reference_map.metric else ""
+    lines = [
+        f"coverage: a body camera would register in {100 * coverage.share:.0f} % of all directions from "
+        f"{len(coverage.places_world)} places where a person would be ({_ENOUGH} landmarks in view are enough)"
+    ]
+    gaps = find_gaps(coverage)
+    lines += [_gap_line(gap) for gap in gaps[:_MAX_LINES]]
+    poor = _poor_places(coverage)
+    if len(poor) == len(coverage.places_world) and len(poor) > 1:
+        lines.append("from no place does it do so in half of them: take more photographs everywhere")
+    elif not gaps:
+        for x, y, _ in _spread(poor):
+            lines.append(f"photograph from here too: around x = {x:.1f}{unit}, y = {y:.1f}{unit}, all around")
+    return lines
+
+
+def _gap_line(gap: Gap) -> str:
+    low, high = gap.elevations_deg
+    what, where = "this wall", f"towards azimuth {gap.azimuth_deg:.0f} deg from the map's x axis, counter-clockwise"
+    where += f", from {gap.azimuths_deg[0]:.0f} to {gap.azimuths_deg[1]:.0f} deg"
+    if gap.all_around:
+        what = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more"
+        where = "all around"
+    return (
+        f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; a camera registers there from "
+        f"{100 * gap.share:.0f} % of the places"
+    )
+
+
+def with_coverage(reference_map: ReferenceMap, coverage: Coverage) -> ReferenceMap:
+    """The same map with the coverage in its summary, as plain values."""
+    document: dict[str, Any] = {
+        "share": round(coverage.share, 3),
+        "places": len(coverage.places_world),
+        "enough_landmarks": _ENOUGH,
+        "gaps": [
+            {
+                "azimuth_deg": round(gap.azimuth_deg),
+                "elevation_deg": round(gap.elevation_deg),
+                "azimuths_deg": [round(edge) for edge in gap.azimuths_deg],
+                "elevations_deg": [round(edge) for edge in gap.elevations_deg],
+                "share": round(gap.share, 2),
+            }
+            for gap in find_gaps(coverage)
+        ],
+        "poor_places": [[round(float(value), 2) for value in place] for place in _spread(_poor_places(coverage))],
+    }
+    return replace(reference_map, summary={**reference_map.summary, "coverage": document})
+
+
+def _poor_places(coverage: Coverage) -> Array:
+    """(N, 3) places from which a camera registers in few directions, in the map's frame, the worst first."""
+    share = coverage.share_by_place
+    poor = np.flatnonzero(share < _MISSING)
+    return np.asarray(coverage.places_world[poor[np.argsort(share[poor], kind="stable")]])
+
+
+def _spread(places: Array) -> Iterator[Array]:
+    """Some of the places, none near another."""
+    named: list[Array] = []
+    for place in places:
+        if len(named) < _MAX_LINES and all(np.linalg.norm(place[:2] - other[:2]) > _APART_M for other in named):
+            named.append(place)
+            yield place

@@ -1,4 +1,4 @@
-"""Features of the photographs that a reference map is built from."""
+"""Features of the photographs of a map, and the choice of pairs that overlap."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,29 +12,19 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.progress import in_parallel
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
-_KEYPOINTS_TO_CHOOSE_FROM = 20000  # more than a photograph has
+# The tracker's detector, so that descriptors agree; half of OpenCV's contrast threshold doubles the large features.
+_DETECTOR = KeypointSettings(image_scale=1.0, contrast_threshold=0.02, max_keypoints=20000, cells=1)
+_MAX_VIEW_ANGLE_DEG = 80.0  # from the optical axis; farther out a fisheye's calibration is poor
 
-
-@dataclass(frozen=True)
-class FeatureSettings:
-    """How features are found in photographs."""
-
-    contrast: float = setting(
-        0.02, limits=(0.001, 0.1), reason="SIFT contrast threshold; half of OpenCV's default doubles the large features"
-    )
-    max_features: int = setting(
-        4000, unit="per photograph", limits=(500, 20000), reason="the smallest go first: body cameras do not see them"
-    )
-    max_view_angle_deg: float = setting(
-        80.0,
-        unit="deg",
-        limits=(20.0, 85.0),
-        reason="from the optical axis; what a fisheye shows farther out is known badly",
-    )
+MAX_RATIO = 0.8  # of a match: distance to the nearest descriptor over that to the second nearest
+_PROBES = 500  # largest features of each photograph that decide whether two overlap
+_MIN_PROBE_MATCHES = 8  # fewer are chance; of pairs with a dozen four in five overlap
+_MAX_PARTNERS = 16  # of each photograph that are matched in full
+_SPANNING_TREES = 3  # independent ties between groups of photographs, so that one weak tie does no harm
+_TAKEN = -1.0  # less than any product of positive numbers
 
 
 @dataclass(frozen=True)
@@ -62,7 +52,7 @@ class ImageFeatures:
         )
 
 
-def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings) -> ImageFeatures:
+def extract_features(path: Path, camera: CameraModel, max_features: int) -> ImageFeatures:
     """Find and describe the features of one photograph.
 
     Raises:
@@ -74,19 +64,10 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
             f"{path}: has {image.shape[1]}x{image.shape[0]} pixels, but the camera is calibrated for "
             f"{camera.width}x{camera.height}; give photographs as they left the camera, and its own calibration"
         )
-    # The detector that the tracker uses at run time, so that descriptors agree.
-    detector = KeypointDetector(
-        KeypointSettings(
-            image_scale=1.0,
-            contrast_threshold=settings.contrast,
-            max_keypoints=_KEYPOINTS_TO_CHOOSE_FROM,
-            cells=1,
-        )
-    )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    found = detector.detect(gray, _mask(camera, settings.max_view_angle_deg))
+    found = KeypointDetector(_DETECTOR).detect(gray, _mask(camera))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
-    kept = np.argsort(-found.scales, kind="stable")[: settings.max_features]
+    kept = np.argsort(-found.scales, kind="stable")[:max_features]
     pixels = found.pixels[kept]
     columns, rows = np.clip(np.round(pixels).astype(int).T, 0, [[camera.width - 1], [camera.height - 1]])
     colours = np.ascontiguousarray(image[rows, columns][:, ::-1])
@@ -94,18 +75,18 @@ def extract_features(path: Path, camera: CameraModel, settings: FeatureSettings)
 
 
 @cache
-def _mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint8]:
-    return view_mask(camera, max_view_angle_deg)
+def _mask(camera: CameraModel) -> NDArray[np.uint8]:
+    return view_mask(camera, _MAX_VIEW_ANGLE_DEG)
 
 
 def extract_all(
-    paths: Sequence[Path], camera_of_name: Mapping[str, CameraModel], settings: FeatureSettings, workers: int
+    paths: Sequence[Path], camera_of_name: Mapping[str, CameraModel], max_features: int, workers: int
 ) -> Iterator[ImageFeatures | MapError]:
-    """Features of all photographs, in order, as they get ready; what cannot be used comes as its error."""
+    """Features of all photographs, in order, as they get ready; the error of those that cannot be used."""
 
     def extract(path: Path) -> ImageFeatures | MapError:
         try:
-            return extract_features(path, camera_of_name[path.name], settings)
+            return extract_features(path, camera_of_name[path.name], max_features)
         except MapError as error:
             return error
 
@@ -128,16 +109,8 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
     return np.asarray(image, dtype=np.uint8)
 
 
-_TAKEN = -1.0  # less than any product of positive numbers
-
-
-def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32], max_ratio: float) -> NDArray[np.uint32]:
-    """Pairs (M, 2) of rows of RootSIFT descriptors (N, 128) and (K, 128) that are mutual nearest neighbours.
-
-    Args:
-        first, second: the descriptors, as floats.
-        max_ratio: of the distance to that to the second nearest.
-    """
+def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """Pairs (M, 2) of rows of RootSIFT descriptors (N, 128) and (K, 128) that are mutual nearest neighbours."""
     if len(first) == 0 or len(second) < 2:
         return np.zeros((0, 2), np.uint32)
     # All have about the same length, so the nearest is the one with the largest product.
@@ -150,60 +123,28 @@ def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32], max_
     length_squared = float(np.median(np.einsum("ij,ij->i", first, first)))
     squared = 2.0 * (length_squared - best)
     second_squared = 2.0 * (length_squared - products.max(axis=1))
-    good = mutual & (squared < max_ratio**2 * second_squared)
+    good = mutual & (squared < MAX_RATIO**2 * second_squared)
     return np.column_stack([rows[good], nearest[good]]).astype(np.uint32)
 
 
-@dataclass(frozen=True)
-class PairSettings:
-    """How pairs of photographs are chosen, and matched before their poses are known."""
-
-    probe_features: int = setting(
-        500,
-        unit="per photograph",
-        limits=(50, 3000),
-        reason="largest features that decide whether two photographs overlap",
-    )
-    probe_ratio: float = setting(
-        0.8, limits=(0.5, 0.95), reason="a probe matches if its nearest descriptor is this much nearer than the second"
-    )
-    min_probe_matches: int = setting(
-        8, limits=(1, 100), reason="fewer mutual probe matches are chance; of pairs with a dozen four in five overlap"
-    )
-    max_partners: int = setting(
-        16, unit="per photograph", limits=(2, 500), reason="best partners of each photograph that are matched in full"
-    )
-    spanning_trees: int = setting(
-        3, limits=(0, 10), reason="independent ties between groups of photographs, so that one weak tie does no harm"
-    )
-    registering_features: int = setting(
-        1000,
-        unit="per photograph",
-        limits=(200, 20000),
-        reason="largest features that find the poses, to some pixels; with all of them it takes five times as long",
-    )
-
-
-def probe_overlap(
-    features: Sequence[ImageFeatures], settings: PairSettings, workers: int = 1
-) -> Iterator[NDArray[np.int64]]:
+def count_common_features(features: Sequence[ImageFeatures], workers: int = 1) -> Iterator[NDArray[np.int64]]:
     """Count mutual matches among the largest features of all pairs (preemptive matching, Wu 2013, section 3).
 
     Yields:
         for each photograph i the (K,) counts with the photographs before it, zero from itself on.
     """
-    probes = [f.descriptors[: settings.probe_features].astype(np.float32) for f in features]
+    probes = [f.descriptors[:_PROBES].astype(np.float32) for f in features]
 
     def counts_with_those_before(i: int) -> NDArray[np.int64]:
         counts = np.zeros(len(probes), dtype=np.int64)
-        counts[:i] = [len(mutual_matches(probes[i], probe, settings.probe_ratio)) for probe in probes[:i]]
+        counts[:i] = [len(mutual_matches(probes[i], probe)) for probe in probes[:i]]
         return counts
 
     return in_parallel(counts_with_those_before, range(len(probes)), workers)
 
 
-def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[tuple[int, int]]:
-    """Pairs (i, j) of rows, i < j, from counts (K, K): the best partners of either, and what holds groups together.
+def choose_pairs(counts: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Pairs (i, j) of rows, i < j, from counts (K, K): the best partners of either, and ties between groups.
 
     Photographs of one corner may all be each other's best partners. Spanning trees of the largest counts tie such
     a group to the others.
@@ -212,12 +153,12 @@ def promising_pairs(counts: NDArray[np.int64], settings: PairSettings) -> list[t
 
     counts = counts + counts.T
     # Ties go to the lower row, on every machine.
-    best = np.argsort(-counts, axis=1, kind="stable")[:, : settings.max_partners]
+    best = np.argsort(-counts, axis=1, kind="stable")[:, :_MAX_PARTNERS]
     chosen = np.zeros(counts.shape, dtype=bool)
     np.put_along_axis(chosen, best, True, axis=1)
-    candidates = np.where(counts >= settings.min_probe_matches, counts, 0)
+    candidates = np.where(counts >= _MIN_PROBE_MATCHES, counts, 0)
     chosen &= candidates > 0
-    for _ in range(settings.spanning_trees):
+    for _ in range(_SPANNING_TREES):
         tree = minimum_spanning_tree(-candidates.astype(np.float64)).toarray() != 0.0
         tree |= tree.T
         chosen |= tree

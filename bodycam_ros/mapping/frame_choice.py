@@ -1,8 +1,8 @@
-"""Which frames of a camera that is carried through a place become photographs of a map."""
+"""Choice of sharp frames of moving cameras, carried or on the body, as photographs of a map."""
 
 import logging
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,172 +12,181 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.errors import MapError, RecordingError
-from bodycam_ros.mapping.frame_motion import Frame, FrameMotion, MovingCamera, frame_motion, steady_picture
-from bodycam_ros.mapping.photographs import CAMERA_FILE
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.mapping.frame_motion import FrameMotion, measure_motion, steady_picture
+from bodycam_ros.mapping.map_settings import FrameSettings
+from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
+from bodycam_ros.mapping.photographs import CAMERA_FILE, FrameOrigin, Photographs
+from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.output_place import check_folder
-from bodycam_ros.settings import setting
 from bodycam_ros.whole_file import failure_named, whole_folder
 
 _LOG = logging.getLogger(__name__)
 
-_NEIGHBOURS_S = 1.0  # before and after: what is seen is still much the same
+Rows = NDArray[np.int64]
+
+_FEWEST = 60  # frames of all cameras: of a short recording frames are taken closer to each other
+_FEWEST_OF_CAMERA = 8
+_MIN_STEP_DEG = 3.0  # between frames of a camera: closer ones show the same from the same place
+_MAX_STEP_DEG = 25.0  # frames of a carried camera that are farther apart may have too little in common
+_MIN_SHARPNESS = 0.7  # relative to the better frames nearby; blur over 5 of 1280 px gives 0.78, over 9 px 0.6
+_NEARBY_S = 1.0  # before and after: the scene is still much the same
 _SHARP_PERCENTILE = 80
-_POOREST = 0.25  # of the sharpness of the whole; seconds of blur are no measure for each other, but bare walls may be
-_APART = 0.3  # of a step, so that no two are next to each other
-_OFF_CENTRE = 0.2  # of its sharpness is what a frame may lose by coming half a step late
+_MIN_USUAL = 0.25  # of the sharpness of the whole: seconds of blur are no reference, but bare walls may be
+_MIN_GAP = 0.3  # of a step, so that no two frames are next to each other
+_OFF_CENTRE = 0.2  # of its sharpness that a frame may lose by being half a step late
+
+_JPEG_QUALITY = 95
+_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_PARTS = re.compile(rf".*_\d{{6,}}\.(jpg|png)|{re.escape(CAMERA_FILE)}")
 
 
-@dataclass(frozen=True)
-class FrameChoiceSettings:
-    """Which frames of a video or bag become photographs."""
+def keep_sharp_frames(
+    sources: Mapping[str, MovingCamera],
+    folder: Path,
+    name: str,
+    settings: FrameSettings,
+    workers: int,
+    progress: Progress,
+    board_path: Path | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+    force: bool = False,
+) -> Photographs:
+    """Write the sharp frames that a map needs into a folder, whole or not at all.
 
-    step_deg: float = setting(
-        10.0,
-        unit="deg",
-        limits=(0.5, 60.0),
-        reason="by which the view changes between two frames, by turning or by going past things; a sixth of an "
-        "ordinary lens' view",
-    )
-    fewest: int = setting(
-        60, unit="frames", limits=(2, 2000), reason="of a short recording frames are taken closer to each other"
-    )
-    most: int = setting(
-        150, unit="frames", limits=(2, 2000), reason="of a long one farther apart: time grows faster than their number"
-    )
-    min_step_deg: float = setting(
-        3.0, unit="deg", limits=(0.1, 60.0), reason="frames that are closer show the same from the same place"
-    )
-    max_step_deg: float = setting(
-        25.0, unit="deg", limits=(1.0, 90.0), reason="farther apart frames may have too little in common: a warning"
-    )
-    min_sharpness: float = setting(
-        0.7,
-        limits=(0.0, 1.0),
-        reason="least contrast of fine detail against the better frames within a second; photographs of the sample "
-        "that are blurred over 5 of 1280 px have 0.78, over 9 px 0.6",
-    )
-
-
-def choose_frames(motion: FrameMotion, name: str, settings: FrameChoiceSettings) -> NDArray[np.int64]:
-    """Rows (C,) of the frames to take, ascending: evenly spread over the change of view, and sharp for their time.
+    Recordings are read twice: first for their motion, then for the pictures. Where the read-out time of its rows is
+    known, a picture is straightened by the camera's rotation. The frames of a single camera make a reference folder.
 
     Args:
-        motion: of all frames.
+        sources: camera -> its frames.
+        folder: to be.
+        name: of the recording.
+        settings: which frames.
+        workers: threads.
+        progress: shows the steps.
+        board_path: description of the board, if there is one.
+        pairs: cameras of which simultaneous frames are wanted.
+        force: replace an earlier folder of this kind.
+
+    Raises:
+        MapError: a recording shows nothing, or hardly moves.
+        LensError: a lens is for another size of image.
+        OutputError: the folder cannot be written.
+    """
+    with progress.step("analysing frames", sum(source.count for source in sources.values())) as advance:
+        measured = in_parallel(partial(measure_motion, on_frame=advance), sources.values(), workers)
+        motions = dict(zip(sources, measured, strict=True))
+    rows = choose_frames(motions, name, settings)
+    for first, second in pairs:
+        nearest = np.abs(motions[second].seconds[None] - motions[first].seconds[rows[first], None]).argmin(axis=1)
+        rows[second] = np.union1d(rows[second], nearest)
+    names, origins = {}, {}
+    with (
+        whole_folder(folder, partial(check_frames_replaceable, force=force)) as unfinished,
+        failure_named(folder),
+        progress.step("writing sharp frames", sum(map(len, rows.values()))) as advance,
+    ):
+        unfinished.mkdir()
+        for camera, source in sources.items():
+            prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
+            wanted = set(rows[camera].tolist())
+            with source.frames() as frames:
+                for row, frame in enumerate(frames):
+                    if row in wanted:
+                        suffix, content = _straightened(frame, source, motions[camera].angular_velocity[row])
+                        file = f"{prefix}_{row:06d}{suffix}"
+                        (unfinished / file).write_bytes(content)
+                        names[file], origins[file] = source.camera, FrameOrigin(camera, frame.seconds)
+                        advance()
+                    if row == max(wanted):
+                        break
+                else:
+                    raise RecordingError(f"{source.name}: ends earlier when it is read again; is it being written?")
+        if len(sources) == 1:
+            (unfinished / CAMERA_FILE).write_text(camera_info_yaml(source.camera))
+    _LOG.info("%s: %d frames of %d cameras chosen", name, len(names), len(sources))
+    return Photographs(folder, name, tuple(folder / file for file in sorted(names)), names, board_path, origins)
+
+
+def choose_frames(motions: Mapping[str, FrameMotion], name: str, settings: FrameSettings) -> dict[str, Rows]:
+    """Rows (C,) of the frames of each camera, ascending: evenly spread over the change of view, and sharp.
+
+    Args:
+        motions: of all frames of each camera.
         name: of the recording, for messages.
         settings: how many.
 
     Raises:
         MapError: the view hardly changes.
     """
-    length_deg = float(motion.path_deg[-1] - motion.path_deg[0])
-    wanted = int(np.clip(round(length_deg / settings.step_deg), settings.fewest, max(settings.fewest, settings.most)))
-    step_deg = max(length_deg / max(1, wanted - 1), settings.min_step_deg)
+    lengths = {camera: float(motion.path_deg[-1] - motion.path_deg[0]) for camera, motion in motions.items()}
+    total = sum(lengths.values())
+    most = max(settings.most, 2)
+    step_deg = total / np.clip(total / settings.step_deg, min(_FEWEST, most), most)
+    fewest = min(max(_FEWEST // len(motions), _FEWEST_OF_CAMERA), max(most // len(motions), 2))
+    rows = {}
+    for camera, motion in motions.items():
+        wanted = max(round(lengths[camera] / max(step_deg, 1e-9)), fewest)
+        chosen = _sharp_rows(motion, max(lengths[camera] / max(1, wanted - 1), _MIN_STEP_DEG))
+        if len(motions) == 1 and len(chosen):
+            _warn_of_gaps(name, chosen, motion)
+        # A camera that hardly moved gives its sharpest frame.
+        rows[camera] = chosen if len(chosen) > 1 else np.argmax(motion.sharpness, keepdims=True).astype(np.int64)
+    count = sum(map(len, rows.values()))
+    if count < 2:
+        raise MapError(
+            f"{name}: the view changes by {total:.0f} deg from the first frame to the last, which makes {count} "
+            "photographs; a map needs a walk through the place that shows it from many sides, or a range of motion"
+        )
+    return rows
+
+
+def _sharp_rows(motion: FrameMotion, step_deg: float) -> Rows:
     relative = motion.sharpness / np.maximum(_usual_sharpness(motion), 1e-9)
-    sharp = relative >= settings.min_sharpness
     chosen: list[int] = []
     for due_deg in np.arange(motion.path_deg[0], motion.path_deg[-1] + 0.5 * step_deg, step_deg):
         least_deg = due_deg - 0.5 * step_deg
         if chosen:
-            least_deg = max(least_deg, float(motion.path_deg[chosen[-1]]) + _APART * step_deg)
+            least_deg = max(least_deg, float(motion.path_deg[chosen[-1]]) + _MIN_GAP * step_deg)
         first, end = np.searchsorted(motion.path_deg, [least_deg, due_deg + 0.5 * step_deg])
-        # While the camera stands still many frames are due at the same place; where it is fast perhaps none.
-        near = np.arange(first, end)[sharp[first:end]]
+        # Many frames are due while the camera stands still, perhaps none where it is fast.
+        near = np.arange(first, end)[relative[first:end] >= _MIN_SHARPNESS]
         if len(near):
             late = np.abs(motion.path_deg[near] - due_deg) / (0.5 * step_deg)
             chosen.append(int(near[np.argmax(relative[near] - _OFF_CENTRE * late)]))
-    rows = np.array(chosen, np.int64)
-    if len(rows) < 2:
-        raise MapError(
-            f"{name}: the view changes by {length_deg:.0f} deg from the first frame to the last, which makes "
-            f"{len(rows)} photographs; a map needs a walk through the place that sees it from many sides"
-        )
-    _warn(name, step_deg, rows, motion, settings)
-    return rows
+    return np.array(chosen, np.int64)
 
 
 def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
-    """(N,) sharpness of the better frames around each, or of a poor part of the whole if that is more."""
+    """(N,) sharpness of the better frames around each, or a share of that of the whole if it is more."""
     from scipy.ndimage import percentile_filter
 
     duration_s = float(motion.seconds[-1] - motion.seconds[0])
-    reach = round(_NEIGHBOURS_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
+    reach = round(_NEARBY_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
     usual: NDArray[np.float64] = percentile_filter(
         motion.sharpness, _SHARP_PERCENTILE, size=2 * max(1, reach) + 1, mode="mirror"
     )
-    return np.maximum(usual, _POOREST * np.percentile(motion.sharpness, _SHARP_PERCENTILE))
+    return np.maximum(usual, _MIN_USUAL * np.percentile(motion.sharpness, _SHARP_PERCENTILE))
 
 
-def _warn(
-    name: str, step_deg: float, rows: NDArray[np.int64], motion: FrameMotion, settings: FrameChoiceSettings
-) -> None:
-    if step_deg > settings.max_step_deg:
+def _warn_of_gaps(name: str, rows: Rows, motion: FrameMotion) -> None:
+    steps_deg = np.diff(motion.path_deg[rows], append=motion.path_deg[-1])
+    usual, widest = float(np.median(steps_deg)), int(np.argmax(steps_deg))
+    if usual > _MAX_STEP_DEG:
         _LOG.warning(
-            "%s: is so long that its %d frames are %.0f deg apart, and may not hang together; raise frames.most, or "
-            "give a shorter recording",
-            *(name, len(rows), step_deg),
+            "%s: is so long that its %d frames are %.0f deg apart, and may not connect; raise frames.most, or give a "
+            "shorter recording",
+            *(name, len(rows), usual),
         )
-    widest = float(np.diff(motion.path_deg[rows]).max())
-    if widest > max(2.0 * step_deg, settings.max_step_deg):
-        at = rows[int(np.argmax(np.diff(motion.path_deg[rows])))]
+    elif steps_deg[widest] > max(2.0 * usual, _MAX_STEP_DEG):
         _LOG.warning(
             "%s: after %.1f s the view changes by %.0f deg without a sharp frame; the map may fall apart there. Walk "
             "and turn more slowly, in more light",
-            *(name, motion.seconds[at] - motion.seconds[0], widest),
+            *(name, motion.seconds[rows[widest]] - motion.seconds[0], steps_deg[widest]),
         )
 
 
-_JPEG_QUALITY = 95
-_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-_PARTS = re.compile(rf"frame_\d{{6,}}\.(jpg|png)|{re.escape(CAMERA_FILE)}")
-
-
-def keep_chosen_frames(
-    source: MovingCamera, folder: Path, settings: FrameChoiceSettings, force: bool, progress: Progress
-) -> None:
-    """Write the sharp frames that a map needs into a reference folder, whole or not at all.
-
-    The recording is read twice: first to see how it moves, then for the pictures, of which no more than one is in
-    memory at a time. Where the read-out time of its rows is known, they are straightened by how the camera turned.
-
-    Args:
-        source: the recording.
-        folder: to be.
-        settings: which frames.
-        force: replace an earlier folder of this kind.
-        progress: shows the steps.
-
-    Raises:
-        MapError: the recording shows nothing, or hardly moves.
-        LensError: the lens is for another size of image.
-        OutputError: the folder cannot be written.
-    """
-    with progress.step("looking at frames", source.count) as advance:
-        motion = frame_motion(source, settings.step_deg, advance)
-    rows = set(choose_frames(motion, source.name, settings).tolist())
-    with (
-        whole_folder(folder, partial(check_frames_replaceable, force=force)) as unfinished,
-        failure_named(folder),
-        progress.step("keeping sharp frames", len(rows)) as advance,
-        source.frames() as frames,
-    ):
-        unfinished.mkdir()
-        (unfinished / CAMERA_FILE).write_text(camera_info_yaml(source.camera))
-        last = max(rows)
-        for row, frame in enumerate(frames):
-            if row in rows:
-                suffix, content = _straight(frame, source, motion.angular_velocity[row])
-                (unfinished / f"frame_{row:06d}{suffix}").write_bytes(content)
-                advance()
-            if row == last:
-                break
-        else:
-            raise RecordingError(f"{source.name}: ends at another frame when it is read again; is it being written?")
-    _LOG.info("%s: %d of %d frames chosen", source.name, len(rows), len(motion.seconds))
-
-
-def _straight(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:
-    """Suffix and content of the frame's file, without what reading out its rows did to it."""
+def _straightened(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:
+    """Suffix and content of the frame's file, without the effect of its read-out."""
     suffix, content = frame.file()
     if not any(source.readout_s) or not angular_velocity.any():
         return suffix, content

@@ -1,7 +1,7 @@
-"""The photographs of a reference folder, the camera that took them, and work on many of them at once."""
+"""The photographs of a reference folder, and the cameras that took them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,58 +11,31 @@ from bodycam_ros.camera.colmap_model import camera_from_colmap
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.mapping import colmap
 
-_SAME = 1e-6
-"""Relative difference of parameters up to which two cameras of a model are one."""
-
-
-def camera_of_model(folder: Path) -> CameraModel:
-    """The one camera that took all photographs of a model.
-
-    Raises:
-        MapError: the model cannot be read, has none or several cameras, or one of a lens model that is not known.
-    """
-    model = colmap.read_model(folder)
-    used = {image.camera_id for image in model.images.values() if image.has_pose}
-    cameras = [model.cameras[camera_id] for camera_id in sorted(used)]
-    if not cameras:
-        raise MapError(f"{folder}: the model registers no photograph; give the folder of one that does")
-    first = cameras[0]
-    apart = [
-        camera
-        for camera in cameras
-        if (camera.model_name, camera.width, camera.height) != (first.model_name, first.width, first.height)
-        or not np.allclose(camera.params, first.params, rtol=_SAME, atol=_SAME)
-    ]
-    if apart:
-        raise MapError(
-            f"{folder}: the model has {len(cameras)} cameras; a map is made of photographs of one. Let COLMAP share "
-            "one camera among all (ImageReader.single_camera), or put the camera_info YAML of the one that took the "
-            "photographs into their folder as camera.yaml"
-        )
-    try:
-        return camera_from_colmap("photograph", first)
-    except LensError as error:
-        raise MapError(
-            f"{folder}: {error}; make the model with one of these lens models, or put the camera_info YAML of the "
-            "camera into the photographs' folder as camera.yaml"
-        ) from error
-
-
 CAMERA_FILE = "camera.yaml"
 BOARD_FILE = "board.yaml"
 _SUFFIXES = {".jpg", ".jpeg", ".png"}
+_SAME = 1e-6  # relative difference of parameters up to which two cameras of a model are one
+
+
+@dataclass(frozen=True)
+class FrameOrigin:
+    """The body camera that took a photograph, and its stamp in the recording [s]."""
+
+    camera: str
+    seconds: float
 
 
 @dataclass(frozen=True)
 class Photographs:
-    """What a reference folder holds.
+    """A reference folder.
 
     Attributes:
-        folder: where it is.
+        folder: its path.
         name: of the folder, or of the recording that its photographs were taken from.
         paths: image files in order of name.
         camera_of_name: file name -> the camera that took it.
-        board_path: description of the board, if the folder has one.
+        board_path: description of the board, if there is one.
+        origins: file name -> origin, of frames of body cameras; else empty.
     """
 
     folder: Path
@@ -70,43 +43,21 @@ class Photographs:
     paths: tuple[Path, ...]
     camera_of_name: Mapping[str, CameraModel]
     board_path: Path | None
+    origins: Mapping[str, FrameOrigin] = field(default_factory=dict)
 
     @property
     def where(self) -> str:
-        """For messages: the folder, or the recording, whose frames may be in a folder that nobody knows."""
+        """For messages: the folder, or the recording if its frames are in a scratch folder."""
         return str(self.folder) if self.name == self.folder.resolve().name else self.name
 
 
-def wrong_camera(*cameras: CameraModel) -> str:
-    """What to tell a user whose photographs contradict the intrinsics of the cameras that took them."""
-    if len(cameras) > 1:
-        said = ", ".join(f"{camera.name} {camera.distortion_model} {camera.fx:.0f} px" for camera in cameras)
-        return (
-            f"Do the intrinsics belong to the cameras? They say: {said}. Another lens model, zoom or image size makes "
-            "another camera."
-        )
-    (camera,) = cameras
-    return (
-        f"Does {CAMERA_FILE} belong to the camera that took the photographs? It says {camera.distortion_model}, focal "
-        f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."
-    )
-
-
-def find_photographs(
-    folder: Path,
-    camera_path: Path | None = None,
-    model_folder: Path | None = None,
-    name: str | None = None,
-    board_path: Path | None = None,
-) -> Photographs:
+def find_photographs(folder: Path, camera_path: Path | None = None, model_folder: Path | None = None) -> Photographs:
     """List a reference folder.
 
     Args:
         folder: with the photographs.
         camera_path: camera_info YAML; None: the folder's own.
-        model_folder: COLMAP model of them, whose camera counts where there is no camera_info YAML.
-        name: of what the photographs were taken from; None: the folder's.
-        board_path: description of the board; None: the folder's own, if it has one.
+        model_folder: COLMAP model of them, whose camera is used where there is no camera_info YAML.
 
     Raises:
         MapError: the folder, its photographs or its calibration are missing.
@@ -117,23 +68,67 @@ def find_photographs(
     paths = tuple(sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()))
     if len(paths) < 2:
         raise MapError(f"{folder}: {len(paths)} photographs (jpg, png); a map needs two or more, better 50 to 150")
-    if board_path is None and (folder / BOARD_FILE).is_file():
-        board_path = folder / BOARD_FILE
-    camera = _camera(folder, camera_path, model_folder)
-    camera_of_name = {path.name: camera for path in paths}
-    return Photographs(folder, name or folder.resolve().name, paths, camera_of_name, board_path)
-
-
-def _camera(folder: Path, camera_path: Path | None, model_folder: Path | None) -> CameraModel:
+    if camera_path is None and (folder / CAMERA_FILE).is_file():
+        camera_path = folder / CAMERA_FILE
     if camera_path is not None:
-        return camera_from_yaml(camera_path)
-    if (folder / CAMERA_FILE).is_file():
-        return camera_from_yaml(folder / CAMERA_FILE)
-    if model_folder is None:
+        camera = camera_from_yaml(camera_path)
+    elif model_folder is not None:
+        camera = camera_of_model(model_folder)
+    else:
         raise MapError(
-            f"{folder}: has no {CAMERA_FILE}; put the ROS camera_info YAML of the photographs' camera there, or say "
-            "with --camera where it is"
+            f"{folder}: has no {CAMERA_FILE}; put the ROS camera_info YAML of the photographs' camera there, or give "
+            "its path with --camera"
         )
-    # COLMAP takes a second to load.
+    board_path = folder / BOARD_FILE
+    return Photographs(
+        folder,
+        folder.resolve().name,
+        paths,
+        {path.name: camera for path in paths},
+        board_path if board_path.is_file() else None,
+    )
 
-    return camera_of_model(model_folder)
+
+def camera_of_model(folder: Path) -> CameraModel:
+    """The one camera that took all photographs of a COLMAP model.
+
+    Raises:
+        MapError: the model cannot be read, has no or several cameras, or one of an unknown lens model.
+    """
+    model = colmap.read_model(folder)
+    used = {image.camera_id for image in model.images.values() if image.has_pose}
+    cameras = [model.cameras[camera_id] for camera_id in sorted(used)]
+    if not cameras:
+        raise MapError(f"{folder}: the model registers no photograph; give the folder of one that does")
+    first = cameras[0]
+    for camera in cameras:
+        if (camera.model_name, camera.width, camera.height) != (first.model_name, first.width, first.height) or (
+            not np.allclose(camera.params, first.params, rtol=_SAME, atol=_SAME)
+        ):
+            raise MapError(
+                f"{folder}: the model has {len(cameras)} cameras; a map is made of photographs of one. Let COLMAP "
+                "share one camera among all (ImageReader.single_camera), or put the camera_info YAML of the one that "
+                f"took the photographs into their folder as {CAMERA_FILE}"
+            )
+    try:
+        return camera_from_colmap("photograph", first)
+    except LensError as error:
+        raise MapError(
+            f"{folder}: {error}; make the model with one of these lens models, or put the camera_info YAML of the "
+            f"camera into the photographs' folder as {CAMERA_FILE}"
+        ) from error
+
+
+def wrong_camera(*cameras: CameraModel) -> str:
+    """The advice for photographs that contradict the intrinsics of the cameras that took them."""
+    if len(cameras) > 1:
+        given = ", ".join(f"{camera.name} {camera.distortion_model} {camera.fx:.0f} px" for camera in cameras)
+        return (
+            f"Do the intrinsics belong to the cameras? Given are: {given}. Another lens model, zoom or image size "
+            "makes another camera."
+        )
+    (camera,) = cameras
+    return (
+        f"Does {CAMERA_FILE} belong to the camera that took the photographs? It gives {camera.distortion_model}, focal "
+        f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; another lens model, zoom or image size makes another camera."
+    )

@@ -15,10 +15,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_model import pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.colmap import complete, match_in_full, write_verified, write_verified_by_colmap
-from bodycam_ros.mapping.epipolar_matching import EpipolarSettings, match_known_poses
-from bodycam_ros.mapping.features import ImageFeatures, PairSettings, mutual_matches, probe_overlap, promising_pairs
-from bodycam_ros.mapping.map_settings import LandmarkSettings
+from bodycam_ros.mapping.epipolar_matching import match_known_poses
+from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features, mutual_matches
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
@@ -26,23 +24,26 @@ from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
 
-_PAIRS_AT_ONCE = 40  # between two steps of the progress bar
+_REGISTERING_FEATURES = 1000  # largest of each photograph that find the poses; with all it takes five times as long
+_MAX_ERROR_PX = 1.0  # reprojection error of a landmark, A section 4.1
+_MIN_ANGLE_DEG = 2.0  # between two rays of a landmark, A section 4.1
+_MIN_VIEWS = 3  # photographs: two rays always nearly meet, the third reveals a wrong match
+_MIN_FITTING = 0.22  # share of the matches that must fit, or there is no map; 0.78 and more with the right camera.yaml,
+# 0.19 to 0.30 with a focal length 20 % off
+_DOUBTFUL_FITTING = 0.45  # share below which a warning is given; 0.13 to 0.32 with another lens model, with fx, fy 5 %
+# off 0.38 in a hundred photographs, 0.7 in thirty
+_MAX_MODEL_ERROR_PX = 2.0  # median of a COLMAP model that is taken over; far more if made with other intrinsics
 _SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same detail
+_PAIRS_AT_ONCE = 40  # between two steps of the progress bar
 
 
 def reconstruct(
-    features: Sequence[ImageFeatures],
-    camera_of_name: Mapping[str, CameraModel],
-    pair_settings: PairSettings,
-    epipolar_settings: EpipolarSettings,
-    landmark_settings: LandmarkSettings,
-    workers: int,
-    progress: Progress,
+    features: Sequence[ImageFeatures], camera_of_name: Mapping[str, CameraModel], workers: int, progress: Progress
 ) -> Structure:
-    """Recover camera poses and landmarks, up to a similarity: poses by few features, landmarks by all.
+    """Recover camera poses and landmarks, up to a similarity: poses from few features, landmarks from all.
 
-    The largest features register the photographs, in a quarter of the time that all of them would take. Their poses say
-    where to look for the others.
+    The largest features register the photographs, in a quarter of the time that all of them would take. Their poses
+    predict where the others match.
 
     Raises:
         MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics; or
@@ -53,15 +54,15 @@ def reconstruct(
     with scratch_folder(Path(tempfile.gettempdir())) as scratch, threadpool_limits(1, user_api="blas"):
         with progress.step("choosing pairs", len(features)) as advance:
             counts = []
-            for row in probe_overlap(features, pair_settings, workers):
+            for row in count_common_features(features, workers):
                 counts.append(row)
                 advance()
-        pairs = promising_pairs(np.array(counts), pair_settings)
+        pairs = choose_pairs(np.array(counts))
 
         coarse, registered = None, 0
         most = max(len(image.pixels) for image in features)
-        for count in sorted({min(pair_settings.registering_features, most), most}):
-            model = _coarse_model(features, camera_of_name, pairs, count, pair_settings, scratch, workers, progress)
+        for count in sorted({min(_REGISTERING_FEATURES, most), most}):
+            model = _coarse_model(features, camera_of_name, pairs, count, scratch, workers, progress)
             if model is not None and model.num_reg_images() > registered:
                 coarse, registered = model, model.num_reg_images()
             if 2 * registered > len(features):
@@ -72,17 +73,15 @@ def reconstruct(
                 "textured things from different places. Take more of them with at least half of the view in common "
                 "with the next, sharp and well lit, and check that camera.yaml belongs to the camera"
             )
-        _check_fits(coarse, distinct(list(camera_of_name.values()))[0], landmark_settings, workers)
-        database = _matched_in_full(
-            features, camera_of_name, coarse, pairs, epipolar_settings, scratch, workers, progress
-        )
+        _check_fits(coarse, distinct(list(camera_of_name.values()))[0], workers)
+        database = _match_in_full(features, camera_of_name, coarse, pairs, scratch, workers, progress)
         with progress.step("adjusting the bundle", 3) as advance:
-            model = complete(database, coarse, landmark_settings.min_angle, workers, advance)
+            model = colmap.complete(database, coarse, _MIN_ANGLE_DEG, workers, advance)
             # A 4.1
-            colmap.keep_good_points(model, landmark_settings.max_error, landmark_settings.min_angle)
+            colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
             structure = colmap.structure_from(model, camera_of_name)
             advance()
-    return _coloured(_keep_seen(structure, landmark_settings), features)
+    return _coloured(_keep_observed(structure), features)
 
 
 def _coarse_model(
@@ -90,45 +89,41 @@ def _coarse_model(
     camera_of_name: Mapping[str, CameraModel],
     pairs: Sequence[tuple[int, int]],
     count: int,
-    settings: PairSettings,
     scratch: Path,
     workers: int,
     progress: Progress,
 ) -> pycolmap.Reconstruction | None:
     """Incremental structure from motion on the ``count`` largest features of each photograph."""
     folder = scratch / f"{count}_features"
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     database = folder / "database.db"
-    database.unlink(missing_ok=True)
     largest = [image.largest(count) for image in features]
     colmap.write_database(database, camera_of_name, largest)
     descriptors = [image.descriptors.astype(np.float32) for image in largest]
 
     def match(pair: tuple[int, int]) -> NDArray[np.uint32]:
-        first, second = pair
-        return mutual_matches(descriptors[first], descriptors[second], settings.probe_ratio)
+        return mutual_matches(descriptors[pair[0]], descriptors[pair[1]])
 
     matches = []
     with progress.step("matching pairs", len(pairs)) as advance:
         for found in in_parallel(match, pairs, workers):
             matches.append(found)
             advance()
-        write_verified_by_colmap(database, _names(features, pairs), matches)
+        colmap.write_and_verify(database, _names(features, pairs), matches)
     with progress.step("registering photographs", len(features)) as advance:
         return colmap.reconstruct(database, folder, workers, advance)
 
 
-def _matched_in_full(
+def _match_in_full(
     features: Sequence[ImageFeatures],
     camera_of_name: Mapping[str, CameraModel],
     coarse: pycolmap.Reconstruction,
     pairs: Sequence[tuple[int, int]],
-    settings: EpipolarSettings,
     scratch: Path,
     workers: int,
     progress: Progress,
 ) -> Path:
-    """A database of all features with the matches of all pairs, by the poses where both are known."""
+    """A database of all features with the matches of all pairs, along epipolar lines where both poses are known."""
     database = scratch / "database.db"
     colmap.write_database(database, camera_of_name, features)
     poses = colmap.poses_of(coarse)
@@ -143,14 +138,13 @@ def _matched_in_full(
             [camera_of_name[image.name] for image in posed],
             np.array([poses[image.name] for image in posed]),
             [(row_of[first], row_of[second]) for first, second in known],
-            settings,
             workers,
             advance,
         )
-        write_verified(database, known, matches)
+        colmap.write_verified(database, known, matches)
         for start in range(0, len(unknown), _PAIRS_AT_ONCE):
             block = unknown[start : start + _PAIRS_AT_ONCE]
-            match_in_full(database, block, workers)
+            colmap.match_in_full(database, block, workers)
             advance(len(block))
     return database
 
@@ -160,10 +154,7 @@ def _names(features: Sequence[ImageFeatures], pairs: Sequence[tuple[int, int]]) 
 
 
 def adopt_model(
-    folder: Path,
-    features: Sequence[ImageFeatures],
-    camera_of_name: Mapping[str, CameraModel],
-    settings: LandmarkSettings,
+    folder: Path, features: Sequence[ImageFeatures], camera_of_name: Mapping[str, CameraModel]
 ) -> Structure:
     """Take over an existing COLMAP model, with our descriptors at its observations.
 
@@ -171,15 +162,14 @@ def adopt_model(
         folder: of the model's cameras, images and points3D.
         features: of all photographs; those that the model lacks are left out.
         camera_of_name: the camera of each photograph; must be those of the model.
-        settings: criteria for landmarks.
 
     Raises:
         MapError: the model cannot be read, shows other photographs or was made with other intrinsics.
     """
     model = colmap.read_model(folder)
-    colmap.keep_good_points(model, np.inf, settings.min_angle)
+    colmap.keep_good_points(model, np.inf, _MIN_ANGLE_DEG)
     known = {image.name: image for image in features}
-    names = colmap.registered_names(model)
+    names = list(colmap.poses_of(model))
     missing = [name for name in names if name not in known]
     if missing or len(names) < 2:
         raise MapError(
@@ -188,66 +178,53 @@ def adopt_model(
         )
     structure = colmap.structure_from(model, camera_of_name)
     errors = structure.reprojection_errors()
-    if not len(errors) or not float(np.median(errors)) <= settings.max_model_error:
-        median = float(np.median(errors)) if len(errors) else float("nan")
+    median = float(np.median(errors)) if len(errors) else float("nan")
+    if not median <= _MAX_MODEL_ERROR_PX:
         raise MapError(
             f"{folder}: with the intrinsics of camera.yaml the model's points project {median:.1f} px (median) from "
-            f"where they were seen, expected {settings.max_model_error:g} at most; give the calibration of the model"
+            f"where they were observed, expected {_MAX_MODEL_ERROR_PX:g} at most; give the calibration of the model"
         )
-    structure = structure.with_observations(errors <= settings.max_error)
-    structure = _linked(structure, [known[name] for name in structure.names])
-    return _coloured(_keep_seen(structure, settings), features)
-
-
-def _check_fits(
-    model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], settings: LandmarkSettings, workers: int
-) -> None:
-    """Adjust a model, and refuse it if little of what was matched fits: with wrong intrinsics only scraps do.
-
-    Errors alone do not tell, because what errs by more than ``max_error`` is left out.
-    """
-    seen = colmap.observations_of_points(model, settings.min_views)
-    # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
-    colmap.keep_good_points(model, settings.max_error, settings.min_angle)
-    colmap.adjust(model, workers)
-    colmap.keep_good_points(model, settings.max_error, settings.min_angle)
-    share = colmap.observations_of_points(model, settings.min_views) / max(1, seen)
-    if share >= max(settings.doubtful_fitting, settings.min_fitting):
-        return
-    doubt = (
-        f"only {100 * share:.0f} % of what the photographs show in common can be explained to within "
-        f"{settings.max_error:g} px"
-    )
-    if share >= settings.min_fitting:
-        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(*cameras))
-        return
-    raise MapError(
-        f"the photographs do not fit together: {doubt}, {100 * settings.min_fitting:.0f} % are needed "
-        f"(landmarks.min_fitting). {wrong_camera(*cameras)}"
-    )
-
-
-def _linked(structure: Structure, features: Sequence[ImageFeatures]) -> Structure:
-    """The structure with our nearest feature at each observation."""
+    structure = structure.with_observations(errors <= _MAX_ERROR_PX)
     rows = np.full(len(structure.observation_views), NO_FEATURE, dtype=np.int64)
-    for view, image in enumerate(features):
+    for view, name in enumerate(structure.names):
         here = np.flatnonzero(structure.observation_views == view)
-        if len(image.pixels) and len(here):
-            distances, nearest = cKDTree(image.pixels).query(structure.observation_pixels[here])
+        if len(known[name].pixels) and len(here):
+            distances, nearest = cKDTree(known[name].pixels).query(structure.observation_pixels[here])
             rows[here] = np.where(distances <= _SAME_FEATURE_PX, nearest, NO_FEATURE)
-    return replace(structure, observation_features=rows)
+    return _coloured(_keep_observed(replace(structure, observation_features=rows)), features)
 
 
-def _keep_seen(structure: Structure, settings: LandmarkSettings) -> Structure:
-    """Drop points seen by too few photographs, or without any descriptor."""
+def _check_fits(model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], workers: int) -> None:
+    """Adjust a model, and refuse it if few of the matches fit: with wrong intrinsics only scraps do.
+
+    Errors alone do not show it, because what errs by more than the limit is left out.
+    """
+    matched = colmap.observations_of_points(model, _MIN_VIEWS)
+    # A 4.1, before and after: points that fail must not pull the cameras, and adjustment may uncover more of them.
+    colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
+    colmap.adjust(model, workers)
+    colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
+    share = colmap.observations_of_points(model, _MIN_VIEWS) / max(1, matched)
+    doubt = f"only {100 * share:.0f} % of the matches between photographs fit to within {_MAX_ERROR_PX:g} px"
+    if share < _MIN_FITTING:
+        raise MapError(
+            f"the photographs do not fit together: {doubt}, {100 * _MIN_FITTING:.0f} % are needed. "
+            f"{wrong_camera(*cameras)}"
+        )
+    if share < _DOUBTFUL_FITTING:
+        _LOG.warning("%s, so the map may be bent. %s", doubt, wrong_camera(*cameras))
+
+
+def _keep_observed(structure: Structure) -> Structure:
+    """Drop points that too few photographs observe, or without any descriptor."""
     described: NDArray[np.bool_] = np.zeros(len(structure.points_world), dtype=bool)
     described[structure.observation_points[structure.observation_features != NO_FEATURE]] = True
-    kept = structure.with_points(described & (structure.views_per_point() >= settings.min_views))
+    kept = structure.with_points(described & (structure.views_per_point() >= _MIN_VIEWS))
     if not len(kept.points_world):
         raise MapError(
-            f"none of {len(structure.points_world)} points is seen well enough to be a landmark (error <= "
-            f"{settings.max_error:g} px in {settings.min_views} photographs, {settings.min_angle:g} deg between rays); "
-            "take more photographs, from places farther apart, and check that camera.yaml belongs to the camera"
+            f"none of {len(structure.points_world)} points is observed well enough to be a landmark (error <= "
+            f"{_MAX_ERROR_PX:g} px in {_MIN_VIEWS} photographs, {_MIN_ANGLE_DEG:g} deg between rays); take more "
+            "photographs, from places farther apart, and check that camera.yaml belongs to the camera"
         )
     return kept
 

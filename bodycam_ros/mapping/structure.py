@@ -1,8 +1,7 @@
-"""What structure from motion recovers: camera poses, points and who sees what; and that as a PLY file."""
+"""Camera poses, points and observations from structure from motion, and the descriptors of the points."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,10 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.settings import setting
 
 NO_FEATURE = -1
 
-_CAMERA_COLOUR = (255, 0, 0)
-_AXIS_POINTS = 10  # per camera, along its optical axis
-_AXIS_LENGTH = 0.02  # of the extent of all cameras
+_DESCRIPTORS_PER_POINT = 4  # from directions far from each other: SIFT holds for some 30 degrees around each
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,7 @@ class Structure:
         return replace(self, world_T_camera=world_T_camera, points_world=scale * self.points_world @ R.T + t)
 
     def observed_points_camera(self) -> NDArray[np.float64]:
-        """The observed point (O, 3) of each observation, in the axes of the camera that sees it."""
+        """The observed point (O, 3) of each observation, in the axes of its camera."""
         poses = self.world_T_camera[self.observation_views]
         offsets = self.points_world[self.observation_points] - poses[:, :3, 3]
         points: NDArray[np.float64] = np.einsum("nij,ni->nj", poses[:, :3, :3], offsets)
@@ -64,35 +60,30 @@ class Structure:
     def with_points(self, kept: NDArray[np.bool_]) -> "Structure":
         """The same structure with only the points that ``kept`` (L,) marks, and the observations of them."""
         new_rows = np.cumsum(kept) - 1
-        seen = self.with_observations(kept[self.observation_points])
+        remaining = self.with_observations(kept[self.observation_points])
         return replace(
-            seen,
+            remaining,
             points_world=self.points_world[kept],
             colours=self.colours[kept],
-            observation_points=new_rows[seen.observation_points],
+            observation_points=new_rows[remaining.observation_points],
         )
 
     def with_observations(self, kept: NDArray[np.bool_]) -> "Structure":
         """The same structure with only the observations that ``kept`` (O,) marks; points may be left with none."""
-        return replace(
-            self,
-            observation_views=self.observation_views[kept],
-            observation_points=self.observation_points[kept],
-            observation_pixels=self.observation_pixels[kept],
-            observation_features=self.observation_features[kept],
-        )
+        names = ("observation_views", "observation_points", "observation_pixels", "observation_features")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def views_per_point(self) -> NDArray[np.int64]:
         """Number (L,) of observations of each point."""
         return np.bincount(self.observation_points, minlength=len(self.points_world))
 
     def reprojection_errors(self) -> NDArray[np.float64]:
-        """Distance (O,) [px] from where a point projects to where it was seen; infinite outside the lens."""
+        """Distance (O,) [px] from where a point projects to where it was observed; infinite outside the lens."""
         points_camera = self.observed_points_camera()
         errors = np.full(len(points_camera), np.inf)
-        for camera, seen in self.observations_by_camera():
-            projected, valid = camera.project(points_camera[seen])
-            errors[seen[valid]] = np.linalg.norm(projected - self.observation_pixels[seen], axis=1)[valid]
+        for camera, rows in self.observations_by_camera():
+            projected, valid = camera.project(points_camera[rows])
+            errors[rows[valid]] = np.linalg.norm(projected - self.observation_pixels[rows], axis=1)[valid]
         return errors
 
     def observations_by_camera(self) -> Iterator[tuple[CameraModel, NDArray[np.int64]]]:
@@ -103,42 +94,11 @@ class Structure:
 
 
 def distinct(taken_by: Sequence[CameraModel]) -> tuple[tuple[CameraModel, ...], NDArray[np.int64]]:
-    """The different cameras of K photographs, in the order in which they come first, and the row of each one's (K,)."""
-    row_of = {id(camera): row for row, camera in reversed(list(enumerate(taken_by)))}
-    firsts = sorted(row_of.values())
-    rows = np.searchsorted(firsts, [row_of[id(camera)] for camera in taken_by]).astype(np.int64)
-    return tuple(taken_by[row] for row in firsts), rows
-
-
-def write_ply(path: Path, structure: Structure) -> None:
-    """Write points in their colours, and each camera as a red line of points along its optical axis."""
-    centres = structure.world_T_camera[:, :3, 3]
-    length = _AXIS_LENGTH * float(np.linalg.norm(np.ptp(centres, axis=0)))
-    steps = np.linspace(0.0, length, _AXIS_POINTS)
-    axes = centres[:, None] + steps[:, None] * structure.world_T_camera[:, None, :3, 2]
-    positions = np.concatenate([structure.points_world, axes.reshape(-1, 3)])
-    colours = np.concatenate([structure.colours, np.tile(np.array(_CAMERA_COLOUR, np.uint8), (axes.size // 3, 1))])
-
-    names = ("x", "y", "z", "red", "green", "blue")
-    vertices = np.zeros(len(positions), dtype=list(zip(names, ["<f4"] * 3 + ["u1"] * 3, strict=True)))
-    for name, column in zip(names, [*positions.T, *colours.T], strict=True):
-        vertices[name] = column
-    types = ["float"] * 3 + ["uchar"] * 3
-    header = "\n".join(
-        ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-        + [f"property {kind} {name}" for kind, name in zip(types, names, strict=True)]
-        + ["end_header", ""]
-    )
-    path.write_bytes(header.encode("ascii") + vertices.tobytes())
-
-
-@dataclass(frozen=True)
-class DescriptorSettings:
-    """How many descriptors a landmark carries."""
-
-    per_landmark: int = setting(
-        4, limits=(1, 50), reason="spread over the directions of view: SIFT holds for some 30 degrees around each"
-    )
+    """The different cameras of K photographs in the order of their first use, and the row of each one's (K,)."""
+    row_of: dict[int, int] = {}
+    rows = [row_of.setdefault(id(camera), len(row_of)) for camera in taken_by]
+    first = {row: camera for row, camera in reversed(list(zip(rows, taken_by, strict=True)))}
+    return tuple(first[row] for row in range(len(first))), np.array(rows, np.int64)
 
 
 @dataclass(frozen=True)
@@ -148,7 +108,7 @@ class LandmarkDescriptors:
     Attributes:
         landmark: (D,) uint32 row of the landmark, ascending.
         descriptors: (D, 128) uint8 RootSIFT.
-        view: (D, 3) float32 unit direction, in the world, from the landmark to the camera that gave it.
+        view: (D, 3) float32 unit direction, in the world, from the landmark to the camera of the descriptor.
         size: (D,) float32 size of the feature [m]: its sigma [px] times distance over the pixels
             per radian that the lens has there.
     """
@@ -159,15 +119,12 @@ class LandmarkDescriptors:
     size: NDArray[np.float32]
 
 
-def choose_descriptors(
-    structure: Structure, features: Sequence[ImageFeatures], settings: DescriptorSettings
-) -> LandmarkDescriptors:
-    """Pick each landmark's descriptors so that they spread over the directions that it was seen from.
+def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) -> LandmarkDescriptors:
+    """Choose each landmark's descriptors so that they spread over the directions that it was observed from.
 
     Args:
         structure: in the frame of the map.
         features: of the photographs of ``structure``, in its order.
-        settings: how many to keep.
     """
     known = structure.observation_features != NO_FEATURE
     points_camera = structure.observed_points_camera()
@@ -180,9 +137,7 @@ def choose_descriptors(
     order = order[known[order]]
     landmarks = structure.observation_points[order]
     starts = np.flatnonzero(np.diff(landmarks, prepend=-1))
-    kept = [
-        group[_spread(to_camera[group], settings.per_landmark)] for group in np.split(order, starts[1:]) if len(group)
-    ]
+    kept = [group[_spread(to_camera[group])] for group in np.split(order, starts[1:]) if len(group)]
     chosen = np.concatenate(kept) if kept else np.zeros(0, dtype=np.int64)
 
     views, rows = structure.observation_views[chosen], structure.observation_features[chosen]
@@ -192,29 +147,28 @@ def choose_descriptors(
         here = views == view
         descriptors[here] = image.descriptors[rows[here]]
         sigmas[here] = image.sigmas[rows[here]]
-    scales = _local_scales(structure, points_camera)[chosen]
     return LandmarkDescriptors(
         landmark=structure.observation_points[chosen].astype(np.uint32),
         descriptors=descriptors,
         view=to_camera[chosen].astype(np.float32),
-        size=(sigmas * distances[chosen] / scales).astype(np.float32),
+        size=(sigmas * distances[chosen] / _local_scales(structure, points_camera)[chosen]).astype(np.float32),
     )
 
 
 def _local_scales(structure: Structure, points_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(O,) pixels per radian where each observation is seen."""
+    """(O,) pixels per radian at each observation."""
     cosines = points_camera[:, 2] / np.linalg.norm(points_camera, axis=1)
     scales = np.empty(len(points_camera))
-    for camera, seen in structure.observations_by_camera():
-        scales[seen] = scales_at(camera, cosines[seen])
+    for camera, rows in structure.observations_by_camera():
+        scales[rows] = scales_at(camera, cosines[rows])
     return scales
 
 
-def _spread(directions: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Rows of up to ``count`` of the unit directions (N, 3), each the farthest from those before it."""
+def _spread(directions: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Rows of some of the unit directions (N, 3), each the farthest from those before it."""
     chosen = [0]
     cosines = directions @ directions[0]
-    while len(chosen) < min(count, len(directions)):
+    while len(chosen) < min(_DESCRIPTORS_PER_POINT, len(directions)):
         following = int(cosines.argmin())
         chosen.append(following)
         cosines = np.maximum(cosines, directions @ directions[following])

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from bodycam_ros.mapping.coverage import Coverage
-from bodycam_ros.mapping.coverage_gaps import Gap, find_gaps
+from bodycam_ros.mapping.coverage import Coverage, Gap, find_gaps
 from bodycam_ros.plots.picture_style import FAINT, INK, LANDMARKS, QUIET, TYPOGRAPHY, WARNING, panel_title
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -39,7 +38,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
     Raises:
         OSError: the file cannot be written.
     """
-    gaps = find_gaps(coverage, reference_map)
+    gaps = find_gaps(coverage)
     with matplotlib.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
         FigureCanvasAgg(figure)
@@ -56,7 +55,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
 
 def _caption(coverage: Coverage, reference_map: ReferenceMap, gaps: list[Gap]) -> str:
     caption = (
-        f"a worn camera would find itself in {100 * coverage.share:.0f} % of all directions; "
+        f"a body camera would register in {100 * coverage.share:.0f} % of all directions; "
         f"{len(reference_map.image_names)} photographs, {len(reference_map.landmark_ids)} landmarks"
     )
     if gaps:

@@ -17,7 +17,7 @@ from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
 pytestmark = pytest.mark.long
 
-QUICK = ["--worn.most", "24", "--worn.fewest", "4", "--features.max_features", "900", "--features.contrast", "0.03"]
+QUICK = ["--frames.most", "24", "--features.max_features", "900"]
 BAGS = Path(__file__).parents[2] / "bags"
 
 

@@ -4,8 +4,8 @@ from board_picture import board_picture, looking_at_origin, true_corners, two_by
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.alignment import AlignmentSettings, align_to_board
-from bodycam_ros.mapping.apriltag import TagSettings, TagView, detect_tags
+from bodycam_ros.mapping.alignment import align_to_board
+from bodycam_ros.mapping.apriltag import TagView, detect_tags
 from bodycam_ros.mapping.board import Board
 
 PLACES = [(0.1, -0.6, 0.7), (0.6, 0.3, 0.5), (-0.4, 0.2, 0.9), (-0.5, -0.4, 0.6), (0.2, 0.6, 0.8)]
@@ -41,9 +41,7 @@ def assert_similarity(alignment, tolerance):
 
 def test_exact_corners_give_the_similarity_back(scene):
     camera, board, poses = scene
-    alignment = align_to_board(
-        moved(poses), exact_views(camera, board, poses), [camera] * len(poses), board, AlignmentSettings()
-    )
+    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), [camera] * len(poses), board)
     assert_similarity(alignment, 1e-6)
     assert alignment.residual.rms_px < 1e-4
     assert alignment.residual.views_of_tag == {tag: len(PLACES) for tag in range(4)}
@@ -51,11 +49,8 @@ def test_exact_corners_give_the_similarity_back(scene):
 
 def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene):
     camera, board, poses = scene
-    views = [
-        detect_tags(board_picture(camera, pose, board, 1.2, gamma=2.2), camera, "36h11", TagSettings())
-        for pose in poses[:3]
-    ]
-    alignment = align_to_board(moved(poses[:3]), views, [camera] * 3, board, AlignmentSettings())
+    views = [detect_tags(board_picture(camera, pose, board, 1.2, gamma=2.2), camera, "36h11") for pose in poses[:3]]
+    alignment = align_to_board(moved(poses[:3]), views, [camera] * 3, board)
     assert_similarity(alignment, 1e-3)
     assert alignment.residual.inset_px > 0.1
 
@@ -63,9 +58,7 @@ def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene):
 def test_the_upward_axis_of_a_standing_board_becomes_z(scene):
     camera, board, poses = scene
     standing = Board(board.family, board.corners_board, np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
-    alignment = align_to_board(
-        moved(poses), exact_views(camera, board, poses), [camera] * len(poses), standing, AlignmentSettings()
-    )
+    alignment = align_to_board(moved(poses), exact_views(camera, board, poses), [camera] * len(poses), standing)
     up_in_sfm = R @ [0.0, 1.0, 0.0]
     assert np.allclose(alignment.R @ up_in_sfm, [0.0, 0.0, 1.0], atol=1e-6)
     assert np.array_equal(alignment.map_R_board, standing.map_R_board)
@@ -75,4 +68,4 @@ def test_tags_of_another_board_are_an_error(scene):
     camera, board, poses = scene
     views = [[TagView(77, v.corners, v.breadths) for v in seen] for seen in exact_views(camera, board, poses)]
     with pytest.raises(MapError, match="tags"):
-        align_to_board(moved(poses), views, [camera] * len(poses), board, AlignmentSettings())
+        align_to_board(moved(poses), views, [camera] * len(poses), board)

@@ -8,9 +8,10 @@ import pytest
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import OutputError
-from bodycam_ros.mapping.carried_camera import BagCamera
-from bodycam_ros.mapping.frame_choice import FrameChoiceSettings, keep_chosen_frames
+from bodycam_ros.errors import MapError, OutputError
+from bodycam_ros.mapping.frame_choice import keep_sharp_frames
+from bodycam_ros.mapping.map_settings import FrameSettings
+from bodycam_ros.mapping.moving_camera import BagCamera, open_body_cameras
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
@@ -19,6 +20,7 @@ from bodycam_ros.recording.typestore import recorded_messages
 
 LENS = camera_from_info("hand", 320, 240, "equidistant", [0.01, 0.0, 0.0, 0.0], [150, 0, 160, 0, 151, 120, 0, 0, 1])
 SHARP = [1, 4, 7]
+SAMPLE = Path(__file__).parents[2] / "bags/sample/bag"
 
 
 @pytest.fixture
@@ -41,14 +43,19 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
+def keep(bag: Path, folder: Path, force: bool = False, progress: Unshown | None = None) -> None:
+    sources = {"hand": BagCamera(bag, None, None)}
+    keep_sharp_frames(sources, folder, "bag", FrameSettings(), 1, progress or Unshown(), force=force)
+
+
 def test_sharp_frames_and_the_lens_are_written(bag: Path, tmp_path: Path) -> None:
     progress = Unshown()
     folder = tmp_path / "kept"
-    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), force=False, progress=progress)
+    keep(bag, folder, progress=progress)
     photographs = find_photographs(folder)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
     assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())
-    assert progress.done == progress.totals == {"looking at frames": 9, "keeping sharp frames": 3}
+    assert progress.done == progress.totals == {"analysing frames": 9, "writing sharp frames": 3}
 
 
 def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_path: Path) -> None:
@@ -57,7 +64,28 @@ def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_p
     for name in ("frame_000099.jpg", "camera.yaml"):
         (folder / name).touch()
     with pytest.raises(OutputError, match="--force"):
-        keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), False, Unshown())
+        keep(bag, folder)
     assert (folder / "frame_000099.jpg").exists()
-    keep_chosen_frames(BagCamera(bag, None, None), folder, FrameChoiceSettings(), True, Unshown())
+    keep(bag, folder, force=True)
     assert sorted(path.name for path in folder.iterdir()) == ["camera.yaml", *(f"frame_{n:06d}.png" for n in SHARP)]
+
+
+def test_frames_of_body_cameras_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:
+    pair = ("waist_left", "waist_right")
+    sources = open_body_cameras(SAMPLE, pair)
+    kept = keep_sharp_frames(sources, tmp_path / "k", "sample", FrameSettings(most=10), 2, Unshown(), pairs=[pair])
+    assert sorted(path.name for path in kept.folder.iterdir()) == [path.name for path in kept.paths]
+    assert set(kept.camera_of_name) == set(kept.origins) == {path.name for path in kept.paths}
+    first, second = ([one.seconds for one in kept.origins.values() if one.camera == camera] for camera in pair)
+    # The other camera has a frame of each time.
+    assert len(first) >= 2 and all(min(abs(seconds - other) for other in second) < 0.01 for seconds in first)
+    for path in kept.paths:
+        camera = kept.camera_of_name[path.name]
+        assert path.name.startswith(kept.origins[path.name].camera)
+        assert cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape == (camera.height, camera.width)
+    assert len({id(camera) for camera in kept.camera_of_name.values()}) == 2
+
+
+def test_a_camera_that_is_not_there_is_named() -> None:
+    with pytest.raises(MapError, match="tail.*foot_left"):
+        open_body_cameras(SAMPLE, ("tail",))

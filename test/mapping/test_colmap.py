@@ -10,7 +10,7 @@ from bodycam_ros.mapping import colmap
 @pytest.fixture
 def model(tmp_path):
     structure = small_structure()
-    colmap.write_model(tmp_path / "sparse", structure)
+    colmap.write_model(tmp_path / "sparse", tmp_path / "structure.ply", structure)
     return structure, tmp_path / "sparse"
 
 
@@ -62,7 +62,7 @@ def test_what_is_no_model_is_an_error(tmp_path):
 
 @pytest.mark.long
 def test_a_model_that_colmap_never_ends_reading_is_an_error(model, monkeypatch):
-    monkeypatch.setattr(colmap, "_LONGEST_TRIAL_S", 3.0)
+    monkeypatch.setattr(colmap, "_MAX_TRIAL_S", 3.0)
     _, folder = model
     points = folder / "points3D.bin"
     points.write_bytes(b"\xff" * 8 + points.read_bytes()[8:])

@@ -3,7 +3,7 @@ import pytest
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import rigid
-from bodycam_ros.mapping.epipolar_matching import EpipolarSettings, match_known_poses
+from bodycam_ros.mapping.epipolar_matching import match_known_poses
 from bodycam_ros.mapping.features import ImageFeatures
 
 SIZE_M = 0.01  # of every feature
@@ -35,7 +35,7 @@ def photograph(camera, pose, points_world, descriptors, sizes, rng):
     return features, seen
 
 
-def matched(camera, descriptors, settings=None, poses=POSES, grown=1.0):
+def matched(camera, descriptors, poses=POSES, grown=1.0):
     """Points that each match shows in both photographs, and the points that both show."""
     rng = np.random.default_rng(8)
     points = rng.uniform([-4.0, -3.0, 3.0], [4.0, 3.0, 8.0], (len(descriptors), 3))
@@ -50,7 +50,6 @@ def matched(camera, descriptors, settings=None, poses=POSES, grown=1.0):
         [camera] * 2,
         poses,
         [(0, 1)],
-        settings or EpipolarSettings(),
         1,
         lambda units=1: done.append(units),
     )

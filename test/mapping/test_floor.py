@@ -1,6 +1,7 @@
-"""The floor is found beneath the wearer, whatever the structure's scale and turn; a ceiling or a table is none."""
+"""The floor is found beneath the person, whatever the structure's scale and turn; a ceiling or a table is none."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,24 +9,24 @@ from numpy.typing import NDArray
 from small_structure import small_structure
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.alignment import FloorSettings, find_floor
+from bodycam_ros.mapping.floor import find_floor
+from bodycam_ros.mapping.photographs import FrameOrigin, Photographs
 from bodycam_ros.mapping.structure import Structure
-from bodycam_ros.mapping.worn_keyframes import Moment
 
 HEIGHTS = {"foot": 0.1, "shin": 0.35, "waist": 1.0, "head": 1.7, "hand": 0.8}
 TURN, SHIFT = exp_so3(np.array([0.8, -1.4, 0.5])), np.array([3.0, -1.0, 2.0])
 
 
-def structure_of(points: NDArray[np.float64], scale: float = 1.0) -> tuple[Structure, dict[str, Moment]]:
-    """Worn cameras of a person who moves about the origin, among points [m]; in another frame and scale."""
+def structure_of(points: NDArray[np.float64], scale: float = 1.0) -> tuple[Structure, Photographs]:
+    """Body cameras of a person who moves about the origin, among points [m]; in another frame and scale."""
     random = np.random.default_rng(2)
-    names, centres, moments = [], [], {}
+    names, centres, origins = [], [], {}
     for camera, height in HEIGHTS.items():
         for number in range(20):
             reach = 0.6 if camera == "hand" else 0.15
             names.append(f"{camera}_{number}.jpg")
             centres.append(random.uniform(-reach, reach, 3) * [1.0, 1.0, 0.5 * (height > 0.5)] + [0.0, 0.0, height])
-            moments[names[-1]] = Moment(camera, float(number))
+            origins[names[-1]] = FrameOrigin(camera, float(number))
     poses = np.tile(np.eye(4), (len(names), 1, 1))
     poses[:, :3, 3] = np.array(centres)
     structure = replace(
@@ -35,7 +36,7 @@ def structure_of(points: NDArray[np.float64], scale: float = 1.0) -> tuple[Struc
         world_T_camera=poses,
         points_world=points,
     )
-    return structure.transformed(scale, TURN, SHIFT), moments
+    return structure.transformed(scale, TURN, SHIFT), Photographs(Path(), "", (), {}, None, origins)
 
 
 def room(floor: int, ceiling: int, table: int = 0) -> NDArray[np.float64]:
@@ -55,8 +56,8 @@ def room(floor: int, ceiling: int, table: int = 0) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("scale", [1.0, 0.03, 40.0])
 def test_the_floor_is_level_and_at_zero(scale: float) -> None:
-    structure, moments = structure_of(room(500, 1500, 800), scale)
-    floor = find_floor(structure, moments, FloorSettings())
+    structure, photographs = structure_of(room(500, 1500, 800), scale)
+    floor = find_floor(structure, photographs)
     assert floor is not None
     up = TURN.T @ floor.map_R_world.T @ [0.0, 0.0, 1.0]
     assert np.degrees(np.arccos(up[2])) < 0.1
@@ -71,5 +72,5 @@ def test_the_floor_is_level_and_at_zero(scale: float) -> None:
 
 
 def test_without_landmarks_on_the_floor_there_is_none_but_a_ceiling_is_not_taken_for_one() -> None:
-    structure, moments = structure_of(room(0, 0))
-    assert find_floor(structure, moments, FloorSettings()) is None
+    structure, photographs = structure_of(room(0, 0))
+    assert find_floor(structure, photographs) is None

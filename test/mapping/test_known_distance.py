@@ -1,25 +1,26 @@
 """A structure is scaled by what a tape said, and refused where that cannot be."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from small_structure import small_structure
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.known_distance import KnownDistance, KnownDistanceSettings, measure_scale
+from bodycam_ros.mapping.known_distance import KnownDistance, measure_scale
+from bodycam_ros.mapping.photographs import FrameOrigin, Photographs
 from bodycam_ros.mapping.structure import Structure
-from bodycam_ros.mapping.worn_keyframes import Moment
 
 INSTANTS = 25
 METRES_PER_UNIT = 0.4
 APART_M = {"left": np.array([0.15, 0.0, 0.0]), "right": np.array([-0.15, 0.02, 0.0]), "back": np.array([0.0, 0.2, 0.1])}
 TRUE = float(np.linalg.norm(APART_M["left"] - APART_M["right"]))
-SETTINGS = KnownDistanceSettings()
 
 
-def worn(noise_m: float = 0.0, late_s: float = 0.0) -> tuple[Structure, dict[str, Moment]]:
+def worn(noise_m: float = 0.0, late_s: float = 0.0) -> tuple[Structure, Photographs]:
     """Three cameras on a waist that turns and sways, in a structure of another scale; one clock may lag."""
     random = np.random.default_rng(3)
-    names, centres, moments = [], [], {}
+    names, centres, origins = [], [], {}
     for instant in range(INSTANTS):
         turn = 0.2 * instant
         R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
@@ -27,7 +28,7 @@ def worn(noise_m: float = 0.0, late_s: float = 0.0) -> tuple[Structure, dict[str
         for camera, place in APART_M.items():
             names.append(f"{camera}_{instant}.jpg")
             centres.append((sway + R @ place + noise_m * random.normal(size=3)) / METRES_PER_UNIT)
-            moments[names[-1]] = Moment(camera, 1000.0 + 0.5 * instant + (late_s if camera == "right" else 0.0))
+            origins[names[-1]] = FrameOrigin(camera, 1000.0 + 0.5 * instant + (late_s if camera == "right" else 0.0))
     order = np.argsort(names)
     poses = np.tile(np.eye(4), (len(names), 1, 1))
     poses[:, :3, 3] = np.array(centres)[order]
@@ -44,21 +45,20 @@ def worn(noise_m: float = 0.0, late_s: float = 0.0) -> tuple[Structure, dict[str
         structure.observation_points,
         structure.observation_pixels,
         structure.observation_features,
-    ), moments
+    ), Photographs(Path(), "", (), {}, None, origins)
 
 
 def test_the_scale_is_what_the_tape_said_over_what_the_map_says() -> None:
-    found = measure_scale(*worn(), [KnownDistance("left", "right", TRUE)], SETTINGS)
+    found = measure_scale(*worn(), [KnownDistance("left", "right", TRUE)])
     assert found.scale == pytest.approx(METRES_PER_UNIT, rel=1e-9)
-    assert found.sigma == pytest.approx(SETTINGS.tape / TRUE, rel=1e-6)
-    assert found.distances[0].instants == INSTANTS
-    assert found.as_mapping()["distances"][0]["metres"] == TRUE
+    assert found.sigma == pytest.approx(0.003 / TRUE, rel=1e-6)
+    assert found.summary[0]["pairs"] == INSTANTS and found.summary[0]["metres"] == TRUE
 
 
 def test_distances_that_contradict_each_other_are_refused() -> None:
     wrong = KnownDistance("left", "back", 2.0 * float(np.linalg.norm(APART_M["left"] - APART_M["back"])))
     with pytest.raises(MapError, match="left.*right.*left.*back"):
-        measure_scale(*worn(), [KnownDistance("left", "right", TRUE), wrong], SETTINGS)
+        measure_scale(*worn(), [KnownDistance("left", "right", TRUE), wrong])
 
 
 @pytest.mark.parametrize(

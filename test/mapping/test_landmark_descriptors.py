@@ -3,7 +3,7 @@ import pytest
 from small_structure import small_structure
 
 from bodycam_ros.mapping.features import ImageFeatures
-from bodycam_ros.mapping.structure import DescriptorSettings, choose_descriptors
+from bodycam_ros.mapping.structure import choose_descriptors
 
 
 def photographs(structure):
@@ -20,7 +20,7 @@ def photographs(structure):
 
 def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
     structure = small_structure()
-    chosen = choose_descriptors(structure, photographs(structure), DescriptorSettings())
+    chosen = choose_descriptors(structure, photographs(structure))
     for landmark, descriptor, view, size in zip(
         chosen.landmark, chosen.descriptors, chosen.view, chosen.size, strict=True
     ):

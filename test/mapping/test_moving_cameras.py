@@ -10,7 +10,7 @@ from tiny_bag import HEIGHT as BAG_HEIGHT
 from tiny_bag import WIDTH as BAG_WIDTH
 
 from bodycam_ros.errors import LensError
-from bodycam_ros.mapping.carried_camera import BagCamera, VideoCamera
+from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera
 
 
 def test_a_video_on_its_side_is_turned_as_its_lens_is_for(tmp_path: Path) -> None:

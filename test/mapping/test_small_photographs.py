@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from small_structure import small_structure
 from unshown_progress import Unshown
 
-from bodycam_ros.mapping.small_photographs import SmallPhotographSettings, small_photographs, surface_normals
+from bodycam_ros.mapping.small_photographs import small_photographs, surface_normals
 from bodycam_ros.mapping.structure import Structure
-
-SETTINGS = SmallPhotographSettings(width=160, quality=95)
 
 
 def structure_of(points: NDArray[np.float64], centres: NDArray[np.float64]) -> Structure:
@@ -50,9 +48,11 @@ def folder(tmp_path: Path) -> tuple[Path, Structure, list[NDArray[np.uint8]]]:
     return tmp_path, replace(structure, names=names), pictures
 
 
-def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder) -> None:
+def test_pictures_are_kept_small_and_grey_in_the_order_of_the_poses(folder, monkeypatch) -> None:
+    monkeypatch.setattr("bodycam_ros.mapping.small_photographs._WIDTH_PX", 160)
+    monkeypatch.setattr("bodycam_ros.mapping.small_photographs._JPEG_QUALITY", 95)
     path, structure, pictures = folder
-    kept = small_photographs(path, structure, SETTINGS, 2, Unshown())
+    kept = small_photographs(path, structure, 2, Unshown())
     assert [(camera.width, camera.height) for camera in kept.cameras] == [(160, 120), (160, 120)]
     assert kept.camera_of_view.tolist() == [0, 0, 1] and kept.camera_of_view.dtype == np.uint16
     assert kept.cameras[1].distortion_model == "equidistant" and kept.cameras[1].fx == 75.0
@@ -81,7 +81,7 @@ def test_walls_of_a_room_have_their_normals(noise_m: float) -> None:
             walls.append(points)
             normals.append(np.tile(-side * np.eye(3)[axis], (400, 1)))
     structure = structure_of(np.concatenate(walls), random.uniform(-0.5, 0.5, (4, 3)))
-    found = surface_normals(structure, SETTINGS)
+    found = surface_normals(structure)
     angles = np.degrees(np.arccos(np.clip(np.einsum("ni,ni->n", found, np.concatenate(normals)), -1, 1)))
     # Near the edges neighbours are of two walls.
     assert np.median(angles) < (1e-5 if noise_m == 0.0 else 3.0)

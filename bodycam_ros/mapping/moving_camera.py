@@ -1,10 +1,10 @@
-"""One camera of a bag, such as one that was carried by hand."""
+"""Frames of one camera of a bag, or of a video."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import cv2
 import numpy as np
@@ -13,18 +13,61 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
-from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_encoder import jpegs
 from bodycam_ros.recording.video_file import grey_pixels
 
+if TYPE_CHECKING:
+    from av import VideoFrame
+
 _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
+_DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
+"""Direction of the read-out in an upright frame, to the right and down, by its counter-clockwise rotation."""
+
+
+class Frame(Protocol):
+    """One picture of a camera, decoded on request."""
+
+    @property
+    def seconds(self) -> float:
+        """Stamp by the camera's own clock [s]."""
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Grey pixels (H, W).
+
+        Raises:
+            RecordingError: it cannot be decoded.
+        """
+
+    def file(self) -> tuple[str, bytes]:
+        """Suffix (".jpg", ".png") and content of an image file with it; raises as ``grey``."""
+
+
+class MovingCamera(Protocol):
+    """Frames that can be read more than once, the same each time.
+
+    Attributes:
+        name: of the video or topic, for messages.
+        camera: its lens.
+        count: about how many frames there are.
+        readout_s: delay of the right border against the left, and of the lower against the upper [s]; zero if all rows
+            are exposed together, or it is unknown.
+    """
+
+    name: str
+    camera: CameraModel
+    count: int
+    readout_s: tuple[float, float]
+
+    def frames(self) -> AbstractContextManager[Iterator[Frame]]:
+        """The frames in order of time, from the first on."""
 
 
 @dataclass(frozen=True)
 class _BagFrame:
-    """An image as it is in the bag."""
+    """An image of a bag."""
 
     image: CameraImage
 
@@ -36,7 +79,7 @@ class _BagFrame:
         return decode_grey(self.image)
 
     def file(self) -> tuple[str, bytes]:
-        """A compressed image as it is, colours and all; other pictures as they are looked at, grey."""
+        """A compressed image unchanged, in colour; others encoded in grey."""
         content = self.image.content
         if isinstance(content, bytes) and content.startswith(_JPEG):
             return ".jpg", content
@@ -51,11 +94,11 @@ class BagCamera:
     Args:
         path: ros2 bag folder or .mcap file.
         topic: of its images, as "/hand/image_raw/compressed", or the camera's name; None: the only camera there is.
-        lens_path: camera_info YAML; None: what the bag says of the camera.
+        lens_path: camera_info YAML; None: the camera_info of the bag.
 
     Raises:
         RecordingError: no bag that can be read, or no such camera in it.
-        LensError: the bag does not know its lens, or what it says is malformed.
+        LensError: the bag has no camera_info of it, or a malformed one.
     """
 
     def __init__(self, path: Path, topic: str | None, lens_path: Path | None) -> None:
@@ -69,7 +112,7 @@ class BagCamera:
         self.name = f"{path.name}, camera {self._camera}"
 
     @contextmanager
-    def frames(self) -> Iterator[Iterator[_BagFrame]]:
+    def frames(self) -> Iterator[Iterator[Frame]]:
         """The images in the order in which they were recorded."""
         with open_recording(self._path) as recording:
             yield (_BagFrame(image) for image in recording.images([self._camera]))
@@ -82,8 +125,8 @@ def _camera_of(recording: Recording, topic: str | None) -> str:
     there = ", ".join(f"/{camera}/image_raw/..." for camera in cameras)
     if topic is None:
         raise RecordingError(
-            f"{recording.path}: has {len(cameras)} cameras; say with --topic which of them was carried through the "
-            f"place: {there}"
+            f"{recording.path}: has {len(cameras)} cameras; give with --topic the one that was carried through "
+            f"the place: {there}"
         )
     asked = topic.strip("/")
     for camera in cameras:
@@ -92,16 +135,9 @@ def _camera_of(recording: Recording, topic: str | None) -> str:
     raise RecordingError(f"{recording.path}: no camera with the images {topic}; there are {there}")
 
 
-if TYPE_CHECKING:
-    from av import VideoFrame
-
-_DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
-"""In which an upright frame is read out, to the right and down, by how much it was turned counter-clockwise."""
-
-
 @dataclass(frozen=True)
 class _VideoFrame:
-    """A frame as the decoder gave it, and by how much it has to be turned counter-clockwise."""
+    """A decoded frame, and the counter-clockwise rotation that makes it upright."""
 
     seconds: float
     decoded: "VideoFrame"
@@ -146,7 +182,7 @@ class VideoCamera:
             )
 
     @contextmanager
-    def frames(self) -> Iterator[Iterator[_VideoFrame]]:
+    def frames(self) -> Iterator[Iterator[Frame]]:
         """The frames that can be decoded, in order of time."""
         yield (_VideoFrame(media_s, frame, self._rotation_deg) for media_s, frame in self._video.frames())
 
@@ -154,7 +190,24 @@ class VideoCamera:
 def _lens(video: Path, path: Path) -> CameraModel:
     if not path.exists():
         raise LensError(
-            f"there is no lens YAML for {video}; say with --camera where it is (camera_info YAML, as ROS calibration "
-            f"tools write it), or put it at {path}"
+            f"there is no lens YAML for {video}; give its path with --camera (camera_info YAML, as ROS "
+            f"calibration tools write it), or put it at {path}"
         )
     return camera_from_yaml(path)
+
+
+def open_body_cameras(
+    bag: Path, cameras: Collection[str] | None, required: Collection[str] = ()
+) -> dict[str, MovingCamera]:
+    """The frames of the body cameras of a bag, by name; of all cameras if None.
+
+    Raises:
+        MapError: a camera is not in the bag.
+        RecordingError: the bag cannot be read.
+        LensError: a camera's intrinsics are malformed.
+    """
+    with open_recording(bag) as recording:
+        there = recording.cameras
+    if absent := sorted({*(cameras or ()), *required} - set(there)):
+        raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(there)}")
+    return {camera: BagCamera(bag, camera, None) for camera in there if cameras is None or camera in cameras}
