@@ -1,0 +1,1 @@
+"""Inertial sensors in the cameras: samples, their calibration, and the motion between two stamps."""

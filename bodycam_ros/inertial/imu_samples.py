@@ -1,0 +1,49 @@
+"""Samples of an inertial sensor: angular velocity and acceleration in its own frame (REP-145)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.geometry import Array
+
+GRAVITY = 9.80665  # [m/s^2]
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSamples:
+    """N samples in order of their stamps.
+
+    Attributes:
+        stamps_ns: (N,) by the sensor's clock [ns].
+        angular_velocity: (N, 3) in the sensor's frame [rad/s].
+        acceleration: (N, 3) specific force in the sensor's frame [m/s^2]: at rest it points up.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    angular_velocity: Array
+    acceleration: Array
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @staticmethod
+    def from_rows(rows: Iterable[tuple[int, tuple[float, ...]]]) -> "ImuSamples":
+        """Samples of rows (stamp [ns], three angular velocities and three accelerations).
+
+        Samples that are not finite, or whose stamp does not increase, are left out.
+        """
+        stamps_ns, values, latest_ns = [], [], -1
+        for stamp_ns, row in rows:
+            if stamp_ns > latest_ns and np.isfinite(row).all():
+                stamps_ns.append(stamp_ns)
+                values.append(row)
+                latest_ns = stamp_ns
+        numbers = np.array(values, np.float64).reshape(-1, 6)
+        return ImuSamples(np.array(stamps_ns, np.int64), numbers[:, :3], numbers[:, 3:])
+
+    def between(self, start_ns: int, end_ns: int) -> "ImuSamples":
+        """Samples from start to end [ns], the end included."""
+        rows = slice(*np.searchsorted(self.stamps_ns, [start_ns, end_ns + 1]).tolist())
+        return ImuSamples(self.stamps_ns[rows], self.angular_velocity[rows], self.acceleration[rows])
