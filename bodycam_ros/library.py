@@ -20,12 +20,14 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodyError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import known_readouts
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]
@@ -56,6 +58,7 @@ def replay(
     equipment: Equipment | None = None,
     settings: PipelineSettings | None = None,
     live: bool = False,
+    imus: Mapping[str, ImuSamples] | None = None,
 ) -> Iterator[BodyOutput]:
     """Solve a recording in this process, and yield states as they are solved, in order of time.
 
@@ -70,6 +73,7 @@ def replay(
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
         live: states follow by ``smoother.output_delay`` instants alone, and may be as much less accurate.
+        imus: camera -> samples of its inertial sensor; of a bag its own.
 
     Raises:
         RecordingError: there is no recording, or an image cannot be decoded.
@@ -81,10 +85,13 @@ def replay(
             models = cameras or {camera: recording.camera_model(camera) for camera in worn}
             known = known_readouts(recording, body, worn)
             readouts = {camera: best_known(recording.readout(camera), known.get(camera)) for camera in worn}
-            yield from _solved(recording.images(worn), reference_map, body, models, readouts, equipment, settings, live)
+            imus = imus or read_imus([Path(images)], worn)
+            yield from _solved(
+                recording.images(worn), reference_map, body, models, readouts, equipment, settings, live, imus
+            )
         return
     readouts = {camera: mount.readout for camera, mount in body.mounts.items()}
-    yield from _solved(images, reference_map, body, cameras or {}, readouts, equipment, settings, live)
+    yield from _solved(images, reference_map, body, cameras or {}, readouts, equipment, settings, live, imus or {})
 
 
 def _solved(
@@ -96,12 +103,13 @@ def _solved(
     equipment: Equipment | None,
     settings: PipelineSettings | None,
     live: bool,
+    imus: Mapping[str, ImuSamples],
 ) -> Iterator[BodyOutput]:
     if not set(cameras) & set(body.mounts):
         raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
     prepare_kernels()
     settings = settings or PipelineSettings()
-    skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment)
+    skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
     source = replica = None
     if settings.growth.enabled:
         sent: deque[MapUpdate] = deque()

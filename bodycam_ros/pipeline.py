@@ -18,8 +18,10 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.looking_on import Onlookers
 from bodycam_ros.estimation.measurements import evidence_floor
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -41,6 +43,7 @@ class SkeletonPipeline:
         on_together: told the share that is done while all instants are solved together.
         onlookers: static cameras around the body.
         stations: their names.
+        imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_inertial``.
         placed: whether somebody has placed the body for them; else, live, nobody waits for them before it is solved.
 
     Attributes:
@@ -65,6 +68,7 @@ class SkeletonPipeline:
         onlookers: Onlookers | None = None,
         stations: Collection[str] = (),
         placed: bool = False,
+        imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
         if live:
             settings.smoother.check_live()
@@ -81,6 +85,9 @@ class SkeletonPipeline:
         floor = evidence_floor(settings.evidence)
         self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
+        self.inertial = InertialSensors(body, settings.inertial)
+        for camera, samples in (imus or {}).items():
+            self.inertial.add(camera, samples)
         self._bridged = 0
         self._refused: Counter[str] = Counter()
         self._begin()
@@ -99,6 +106,7 @@ class SkeletonPipeline:
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),
             onlookers=self._onlookers,
+            inertial=self.inertial,
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
@@ -127,6 +135,10 @@ class SkeletonPipeline:
             self.synchronizer.join(camera)
             self.assembler.join(camera)
             self._smoother.join(camera)
+
+    def add_inertial(self, camera: str, samples: ImuSamples) -> None:
+        """Add samples of a camera's inertial sensor, in order of time; before the images that follow them."""
+        self.inertial.add(camera, samples)
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""

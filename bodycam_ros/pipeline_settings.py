@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.contact import ContactSettings
+from bodycam_ros.estimation.inertial_factors import InertialSettings
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
@@ -48,4 +49,5 @@ class PipelineSettings(SettingsGroups):
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()
     coupling: CouplingSettings = CouplingSettings()
+    inertial: InertialSettings = InertialSettings()
     region: RegionSettings = RegionSettings()

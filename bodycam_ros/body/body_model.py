@@ -13,6 +13,7 @@ import numpy as np
 from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.kinematics.joint import check_within_reach
 from bodycam_ros.kinematics.tree import KinematicTree
 
@@ -29,12 +30,14 @@ class CameraMount:
         segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
         readout: how long its rows are read out, as far as the range of motion told.
         readout_mode: the video mode of that range of motion; None where the file does not name it.
+        imu: calibration of its inertial sensor; None without one.
     """
 
     segment: str
     segment_T_camera: Array
     readout: Readout | None = None
     readout_mode: VideoMode | None = None
+    imu: ImuCalibration | None = None
 
     def readout_in(self, mode: VideoMode) -> Readout | None:
         """What the body file knows of the read-out time in a video mode; little if it was measured in another."""

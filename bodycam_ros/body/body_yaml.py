@@ -40,6 +40,7 @@ A camera's position [m] and quaternion are ``segment_T_camera``, of its optical 
 the range of motion told of its rows may follow: ``readout_time``, from the first to the last [s], and
 ``readout_sigma``, its standard deviation [s]; without one, or with 0, the read-out time is taken as it is. It holds in
 the video mode ``readout_mode`` (width, height and focal length [px], images a second); in another it is a rough start.
+The calibration of its inertial sensor follows as ``imu`` (``imu_yaml``).
 """
 
 import math
@@ -52,6 +53,7 @@ import yaml
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.checked_fields import check_keys, name_of, numbers_of, pose_of
+from bodycam_ros.body.imu_yaml import imu_entry, imu_of
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, VideoMode
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
@@ -190,12 +192,13 @@ def mount_of(name: str, entry: Any) -> CameraMount:
         BodyError: it describes none; the message names the camera.
     """
     where = f"camera {name}"
-    check_keys(entry, where, _CAMERA_KEYS, _READOUT_KEYS)
+    check_keys(entry, where, _CAMERA_KEYS, {*_READOUT_KEYS, "imu"})
     return CameraMount(
         name_of(entry["segment"], f"{where}: segment"),
         pose_of(entry, "position", "quaternion_xyzw", where),
         _readout(entry, where),
         _readout_mode(entry, where),
+        imu_of(entry["imu"], f"{where}: imu") if entry.get("imu") is not None else None,
     )
 
 
@@ -268,6 +271,8 @@ def _mount_entry(mount: CameraMount) -> dict[str, Any]:
         entry["readout_time"], entry["readout_sigma"] = _rounded(np.array([mount.readout.seconds, mount.readout.sigma]))
         if (mode := mount.readout_mode) is not None and not math.isnan(mode.rate):
             entry["readout_mode"] = [mode.width, mode.height, round(mode.focal, 3), round(mode.rate, 3)]
+    if mount.imu is not None:
+        entry["imu"] = imu_entry(mount.imu)
     return entry
 
 

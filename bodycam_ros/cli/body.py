@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING
 from bodycam_ros.cli import body_outside
 from bodycam_ros.cli.body_outside import check_suffix
 from bodycam_ros.cli.progress import shown_shares
-from bodycam_ros.cli.settings_flags import add_recording_flags, offer_settings, pipeline_settings, settings_from_flags
+from bodycam_ros.cli.settings_flags import (
+    add_imu_flag,
+    add_recording_flags,
+    offer_settings,
+    pipeline_settings,
+    settings_from_flags,
+)
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -24,6 +30,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
     add_recording_flags(parser, map_is_optional=True)
+    add_imu_flag(parser)
     parser.add_argument("--rig", type=Path, help="YAML: camera -> segment that it is strapped to, segment -> parent")
     body_outside.add_flags(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="BODY", help="body YAML to write")
@@ -59,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.body.checked_fields import name_of
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.cli.lines import print_report
+    from bodycam_ros.cli.lines import print_imus, print_report
     from bodycam_ros.offline.measure_body import calibrate
     from bodycam_ros.plots.body_report import write_html_report
     from bodycam_ros.plots.report_tables import body_report
@@ -81,11 +88,13 @@ def run(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
             on_progress=show,
+            imu_paths=arguments.imu,
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
     write_body(body, output)
     write_html_report(body, calibrated.diagnosis, page)
     print_report(calibrated.diagnosis)
+    print_imus(body)
     Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
     return 0
 
@@ -111,7 +120,7 @@ def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:
         OutputError: so it is.
     """
     check_suffix(arguments.output)
-    inputs = (arguments.recording, arguments.map, arguments.rig, arguments.config)
+    inputs = (arguments.recording, arguments.map, arguments.rig, arguments.config, *arguments.imu)
     for path, mark, what in ((arguments.output, b"segments:", "body file"), (page, b"<title>Body ", "report")):
         check_output(path, inputs, makes_folders=False)
         check_file(path, arguments.force, mark, what)

@@ -110,6 +110,21 @@ def print_report(diagnosis: CalibrationDiagnosis, console: Console | None = None
         console.print(part)
 
 
+def print_imus(body: BodyModel) -> None:
+    """Print the calibrations of the cameras' inertial sensors, if there are any."""
+    imus = {camera: mount.imu for camera, mount in body.mounts.items() if mount.imu is not None}
+    if not imus:
+        return
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, title="inertial sensors", title_justify="left")
+    for heading in ("camera", "rotation +- [deg]", "time offset [ms]", "+-", "gyro bias [deg/s]", "+-"):
+        table.add_column(Text(heading), justify="left" if heading == "camera" else "right")
+    for camera, imu in imus.items():
+        numbers = (np.degrees(imu.rotation_sigma), 1e3 * imu.time_offset, 1e3 * imu.time_offset_sigma)
+        biases = (np.degrees(np.linalg.norm(imu.gyro_bias)), np.degrees(imu.gyro_bias_sigma))
+        table.add_row(camera, *(f"{number:.3f}" for number in (*numbers, *biases)))
+    Terminal().print(table)
+
+
 def terminal_report(diagnosis: CalibrationDiagnosis) -> Group:
     """What ``print_report`` prints."""
     parts: list[RenderableType] = [Text(summary_line(diagnosis))]

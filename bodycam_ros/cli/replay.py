@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
-from bodycam_ros.cli.settings_flags import add_pipeline_flags, pipeline_settings, positive
+from bodycam_ros.cli.settings_flags import add_imu_flag, add_pipeline_flags, pipeline_settings, positive
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal, widened
@@ -24,6 +24,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("replay", description=__doc__)
     add_pipeline_flags(parser, map_is_optional=True)
+    add_imu_flag(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="ros2 bag folder to write")
     parser.add_argument(
         "--equipment",
@@ -83,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = pipeline_settings(arguments)
     equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
     outside = _outside(arguments)
-    inputs = (arguments.recording, arguments.map, arguments.body, arguments.config, equipment)
+    inputs = (arguments.recording, arguments.map, arguments.body, arguments.config, equipment, *arguments.imu)
     check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.start))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
@@ -112,6 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
             equipment=equipment,
             outside=outside,
             slim=arguments.slim,
+            imu_paths=arguments.imu,
         )
     lenses = other_lenses(arguments.recording, doubted_cameras(summary))
     remarks = (*summary.remarks, *(match.text for match in lenses))

@@ -131,6 +131,18 @@ def add_recording_flags(parser: argparse.ArgumentParser, with_map: bool = True, 
     offer_settings(parser, _all_stages)
 
 
+def add_imu_flag(parser: argparse.ArgumentParser) -> None:
+    """Add --imu: bags with inertial sensors beside the recording."""
+    parser.add_argument(
+        "--imu",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="BAG",
+        help="bag with /<camera>/imu of the same recording, where BAG itself has none; may be given several times",
+    )
+
+
 def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
     """Settings of all stages from defaults, the file of --config, and flags, the later the stronger.
 

@@ -24,6 +24,7 @@ from bodycam_ros.estimation.chain import ChainState, Step, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition, body_uncertainty
+from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.looking_on import LookingOn, Onlookers
 from bodycam_ros.estimation.measurements import (
     SLIDES_M,
@@ -85,6 +86,7 @@ class BodyEstimator:
         coupling: of the body to equipment; ``body`` then includes the equipment.
         contacts: of the soles with the floor.
         onlookers: static cameras around the body.
+        inertial: sensors in the cameras.
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
@@ -107,9 +109,11 @@ class BodyEstimator:
         coupling: Coupling | None = None,
         contacts: FootContacts | None = None,
         onlookers: Onlookers | None = None,
+        inertial: InertialSensors | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self.body, self._offline, self._coupling, self._onlookers = body, offline, coupling, onlookers
+        self._inertial = inertial
         self.settings = settings or SmootherSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
         if not self._cameras and onlookers is None:
@@ -184,11 +188,17 @@ class BodyEstimator:
                 self._motion, self._tangent, self._coupling.attachments.active
             )
         transition = self._motion.predict(before.estimate, dt_s, density, fade_s)
-        turns = measured_turns(
+        needs_turn = ~(before.observed & self.body.named(pose.segment for pose in registered.values()))
+        turns = []
+        if self._inertial is not None:
+            self._inertial.observe(frame)
+            turns = self._inertial.turns(before.stamp_ns, frame.stamp_ns, needs_turn)
+        by_gyroscope = {turn.row for turn in turns}
+        turns += measured_turns(
             self.body,
             frame.matches.values(),
             before.stamps_ns,
-            lambda camera, row: camera not in registered or not before.observed[row],
+            lambda camera, row: needs_turn[row] and row not in by_gyroscope,
         )
         transition = condition(loosen_joints(transition, turns, self._tangent), turns, self._tangent)
         return self._solve(frame, registered, Step(dt_s, transition.after, transition, density, fade_s, turns))

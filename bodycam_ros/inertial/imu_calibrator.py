@@ -5,6 +5,8 @@ the rotation between camera and sensor, the time offset, bias and scale. The cam
 twice integrated accelerometer, with a free start and velocity in each window: its bias and scale, and the lever arm.
 """
 
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +17,17 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 
+logger = logging.getLogger(__name__)
+
+_WRONG_RAD = 3e-3  # root mean square of the residuals of rotation; larger, the sensor is left out
 _WINDOW_S, _SHORT_S = 2.0, 1.0  # of rotations, and of positions, whose errors grow faster
 _ROTATION_RAD, _POSITION_M = 6e-4, 3e-3  # sigmas of a registration, of which a part is shared by neighbours
 _KERNEL = 3.0  # sigmas from which on a registration counts less (Cauchy)
 _STEPS = 12
 _LEAST_IMAGES = 60
 _OFFSETS_S = np.arange(-0.06, 0.0601, 0.002)  # first search of the time offset
-_LEAST_TURN = 0.15  # [rad/s] root mean square of the angular velocity about each of two axes, to find the rotation
-_SHARED = 3.0  # errors of neighbouring registrations are alike: sigmas of the result grow by so much
+_LEAST_TURN = 0.03  # [rad/s] root mean square of the angular velocity about each of two axes, to find the rotation
+_SHARED = 2.0  # errors of neighbouring registrations are alike: sigmas of the result grow by so much
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,47 @@ class CalibratedImu:
     calibration: ImuCalibration
     rotation_rms: float
     position_rms: float
+
+
+class RegisteredSensors:
+    """Collects the registrations of cameras with inertial sensors, and calibrates these.
+
+    Args:
+        imus: camera -> samples of its sensor.
+    """
+
+    def __init__(self, imus: Mapping[str, ImuSamples]) -> None:
+        self._imus = imus
+        self._stamps_ns: dict[str, list[int]] = {camera: [] for camera in imus}
+        self._poses: dict[str, list[Array]] = {camera: [] for camera in imus}
+
+    def add(self, camera: str, stamp_ns: int, world_T_camera: Array | None) -> None:
+        """Add the pose (4, 4) of one image, in order of time; None if it was not registered."""
+        if world_T_camera is not None and camera in self._imus:
+            self._stamps_ns[camera].append(stamp_ns)
+            self._poses[camera].append(world_T_camera)
+
+    def calibrate(self) -> dict[str, ImuCalibration]:
+        """Camera -> calibration, of those that could be calibrated; the others are warned about."""
+        calibrations = {}
+        for camera, samples in self._imus.items():
+            stamps_ns, poses = np.array(self._stamps_ns[camera], np.int64), np.array(self._poses[camera])
+            try:
+                found = calibrate_imu(camera, stamps_ns, poses.reshape(-1, 4, 4), samples)
+            except RangeOfMotionError as error:
+                logger.warning("%s; the sensor is left out", error)
+                continue
+            if found.rotation_rms > _WRONG_RAD:
+                logger.warning(
+                    "camera %s: its inertial sensor differs from the images by %.2f deg, expected at most %.2f; it is "
+                    "left out. Are its units rad/s and m/s^2, its axes right-handed, and its stamps even?",
+                    camera,
+                    np.degrees(found.rotation_rms),
+                    np.degrees(_WRONG_RAD),
+                )
+                continue
+            calibrations[camera] = found.calibration
+        return calibrations
 
 
 def calibrate_imu(
@@ -73,7 +119,7 @@ def _initial(camera: str, seconds: Array, R: Array, samples: ImuSamples, start_n
     dt = np.diff(seconds)
     near = dt < 0.2
     w_camera = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])[near] / dt[near, None]
-    times = 1e-9 * (samples.stamps_ns - start_ns)
+    times = np.asarray(1e-9 * (samples.stamps_ns - start_ns), np.float64)
     turned = np.concatenate([np.zeros((1, 3)), np.cumsum(_trapezoid(samples.angular_velocity, times), axis=0)])
     best: tuple[float, float, Array] | None = None
     for offset in _OFFSETS_S:
@@ -123,7 +169,7 @@ class _Integrated:
 
     @staticmethod
     def by(calibration: ImuCalibration, samples: ImuSamples, start_ns: int) -> "_Integrated":
-        times = 1e-9 * (samples.stamps_ns - start_ns)
+        times = np.asarray(1e-9 * (samples.stamps_ns - start_ns), np.float64)
         w = (samples.angular_velocity - calibration.gyro_bias) / calibration.gyro_scale
         a = (samples.acceleration - calibration.accelerometer_bias) / calibration.accelerometer_scale
         R = np.empty((len(times), 3, 3))
@@ -135,7 +181,8 @@ class _Integrated:
     def orientation(self, at: Array) -> Array:
         """(T, 3, 3) at times (T,)."""
         row = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 1)
-        return np.asarray(self.R[row] @ exp_so3((at - self.times[row])[:, None] * self.w[row]))
+        turns = exp_so3(np.asarray((at - self.times[row])[:, None] * self.w[row], np.float64))
+        return np.asarray(self.R[row] @ turns)
 
 
 def _fit_rotations(
@@ -144,17 +191,17 @@ def _fit_rotations(
     """Rotation, time offset, bias and scale of the gyroscope, by Gauss-Newton; and the residuals' root mean square."""
     windows = (seconds // _WINDOW_S).astype(int)
     windows = np.unique(windows, return_inverse=True)[1]
-    count = 10 + 3 * (int(windows.max()) + 1)
-    world_R_sums = None
+    window_count = int(windows.max()) + 1
+    count = 10 + 3 * window_count
+    world_R_sums = np.zeros((0, 3, 3))
     for step in range(_STEPS):
         integrated = _Integrated.by(calibration, samples, start_ns)
         at, C = seconds + calibration.time_offset, calibration.camera_R_imu
         sums_R_camera = integrated.orientation(at) @ C.T
-        if world_R_sums is None or step < 3:
+        if step < 3:
             # Sums start anew with each bias: each window's orientation is that of its images.
-            world_R_sums = np.array(
-                [nearest_rotation((R @ np.swapaxes(sums_R_camera, 1, 2))[windows == w].mean(axis=0)) for w in range((count - 10) // 3)]
-            )
+            apart = R @ np.swapaxes(sums_R_camera, 1, 2)
+            world_R_sums = nearest_rotation(np.array([apart[windows == w].mean(axis=0) for w in range(window_count)]))
         W = world_R_sums[windows]
         r = log_so3(np.swapaxes(W @ sums_R_camera, 1, 2) @ R) / _ROTATION_RAD
         camera_R_sums = np.swapaxes(sums_R_camera, 1, 2)
@@ -165,7 +212,7 @@ def _fit_rotations(
         J[..., 3] = _interpolated(at, integrated.times, integrated.w) @ C.T
         for columns, sums in ((slice(4, 7), by_bias), (slice(7, 10), by_scale)):
             since = _interpolated(at, integrated.times, sums)
-            starts = np.array([since[windows == w][0] for w in range((count - 10) // 3)])
+            starts = np.array([since[windows == w][0] for w in range(window_count)])
             J[..., columns] = -camera_R_sums @ (since - starts[windows])
         for row, w in enumerate(windows):
             J[row, :, 10 + 3 * w : 13 + 3 * w] = camera_R_sums[row]
@@ -182,12 +229,12 @@ def _fit_rotations(
         x = np.linalg.solve(information, np.tensordot(weighted, r, axes=([1, 2], [0, 1])) + prior * pull)
         calibration = replace(
             calibration,
-            camera_R_imu=nearest_rotation(C @ exp_so3(x[:3])),
+            camera_R_imu=nearest_rotation(C @ exp_so3(np.asarray(x[:3], np.float64))),
             time_offset=calibration.time_offset + float(x[3]),
             gyro_bias=calibration.gyro_bias + x[4:7],
             gyro_scale=calibration.gyro_scale + x[7:10],
         )
-        world_R_sums = world_R_sums @ exp_so3(x[10:].reshape(-1, 3))
+        world_R_sums = world_R_sums @ exp_so3(np.asarray(x[10:].reshape(-1, 3), np.float64))
         if np.abs(x[:10]).max() < 1e-7:
             break
     sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
@@ -242,7 +289,7 @@ def _fit_positions(
     sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
     calibration = replace(
         calibration,
-        camera_p_imu=x[:3],
+        camera_p_imu=np.asarray(x[:3], np.float64),
         accelerometer_bias=calibration.accelerometer_bias + x[3:6],
         accelerometer_scale=calibration.accelerometer_scale + x[6:9],
         position_sigma=float(sigmas[:3].max()),

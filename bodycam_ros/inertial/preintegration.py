@@ -1,11 +1,14 @@
 """Motion of a sensor between two stamps, by its own samples alone (Forster et al. 2017, "On-manifold preintegration").
 
-Samples are integrated once, from the first on, in a frame that neither turns nor falls. The motion between any two stamps
-is the difference of two such sums: it costs 0.1 ms at any length and any stamps, where gtsam's ``PreintegratedImuMeasurements``
-starts anew for each interval and takes 2 us a sample. Biases and gravity enter afterwards, to first order (Forster eq. 44).
+Samples are integrated once, from the first on, in a frame that neither turns nor falls. The motion between any two
+stamps is the difference of two such sums: it costs 0.09 ms at any length and at any stamps. gtsam's
+``PreintegratedImuMeasurements`` starts anew for each interval and takes 5 us a sample, 0.04 ms for a frame and 2 ms for
+two seconds of a bias filter; both agree to 1e-5 m/s. Biases and gravity enter afterwards, to first
+order (Forster eq. 44).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +35,8 @@ class Preintegrated:
         velocity: (3,) [m/s].
         position: (3,) [m].
         first_rate, second_rate: (3,) angular velocities at both stamps, in the sensor's frame [rad/s].
-        rotation_by_bias: (3, 3) by which the gyroscope's bias turns the second frame, about its own axes, with a minus [s].
-        velocity_by_bias, position_by_bias: (3, 3) by which the accelerometer's bias changes both, with a minus [s], [s^2].
+        rotation_by_bias: (3, 3) of the second frame about its own axes, by the gyroscope's bias, negated [s].
+        velocity_by_bias, position_by_bias: (3, 3) by the accelerometer's bias, negated [s], [s^2].
     """
 
     seconds: float
@@ -111,19 +114,7 @@ class MotionSums:
         share = np.where(following > nodes, h / period, 0.0)[:, :1]
         readings = sums.readings[nodes] * (1.0 - share) + sums.readings[following] * share
         R = sums.R[nodes] @ exp_so3(0.5 * h * (sums.readings[nodes, :3] + readings[:, :3]))
-        return self._advanced(sums.once[nodes], sums.twice[nodes], h, (sums.R[nodes], sums.readings[nodes]), (R, readings))
-
-    def _advanced(
-        self, once: Array, twice: Array, h: Array, before: tuple[Array, Array], after: tuple[Array, Array]
-    ) -> _Sums:
-        """Sums (T,) after steps of h (T, 1) [s] from orientations and readings to others."""
-        rates = [np.concatenate([R.reshape(-1, 9), (R @ r[:, 3:, None])[..., 0]], axis=1) for R, r in (before, after)]
-        return _Sums(
-            after[0],
-            after[1],
-            once + 0.5 * h * (rates[0] + rates[1]),
-            twice + h * once + h**2 * (2.0 * rates[0] + rates[1]) / 6.0,
-        )
+        return _advanced(sums.once[nodes], sums.twice[nodes], h, (sums.R[nodes], sums.readings[nodes]), (R, readings))
 
     def _nodes(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.intp]:
         """(T,) the last sample at or before each stamp."""
@@ -170,3 +161,16 @@ class MotionSums:
             np.concatenate([s.once, once]),
             np.concatenate([s.twice, twice]),
         )
+
+
+def _advanced(
+    once: Array, twice: Array, h: NDArray[Any], before: tuple[Array, Array], after: tuple[Array, Array]
+) -> _Sums:
+    """Sums (T,) after steps of h (T, 1) [s] from orientations and readings to others."""
+    rates = [np.concatenate([R.reshape(-1, 9), (R @ r[:, 3:, None])[..., 0]], axis=1) for R, r in (before, after)]
+    return _Sums(
+        after[0],
+        after[1],
+        np.asarray(once + 0.5 * h * (rates[0] + rates[1]), np.float64),
+        np.asarray(twice + h * once + h**2 * (2.0 * rates[0] + rates[1]) / 6.0, np.float64),
+    )

@@ -1,7 +1,7 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from heapq import merge
@@ -15,12 +15,14 @@ from bodycam_ros.calibration.camera_motion import TRACK_AGE_S
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
+from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording, warm_up
 from bodycam_ros.offline.outside_input import stations_of
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
 from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
@@ -148,6 +150,7 @@ def calibrate(
     jobs: int,
     facing_rad: float | None = None,
     on_progress: Progress = lambda step, share: None,
+    imu_paths: Sequence[Path] = (),
 ) -> CalibratedBody:
     """Estimate the body of a recorded range of motion.
 
@@ -161,6 +164,7 @@ def calibrate(
         jobs: processes for the cameras.
         facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
         on_progress: told how far it is.
+        imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
 
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
@@ -193,17 +197,23 @@ def calibrate(
         max_rate=settings.motion_log.max_rate,
         with_messages=False,
     )
+    sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
     start_ns, unusable = None, UnusableImages()
     for item in register_recording(task, models, jobs):
         if isinstance(item, RegisteredImage):
             start_ns = item.stamp_ns if start_ns is None else start_ns
             calibrator.add(item.matches)
+            sensors.add(item.camera, item.stamp_ns, item.matches.world_T_camera)
             on_progress("registration", 1e-9 * (item.stamp_ns - start_ns) / max(duration_s, 1e-9))
         else:
             unusable.add(item)
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
-        return calibrator.solve(name, on_progress)
+        calibrated = calibrator.solve(name, on_progress)
+        imus = sensors.calibrate()
+    body = calibrated.body
+    mounts = {camera: replace(mount, imu=imus.get(camera)) for camera, mount in body.mounts.items()}
+    return replace(calibrated, body=replace(body, mounts=mounts))
 
 
 def _with_fresh_tracks(pipeline: PipelineSettings, max_rate: float) -> PipelineSettings:

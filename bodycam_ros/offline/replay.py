@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -41,6 +41,7 @@ from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.static_cameras.start_file import OutsideInput
@@ -67,6 +68,7 @@ def replay(
     outside: OutsideInput | None = None,
     slim: bool = False,
     passes: int = 1,
+    imu_paths: Sequence[Path] = (),
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -84,6 +86,7 @@ def replay(
         outside: static cameras, if there are any.
         slim: write no tracks, and of landmarks the poses by them alone.
         passes: over the recording: all but the last extend the map by the recording itself.
+        imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -121,6 +124,7 @@ def replay(
             on_together=partial(on_step, _BATCH),
             onlookers=onlookers,
             stations=stations,
+            imus=read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {},
         )
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))

@@ -1,0 +1,77 @@
+"""Follows the gyroscope's bias of a sensor by its camera's registrations: an attitude filter (Lefferts et al. 1982)."""
+
+import numpy as np
+
+from bodycam_ros.geometry import Array, exp_so3, log_so3
+from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
+
+WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
+TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibration
+_IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
+_LEAST_S, _LONGEST_S = 0.15, 2.0  # between two images of an update
+_GATE = 25.0  # squared sigmas of 3 degrees of freedom
+
+
+class BiasFilter:
+    """Bias of one gyroscope, beside that of its calibration, in the axes of its motion sums.
+
+    Args:
+        sigma: of the bias at first [rad/s].
+
+    Attributes:
+        bias: (3,) [rad/s].
+        agreeing, contradicting: count of updates that agreed with the images and that did not.
+    """
+
+    def __init__(self, sigma: float) -> None:
+        self.bias = np.zeros(3)
+        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2], 3))
+        self._R: Array | None = None
+        self._stamp_ns = 0
+        self.agreeing = self.contradicting = 0
+
+    @property
+    def sigma(self) -> float:
+        """Of the bias [rad/s]."""
+        return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
+
+    def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
+        """Update by a registered rotation (3, 3) in the world, later than the one before."""
+        seconds = 1e-9 * (stamp_ns - self._stamp_ns)
+        if self._R is not None and seconds < _LEAST_S:
+            return
+        moved = sums.between(self._stamp_ns, stamp_ns) if self._R is not None and seconds < _LONGEST_S else None
+        if moved is None:
+            self._P[3:, 3:] += min(seconds, 60.0) * WANDER**2 * np.eye(3) if self._R is not None else 0.0
+            self._P[:3, 3:], self._P[3:, :3] = 0.0, 0.0
+            self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
+        else:
+            self._update(moved, R)
+        if moved is None or self._R is None:
+            self._R = R
+        self._stamp_ns = stamp_ns
+
+    def _update(self, moved: Preintegrated, R: Array) -> None:
+        assert self._R is not None  # by the caller
+        F = np.eye(6)
+        F[:3, :3], F[:3, 3:] = moved.rotation.T, -moved.rotation_by_bias
+        P = F @ self._P @ F.T
+        P[3:, 3:] += moved.seconds * WANDER**2 * np.eye(3)
+        predicted = self._R @ turned(moved, self.bias)
+        r = log_so3(predicted.T @ R)
+        S = P[:3, :3] + (_IMAGE_RAD**2 + (0.005 * np.linalg.norm(log_so3(moved.rotation))) ** 2) * np.eye(3)
+        if r @ np.linalg.solve(S, r) > _GATE:
+            self.contradicting += 1
+            self._R, self._P[:3, 3:], self._P[3:, :3] = R, 0.0, 0.0
+            self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
+            return
+        self.agreeing += 1
+        gain = np.linalg.solve(S, P[:3]).T
+        step = gain @ r
+        self._R, self.bias, self._P = predicted @ exp_so3(step[:3]), self.bias + step[3:], P - gain @ P[:3]
+
+
+def turned(moved: Preintegrated, bias: Array) -> Array:
+    """Rotation (3, 3) of a motion, with a bias (3,) taken out [rad/s]."""
+    R: Array = moved.rotation @ exp_so3(-moved.rotation_by_bias @ bias)
+    return R
