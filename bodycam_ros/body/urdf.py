@@ -21,7 +21,7 @@ from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel
 from bodycam_ros.body.body_yaml import joints_text
 from bodycam_ros.body.urdf_document import LOOPS, STANDING, UrdfDocument
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, exp_se3, rigid
+from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 CAMERA_SUFFIX = "_optical_frame"
@@ -43,9 +43,7 @@ _COLOURS = {
     "camera": (0.15, 0.15, 0.15, 1.0),
     "equipment": (0.56, 0.29, 0.54, 1.0),
 }
-_SAYS_LOOPS = (
-    " A URDF is a tree: the joints below, which close loops, are left open. They are written as in a body YAML. "
-)
+_LOOPS_COMMENT = " A URDF is a tree: the joints below, which close loops, are left open. They are as in a body YAML. "
 
 
 def optical_frame(camera: str) -> str:
@@ -83,7 +81,7 @@ def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
         _add_fixed(robot, f"{camera}_mount", mount.segment, optical_frame(camera), mount.segment_T_camera)
     _check_names(robot)
     if body.loop_joints:
-        robot.append(ET.Comment(_SAYS_LOOPS))
+        robot.append(ET.Comment(_LOOPS_COMMENT))
         ET.SubElement(robot, LOOPS).text = f"\n{joints_text(body.loop_joints)}"
     for segment in body.standing:
         ET.SubElement(robot, STANDING, link=segment)
@@ -152,8 +150,8 @@ def _add_connection(
 ) -> ET.Element:
     element = ET.SubElement(robot, "joint", name=name, type=joint_type)
     _add_origin(element, parent_T_child)
-    ET.SubElement(element, "parent", link=links[0])
-    ET.SubElement(element, "child", link=links[1])
+    for role, link in zip(("parent", "child"), links, strict=True):
+        ET.SubElement(element, role, link=link)
     return element
 
 
@@ -180,13 +178,7 @@ def _add_inertial(link: ET.Element, mass: Mass) -> None:
 def _halfway_along(end: Array) -> Array:
     """(4, 4) pose whose origin is halfway to a point (3,) and whose z axis points to it: a URDF cylinder's."""
     yaw, pitch = np.arctan2(end[1], end[0]), np.arctan2(np.hypot(end[0], end[1]), end[2])
-    c, s = np.cos(yaw), np.sin(yaw)
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
-        [[np.cos(pitch), 0.0, np.sin(pitch)], [0.0, 1.0, 0.0], [-np.sin(pitch), 0.0, np.cos(pitch)]]
-    )
-    pose[:3, 3] = end / 2.0
-    return pose
+    return rigid(exp_so3(np.array([0.0, 0.0, yaw])) @ exp_so3(np.array([0.0, pitch, 0.0])), end / 2.0)
 
 
 def _add_link(robot: ET.Element, name: str) -> ET.Element:

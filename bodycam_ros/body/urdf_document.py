@@ -1,14 +1,6 @@
-"""A URDF document as it stands: links, joints, and nothing believed before it is checked.
+"""A URDF document: links and joints, checked, of any program. Bodies and results read the same documents."""
 
-Bodies and solved bags read the same documents, and both through here.
-
-There are no entities, which could stand for any file or any length, and what is read is bounded. A launch file reads
-it too: nothing but the standard library is imported.
-"""
-
-import heapq
 import xml.etree.ElementTree as ET
-from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +9,8 @@ import numpy as np
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.tree import KinematicTree
 
 LOOPS = "bodycam_loops"
 """Tag of the element whose text is the joints that close loops."""
@@ -24,10 +18,9 @@ LOOPS = "bodycam_loops"
 STANDING = "bodycam_standing"
 """Tag of an element for each link that does not move in the world; its attribute ``link`` names it."""
 
-_MOST_NAMED = 5  # in a message
-_MOST_SHOWN = 60  # letters of what came
+_MAX_JOINTS = 2000
+_MAX_SHOWN = 60  # letters of an attribute in a message
 _MOVING = ("revolute", "continuous", "prismatic")
-_LIMITED = ("revolute", "prismatic")
 _SOFT = ("soft_lower_limit", "soft_upper_limit")
 
 
@@ -59,31 +52,6 @@ class UrdfJoint:
         axis = np.zeros(3) if self.axis is None else self.axis
         return np.concatenate([np.zeros(3), axis] if self.slides else [axis, np.zeros(3)])
 
-    @classmethod
-    def read(cls, element: ET.Element) -> "UrdfJoint":
-        """The joint of an element.
-
-        Raises:
-            ValueError: it lacks something, or is of a type that no body has.
-        """
-        name, kind = element.attrib.get("name", ""), element.attrib.get("type", "")
-        if not name:
-            raise ValueError("a joint has no name")
-        if kind not in (*_MOVING, "fixed"):
-            raise ValueError(
-                f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_MOVING)} and fixed joints"
-            )
-        parent, child = (_link(element, role) for role in ("parent", "child"))
-        if not parent or not child:
-            raise ValueError(f"joint {name} lacks its parent or child link")
-        try:
-            origin = _origin(element.find("origin"))
-            axis = _axis(element.find("axis")) if kind in _MOVING else None
-            limits = _limits(element, kind) if kind in _MOVING else None
-        except ValueError as error:
-            raise ValueError(f"joint {name}: {error}") from error
-        return cls(name, parent, child, origin, axis, limits, kind == "prismatic")
-
 
 @dataclass(frozen=True, eq=False)
 class UrdfDocument:
@@ -95,8 +63,8 @@ class UrdfDocument:
         links: names, in the order of the document.
         drawn: those that have a shape.
         joints: parents first, else in the order of the document.
-        loops: what it says, in YAML, of the joints that close loops, which it cannot show; mostly nothing.
-        standing: links that it says do not move in the world.
+        loops: joints that close loops, in YAML, which a URDF cannot show; mostly empty.
+        standing: links that do not move in the world.
     """
 
     name: str
@@ -117,26 +85,33 @@ class UrdfDocument:
         robot = xml_elements(text)
         if robot.tag != "robot":
             raise BodyError(f"a URDF begins with <robot>, not <{robot.tag}>")
-        try:
-            joints = [UrdfJoint.read(element) for element in robot.iterfind("joint")]
-        except ValueError as error:
-            raise BodyError(str(error)) from error
-        links = {element: element.attrib.get("name", "") for element in robot.iterfind("link")}
-        names = list(links.values())
-        _check_names(names, joints)
-        hung = {joint.child for joint in joints}
-        roots = [name for name in names if name not in hung]
+        joints = {}
+        for number, element in enumerate(robot.iterfind("joint")):
+            joints[element.get("name", "")] = _joint(element)
+            if number >= _MAX_JOINTS or len(joints) <= number:
+                raise BodyError(f"joint {element.get('name')} is listed twice, or is one of more than {_MAX_JOINTS}")
+        elements = robot.findall("link")
+        links = tuple(element.get("name", "") for element in elements)
+        if "" in links:
+            raise BodyError("a link has no name")
+        children = {joint.child for joint in joints.values()}
+        roots = [name for name in links if name not in children]
         if len(roots) != 1:
-            raise BodyError(f"a body has one root link, this has {_some(roots) or 'none'}")
-        drawn = frozenset(name for element, name in links.items() if element.find("visual") is not None)
-        ordered = _parents_first(joints, roots[0])
-        loops = robot.findtext(LOOPS, default="")
-        standing = tuple(element.attrib.get("link", "") for element in robot.iterfind(STANDING))
-        return cls(robot.attrib.get("name", ""), roots[0], tuple(names), drawn, ordered, loops, standing)
+            raise BodyError(f"a body has one root link, this has {', '.join(roots[:5]) or 'none'}")
+        tree = _tree(roots[0], links, tuple(joints.values()))
+        return cls(
+            name=robot.get("name", ""),
+            root=roots[0],
+            links=links,
+            drawn=frozenset(each.get("name", "") for each in elements if each.find("visual") is not None),
+            joints=tuple(joints[joint.name] for joint in tree.tree_joints),
+            loops=robot.findtext(LOOPS, default=""),
+            standing=tuple(element.get("link", "") for element in robot.iterfind(STANDING)),
+        )
 
 
-def said_loops(text: str) -> str:
-    """What a document says of the joints that close loops, whatever else is in it; empty if nothing.
+def loops_text(text: str) -> str:
+    """The joints of a document that close loops, in YAML; empty if there are none.
 
     Raises:
         BodyError: it is not XML.
@@ -144,52 +119,37 @@ def said_loops(text: str) -> str:
     return xml_elements(text).findtext(LOOPS, default="").strip()
 
 
-def _check_names(links: Sequence[str], joints: Sequence[UrdfJoint]) -> None:
-    if "" in links:
-        raise BodyError("a link has no name")
-    for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
-        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise BodyError(f"{kind} {_some(twice)} is listed twice; names must differ")
-    known = set(links)
-    for joint in joints:
-        for link in (joint.parent, joint.child):
-            if link not in known:
-                raise BodyError(f"joint {joint.name}: link {link} is missing")
-    if twice := sorted(name for name, count in Counter(joint.child for joint in joints).items() if count > 1):
-        raise BodyError(f"link {_some(twice)} hangs on two joints; a URDF is a tree")
+def _tree(root: str, links: tuple[str, ...], joints: Sequence[UrdfJoint]) -> KinematicTree:
+    fixed = tuple(Joint(joint.name, joint.parent, joint.child, "weld", joint.parent_T_joint) for joint in joints)
+    tree = KinematicTree("URDF", root, links, fixed)
+    if tree.loop_joints:
+        raise BodyError(f"link {tree.loop_joints[0].child} hangs on two joints; a URDF is a tree")
+    return tree
 
 
-def _parents_first(joints: Sequence[UrdfJoint], root: str) -> tuple[UrdfJoint, ...]:
-    below: dict[str, list[int]] = defaultdict(list)
-    for place, joint in enumerate(joints):
-        below[joint.parent].append(place)
-    ordered, ready = [], list(below[root])
-    while ready:
-        ordered.append(joints[heapq.heappop(ready)])
-        for place in below[ordered[-1].child]:
-            heapq.heappush(ready, place)
-    if lost := {joint.name for joint in joints} - {joint.name for joint in ordered}:
-        raise BodyError(f"joint {_some(sorted(lost))} does not hang on root link {root}")
-    return tuple(ordered)
-
-
-def _some(names: Sequence[str]) -> str:
-    """The first of many names, and how many there are beside them."""
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return ", ".join(names[:_MOST_NAMED]) + more
-
-
-def _link(element: ET.Element, role: str) -> str:
-    found = element.find(role)
-    return "" if found is None else found.attrib.get("link", "")
+def _joint(element: ET.Element) -> UrdfJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    if not name:
+        raise BodyError("a joint has no name")
+    if kind not in (*_MOVING, "fixed"):
+        raise BodyError(f"joint {name} is {kind or 'of no type'}; a body has {', '.join(_MOVING)} and fixed joints")
+    ends = [found.get("link", "") for role in ("parent", "child") if (found := element.find(role)) is not None]
+    if len(ends) < 2 or "" in ends:
+        raise BodyError(f"joint {name} lacks its parent or child link")
+    try:
+        moves = kind in _MOVING
+        axis = _axis(element.find("axis")) if moves else None
+        limits = _limits(element, kind) if moves else None
+        return UrdfJoint(name, ends[0], ends[1], _origin(element.find("origin")), axis, limits, kind == "prismatic")
+    except ValueError as error:
+        raise BodyError(f"joint {name}: {error}") from error
 
 
 def _origin(element: ET.Element | None) -> Array:
     roll_pitch_yaw = _numbers(element, "rpy", "0 0 0", 3)
     # URDF turns about fixed axes: x, then y, then z.
     about_x, about_y, about_z = exp_so3(np.diag(roll_pitch_yaw))
-    R = about_z @ about_y @ about_x
-    return rigid(R, _numbers(element, "xyz", "0 0 0", 3))
+    return rigid(about_z @ about_y @ about_x, _numbers(element, "xyz", "0 0 0", 3))
 
 
 def _axis(element: ET.Element | None) -> Array:
@@ -203,7 +163,7 @@ def _axis(element: ET.Element | None) -> Array:
 def _limits(joint: ET.Element, kind: str) -> tuple[float, float] | None:
     element, names = joint.find("safety_controller"), _SOFT
     if element is None or not element.attrib.keys() >= {*_SOFT}:
-        if kind not in _LIMITED:
+        if kind == "continuous":
             return None
         element, names = joint.find("limit"), ("lower", "upper")
     low, high = (float(_numbers(element, name, "0", 1)[0]) for name in names)
@@ -211,16 +171,12 @@ def _limits(joint: ET.Element, kind: str) -> tuple[float, float] | None:
 
 
 def _numbers(element: ET.Element | None, attribute: str, default: str, count: int) -> Array:
-    text = default if element is None else element.attrib.get(attribute, default)
-    numbers = np.array([_number(word) for word in text.split()])
+    text = default if element is None else element.get(attribute, default)
+    try:
+        numbers = np.array([float(word) for word in text.split()])
+    except ValueError:
+        numbers = np.empty(0)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         wanted = "three numbers" if count == 3 else "a number"
-        raise ValueError(f'{attribute}="{text[:_MOST_SHOWN]}" is not {wanted}')
+        raise ValueError(f'{attribute}="{text[:_MAX_SHOWN]}" is not {wanted}')
     return numbers
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return np.nan

@@ -1,14 +1,14 @@
-"""A body from URDF: what ``urdf`` wrote, read back.
+"""A body from URDF: the inverse of ``urdf``.
 
 URDF carries segments, tree joints with their limits, and camera mounts; the joints that close loops, and what stands,
 come along in elements of our own. It cannot carry own sigmas of tree joints, and the report; a body that must keep
 these is kept as YAML. Joints come in the order of the tree, those that close loops last.
-Links and joints are told apart by the names and the structure that ``urdf`` gives them, so a document that another
+Links and joints are identified by the names and the structure that ``urdf`` gives them, so a document that another
 program wrote out again, with other visuals or without, reads as the same body.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,9 +23,8 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.joint import Joint
 
 _EXACT = 1e-9  # rounding of the document
-_INNER_LINK, _CHILD_FRAME = "_link", "_joint_frame"
-_SLIDES = {"weld": [], "hinge": [False], "ball": [False] * 3, "free": [True] * 3 + [False] * 3}
-"""Joint type -> whether each of its moving URDF joints slides."""
+_SLIDES = {(): "weld", (False,): "hinge", (False,) * 3: "ball", (True,) * 3 + (False,) * 3: "free"}
+"""Whether each moving URDF joint of a joint slides -> its type."""
 
 
 def body_from_urdf(text: str) -> BodyModel:
@@ -35,126 +34,92 @@ def body_from_urdf(text: str) -> BodyModel:
         BodyError: not a URDF, or one of something else than a body of ours; the message names the joint or link.
     """
     document = UrdfDocument.parse(text)
-    return _Structure(document, _inner_links(document.joints) - document.drawn).body()
-
-
-def _inner_links(joints: Sequence[UrdfJoint]) -> set[str]:
-    """Links inside a joint: between the angles of one, or between a joint and a child frame that is turned."""
-    after_angle = {
-        joint.child for joint in joints if joint.axis is not None and joint.child == f"{joint.name}{_INNER_LINK}"
-    }
-    return after_angle | {joint.child for joint in joints if joint.child.endswith(_CHILD_FRAME)}
-
-
-class _Structure:
-    """What the joints of a document stand for, given which links are inside a joint."""
-
-    def __init__(self, document: UrdfDocument, inner: Set[str]) -> None:
-        self._document = document
-        self._inner = inner
-        self._below: dict[str, list[UrdfJoint]] = defaultdict(list)
-        for joint in document.joints:
-            self._below[joint.parent].append(joint)
-
-    def body(self) -> BodyModel:
-        document = self._document
-        if not document.name:
-            raise BodyError("the robot has no name")
-        segments = [link for link in document.links if link not in self._inner and not link.endswith(CAMERA_SUFFIX)]
-        if document.root not in segments:
-            raise BodyError(f"root link {document.root} is named as a camera or as the inside of a joint")
-        carrying = set(segments)
-        chains = [self._chain(joint) for joint in document.joints if joint.parent in carrying]
-        mounts = {
-            chain[0].child.removesuffix(CAMERA_SUFFIX): CameraMount(chain[0].parent, chain[0].parent_T_joint)
-            for chain in chains
-            if _is_camera(chain)
-        }
-        return BodyModel(
-            name=document.name,
-            root=document.root,
-            segments=tuple(segments),
-            joints=(*(_joint(chain) for chain in chains if not _is_camera(chain)), *_loops(document)),
-            mounts=mounts,
-            standing=document.standing,
-        )
-
-    def _chain(self, first: UrdfJoint) -> list[UrdfJoint]:
-        """The joints from one segment to the next, or to a camera."""
+    if not document.name:
+        raise BodyError("the robot has no name")
+    # Links inside a joint: between the angles of one, or between a joint and a child frame that is turned.
+    inner = {
+        joint.child
+        for joint in document.joints
+        if (joint.axis is not None and joint.child == f"{joint.name}_link") or joint.child.endswith("_joint_frame")
+    } - document.drawn
+    segments = [link for link in document.links if link not in inner and not link.endswith(CAMERA_SUFFIX)]
+    if document.root not in segments:
+        raise BodyError(f"root link {document.root} is named as a camera or as the inside of a joint")
+    below: dict[str, list[UrdfJoint]] = defaultdict(list)
+    for joint in document.joints:
+        below[joint.parent].append(joint)
+    joints, mounts = [], {}
+    for first in document.joints:
+        if first.parent in inner or first.parent.endswith(CAMERA_SUFFIX):
+            continue
         chain = [first]
-        while (link := chain[-1].child) in self._inner:
-            following = self._below[link]
-            if len(following) != 1:
+        while (link := chain[-1].child) in inner:
+            if len(below[link]) != 1:
                 raise BodyError(
-                    f"joint {first.name}: {len(following)} joints hang on link {link}, which is inside a joint of a "
+                    f"joint {first.name}: {len(below[link])} joints hang on link {link}, which is inside a joint of a "
                     "body; expected one, which leads on to the joint's child"
                 )
-            chain += following
-        return chain
-
-
-def _loops(document: UrdfDocument) -> tuple[Joint, ...]:
-    if not document.loops.strip():
-        return ()
+            chain += below[link]
+        if not link.endswith(CAMERA_SUFFIX):
+            joints.append(_joint(chain))
+        elif len(chain) > 1 or first.axis is not None:
+            raise BodyError(f"link {link}: a camera is fixed to its segment, by one joint")
+        else:
+            mounts[link.removesuffix(CAMERA_SUFFIX)] = CameraMount(first.parent, first.parent_T_joint)
     try:
-        return joints_from_yaml(document.loops)
+        loops = joints_from_yaml(document.loops) if document.loops.strip() else ()
     except BodyError as error:
         raise BodyError(f"<{LOOPS}>: {error}") from error
-
-
-def _is_camera(chain: Sequence[UrdfJoint]) -> bool:
-    if not chain[-1].child.endswith(CAMERA_SUFFIX):
-        return False
-    if len(chain) > 1 or chain[0].axis is not None:
-        raise BodyError(f"link {chain[-1].child}: a camera is fixed to its segment, by one joint")
-    return True
+    return BodyModel(
+        name=document.name,
+        root=document.root,
+        segments=tuple(segments),
+        joints=(*joints, *loops),
+        mounts=mounts,
+        standing=document.standing,
+    )
 
 
 def _joint(chain: Sequence[UrdfJoint]) -> Joint:
-    """The joint that a chain stands for: angles, and then perhaps a child frame that is not the joint's."""
+    """The joint of a chain: its angles, then at most one fixed joint to a child frame that is not the joint's."""
     moving = [joint for joint in chain if joint.axis is not None]
-    slides = [joint.slides for joint in moving]
-    fixed = [joint for joint in chain[len(moving) :] if joint.axis is None]
-    ends = 1 if moving else 2
-    if len(moving) + len(fixed) != len(chain) or slides not in _SLIDES.values() or len(fixed) > ends:
-        kinds = ", ".join(f"{joint.name} {_kind(joint)}" for joint in chain)
+    kind = _SLIDES.get(tuple(joint.slides for joint in moving))
+    # A weld's first joint is the weld itself.
+    own = max(len(moving), 1)
+    after = [joint for joint in chain[own:] if joint.axis is None]
+    if kind is None or len(after) > 1 or own + len(after) != len(chain):
+        kinds = ", ".join(f"{joint.name} {_motion(joint)}" for joint in chain)
         raise BodyError(
             f"between segments {chain[0].parent} and {chain[-1].child} there are joints {kinds}; a body has balls "
             "(three turning), hinges (one turning), welds (one fixed) and free joints (three sliding, three turning), "
             "and after any a fixed one at most"
         )
-    at_child = fixed[len(fixed) - 1] if len(fixed) == ends else None
     place: dict[str, Any] = {
         "parent": chain[0].parent,
         "child": chain[-1].child,
         "parent_T_joint": chain[0].parent_T_joint,
-        "child_T_joint": np.eye(4) if at_child is None else inverse(at_child.parent_T_joint),
+        "child_T_joint": inverse(after[0].parent_T_joint) if after else np.eye(4),
     }
-    if slides == _SLIDES["free"]:
-        return _free(moving, place)
-    if slides == _SLIDES["ball"]:
-        return _ball(moving, place)
-    if moving:
+    if kind == "weld":
+        return Joint(name=chain[0].name, type="weld", **place)
+    if kind == "hinge":
         limits = None if moving[0].limits is None else (moving[0].limits,)
         return Joint(name=moving[0].name, type="hinge", **place, axis=_axis(moving[0]), limits=limits)
-    return Joint(name=chain[0].name, type="weld", **place)
-
-
-def _kind(joint: UrdfJoint) -> str:
-    return "fixed" if joint.axis is None else "sliding" if joint.slides else "turning"
-
-
-def _free(moving: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:
-    """The joint of a place and the angles of a ball; whatever limits there are, it keeps none."""
+    if kind == "ball":
+        return _ball(moving, place)
     sliding, ball = moving[:3], _ball(moving[3:], place)
-    named_so = [joint.name for joint in sliding] == [f"{ball.name}_at_{axis}" for axis in "xyz"]
+    names = [f"{ball.name}_at_{axis}" for axis in "xyz"]
     unturned = all(_is_identity(joint.parent_T_joint) for joint in moving[1:4])
-    if not named_so or not unturned or "".join(map(_letter, sliding)) != "xyz":
+    if [joint.name for joint in sliding] != names or not unturned or "".join(map(_letter, sliding)) != "xyz":
         raise BodyError(
             f"joints {', '.join(joint.name for joint in moving)}: a free joint slides along x, y and z, unturned, and "
             "then turns as a ball does; all are named FREE_at_x ... FREE_y ..."
         )
     return replace(ball, type="free", sigmas=None, limits=None)
+
+
+def _motion(joint: UrdfJoint) -> str:
+    return "fixed" if joint.axis is None else "sliding" if joint.slides else "turning"
 
 
 def _ball(angles: Sequence[UrdfJoint], place: dict[str, Any]) -> Joint:

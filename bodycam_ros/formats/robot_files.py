@@ -10,7 +10,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import joints_from_yaml, joints_text
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.body.urdf_document import LOOPS, said_loops
+from bodycam_ros.body.urdf_document import LOOPS, loops_text
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.formats.mjcf import mjcf_text
@@ -48,7 +48,7 @@ def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, s
             return {"": _with_masses(body, mass_kg), **_loops_file(body.loop_joints, source)}
     text = _published(source)
     with _named(source):
-        loops = said_loops(text)
+        loops = loops_text(text)
         if mass_kg is not None:
             text = _with_masses(body_from_urdf(text), mass_kg)
         return {"": text, **_loops_file(joints_from_yaml(loops) if loops else (), source)}

@@ -3,7 +3,7 @@
 import pytest
 
 from bodycam_ros.body.urdf_document import UrdfDocument
-from bodycam_ros.body.urdf_xml import MOST_LETTERS
+from bodycam_ros.body.urdf_xml import MAX_LETTERS
 from bodycam_ros.errors import BodyError
 
 TENFOLD = '<!ENTITY l{} "{}">'
@@ -25,7 +25,7 @@ def chain(links: int, backwards: bool = False) -> str:
         f'<!DOCTYPE robot [<!ENTITY l0 "ha">{LAUGHS}]><robot name="&l11;"/>',
         '<!DOCTYPE robot [<!ENTITY f SYSTEM "/etc/hostname">]><robot><link name="&f;"/></robot>',
         "<robot>" + "<link>" * 100_000,
-        "<robot>" + " " * MOST_LETTERS + "</robot>",
+        "<robot>" + " " * MAX_LETTERS + "</robot>",
         "<robot name='\ud800'/>",
         "<robot/><robot/>",
     ],
